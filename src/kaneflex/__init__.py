@@ -1,0 +1,1 @@
+"""Mechanisms with flexible links, from a scene file to numba kernels, by Kane's equations."""
