@@ -7,11 +7,9 @@ PYTHON ?= python3
 BUILD := .build
 BIN := $(BUILD)/venv/bin
 READY := $(BUILD)/venv/ready
+DERIVED := $(BUILD)/derived
 
-# One thread a process: the tests already run one process a core.
-export OMP_NUM_THREADS := 1
-export OPENBLAS_NUM_THREADS := 1
-export NUMBA_NUM_THREADS := 1
+# Kernels are compiled once for all targets, and the checkout stays clean.
 export NUMBA_CACHE_DIR := $(CURDIR)/$(BUILD)/numba
 
 help:  ## list the targets
@@ -24,19 +22,31 @@ $(READY): pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test]'
 	@touch $@
 
-run: $(READY)  ## run the reference engine into .build/engine
-	$(BIN)/kaneflex run engine --output $(BUILD)/engine --force
-	@echo "Results, summary and pictures: $(BUILD)/engine"
+run: $(READY)  ## run the reference engine; results, summary and pictures in .build/engine
+	$(BIN)/kaneflex run engine -o $(BUILD)/engine --force
+	@echo "Results, summary and pictures are in $(BUILD)/engine"
 
+# One thread a process, since the tests run one process a core. The kernels are compiled before the processes
+# start: two that fill numba's cache at the same time can overwrite each other's entries.
+test: export OMP_NUM_THREADS := 1
+test: export OPENBLAS_NUM_THREADS := 1
+test: export NUMBA_NUM_THREADS := 1
 test: $(READY)  ## run the tests
+	$(BIN)/kaneflex run engine -o $(BUILD)/warm --no-plots --force
 	$(BIN)/pytest -n 2
 
-derive: $(READY)  ## derive the modules of generated/ that are missing or out of date
+derive: $(READY)  ## derive the modules in generated/ anew
 	$(BIN)/python -m kaneflex.derive
 
-lint: $(READY)  ## check the style
+check-derived: $(READY)  ## show that generated/ is what the scenes derive to, byte for byte
+	rm -rf $(DERIVED)
+	mkdir -p $(DERIVED)
+	$(BIN)/python -m kaneflex.derive -o $(DERIVED)
+	diff --recursive --exclude=__pycache__ --exclude=__init__.py generated $(DERIVED)
+
+lint: $(READY)  ## check the style of the sources
 	$(BIN)/ruff check .
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build dist kaneflex.egg-info .pytest_cache .ruff_cache .hypothesis
-	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+	find derive generated src tests -name __pycache__ -type d -prune -exec rm -rf {} +

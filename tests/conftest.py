@@ -1,0 +1,42 @@
+"""What every test may ask for: the outside tools that only some tests compare with."""
+
+import importlib
+import os
+import shutil
+from collections.abc import Callable
+from types import ModuleType
+
+import pytest
+
+REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
+
+
+def absent(what: str, cure: str) -> None:
+    """Skip for want of `what`, or fail where KANEFLEX_REQUIRE_PEERS=1 promises that it is there (CI)."""
+    if REQUIRED:
+        pytest.fail(f"{what} is missing though KANEFLEX_REQUIRE_PEERS=1; {cure}")
+    pytest.skip(f"{what} is not installed; {cure}")
+
+
+@pytest.fixture(scope="session")
+def peer() -> Callable[[str], ModuleType]:
+    """`peer("exudyn")`: the imported package of another program to compare with."""
+
+    def imported(name: str) -> ModuleType:
+        try:
+            return importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != name:
+                raise
+            absent(name, "pip install 'kaneflex[peer]'")
+
+    return imported
+
+
+@pytest.fixture(scope="session")
+def compiler() -> str:
+    """The path of a C compiler."""
+    found = shutil.which(os.environ.get("CC", "cc"))
+    if found is None:
+        absent("a C compiler", "install gcc or clang, or name one in CC")
+    return found

@@ -1,0 +1,176 @@
+"""Rules of the house: who imports whom, what is packed, and that nothing of one machine is in the tree."""
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
+FOLDERS = {
+    "kaneflex": ROOT / "src/kaneflex",
+    "kaneflex.derive": ROOT / "derive",
+    "kaneflex.generated": ROOT / "generated",
+}
+# What `import kaneflex` must not pay for: 0.3 to 0.7 s each.
+HEAVY = ("sympy", "matplotlib", "xarray", "pint", "scipy.integrate", "scipy.interpolate", "kaneflex.derive")
+
+
+def modules(package: str) -> list[Path]:
+    return sorted(path for path in FOLDERS[package].rglob("*.py") if "__pycache__" not in path.parts)
+
+
+def imports(path: Path, at_import_only: bool = False) -> Iterator[str]:
+    """Absolute dotted names that `path` imports; `at_import_only`: less those inside functions."""
+    nodes = [ast.parse(path.read_text())]
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or "")
+            yield from (f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names)
+        elif at_import_only and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            continue
+        nodes.extend(ast.iter_child_nodes(node))
+
+
+def within(name: str, *packages: str) -> bool:
+    return any(name == package or name.startswith(package + ".") for package in packages)
+
+
+def python(code: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("path", modules("kaneflex.generated"), ids=lambda path: path.stem)
+def test_generated_imports_only_math_numpy_numba(path):
+    assert [name for name in imports(path) if not within(name, "math", "numpy", "numba")] == []
+
+
+@pytest.mark.parametrize("path", modules("kaneflex.derive"), ids=lambda path: path.stem)
+def test_derive_imports_sympy_the_scene_and_the_contract(path):
+    ours = ("derive", "scene", "laws", "contract", "errors")
+    allowed = ("sympy", *(f"kaneflex.{name}" for name in ours))
+    # `from kaneflex import x` yields the bare package too
+    found = [name for name in imports(path) if name != "kaneflex" and not within(name, *allowed)]
+    assert [name for name in found if name.split(".")[0] not in sys.stdlib_module_names] == []
+
+
+@pytest.mark.parametrize("path", modules("kaneflex"), ids=lambda path: str(path.relative_to(ROOT / "src")))
+def test_runtime_never_imports_sympy_and_derive_only_inside_functions(path):
+    assert [name for name in imports(path) if within(name, "sympy")] == []
+    assert [name for name in imports(path, at_import_only=True) if within(name, "kaneflex.derive")] == []
+
+
+@pytest.mark.parametrize("package", FOLDERS)
+def test_imports_are_absolute_and_by_installed_name(package):
+    found = [(path.name, name) for path in modules(package) for name in imports(path)]
+    assert [
+        (file, name) for file, name in found if name[0] == "." or within(name, "derive", "generated")
+    ] == []
+
+
+def test_every_dependency_is_declared_and_every_declared_one_is_imported():
+    used = {name.split(".")[0] for package in FOLDERS for path in modules(package) for name in imports(path)}
+    used -= {*sys.stdlib_module_names, "kaneflex"}
+    declared = {re.split(r"[^\w-]", entry)[0] for entry in PYPROJECT["project"]["dependencies"]}
+    # matplotlib asks for pillow by itself, when it writes a GIF
+    assert used == declared - {"pillow"}
+
+
+def test_import_kaneflex_is_light(tmp_path):
+    code = f"import sys, kaneflex; print([name for name in {HEAVY} if name in sys.modules])"
+    result = python(code, tmp_path)
+    assert (result.returncode, result.stdout.strip()) == (0, "[]"), result.stderr
+
+
+def test_importing_compiles_nothing(tmp_path):
+    """After every module has been imported, no jitted function of ours has a compiled signature."""
+    code = """
+import gc, importlib, pkgutil, kaneflex, kaneflex.derive, kaneflex.generated
+from numba.core.dispatcher import Dispatcher
+for package in (kaneflex, kaneflex.derive, kaneflex.generated):
+    for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        if not found.name.endswith("__main__"):
+            importlib.import_module(found.name)
+jitted = [f for f in gc.get_objects() if isinstance(f, Dispatcher)]
+ours = [f for f in jitted if f.py_func.__module__.startswith("kaneflex")]
+assert ours, "no jitted function found: the test would pass for the wrong reason"
+print([f"{f.py_func.__module__}.{f.__name__}" for f in ours if f.signatures])
+"""
+    result = python(code, tmp_path)
+    assert (result.returncode, result.stdout.strip()) == (0, "[]"), result.stderr
+
+
+def test_derive_under_its_bare_name_is_refused(tmp_path):
+    """From the repository's root `import derive` would be a second copy of kaneflex.derive."""
+    result = python("import derive", ROOT)
+    assert result.returncode != 0
+    assert "ImportError" in result.stderr and "kaneflex.derive" in result.stderr
+
+
+def test_packages_listed_are_the_packages_there_are():
+    found = set()
+    for name, folder in FOLDERS.items():
+        for path in modules(name):
+            inner = path.parent.relative_to(folder).parts
+            found.add(".".join((name, *inner)))
+    assert set(SETUPTOOLS["packages"]) == found
+    for package in found:
+        top = max((name for name in FOLDERS if within(package, name)), key=len)
+        folder = FOLDERS[top].joinpath(*package.removeprefix(top).split("."))
+        assert (folder / "__init__.py").is_file(), f"{package} has modules but no __init__.py"
+
+
+def test_package_dir_maps_each_top_folder():
+    mapped = {name: ROOT / folder for name, folder in SETUPTOOLS["package-dir"].items()}
+    assert mapped == FOLDERS
+
+
+def test_every_data_file_is_packed():
+    for name, folder in FOLDERS.items():
+        for path in folder.rglob("*"):
+            if path.is_dir() or path.suffix == ".py" or "__pycache__" in path.parts:
+                continue
+            package = ".".join((name, *path.parent.relative_to(folder).parts))
+            patterns = SETUPTOOLS["package-data"].get(package, [])
+            packed = any(path.match(pattern) for pattern in patterns)
+            assert packed, f"{path.relative_to(ROOT)} is not in the wheel"
+
+
+def test_version_is_stated_once():
+    import kaneflex
+
+    assert getattr(kaneflex, "__version__", metadata.version("kaneflex")) == PYPROJECT["project"]["version"]
+
+
+def tracked() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
+    paths = [ROOT / name for name in listed.stdout.split("\0") if name]
+    return [path for path in paths if path.is_file() and path.suffix not in {".png", ".gif", ".nc"}]
+
+
+def test_no_machine_paths_and_no_residue_in_the_tree():
+    # in brackets, or this file would find itself
+    wrong = re.compile(r"[/](?:work|tmp|root|home)/|TOD[O]|FIXM[E]")
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in tracked()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+        if wrong.search(line)
+    ]
+    assert found == []
+
+
+def test_make_alone_lists_every_target():
+    targets = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
+    shown = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"^  make ([a-z-]+)  ", shown, re.MULTILINE) == targets

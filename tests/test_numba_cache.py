@@ -1,0 +1,51 @@
+"""Where kernels are cached when the usual folders can't be written."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import kaneflex
+
+KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
+
+
+def run_copy(folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Import a copy of kaneflex from `folder`, then compile a cached kernel that lies beside it."""
+    code = "import kaneflex, kernel, numba; print(kernel.double(21.0)); print(numba.config.CACHE_DIR)"
+    inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    inherited |= {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", code]
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=300, env=inherited | environment
+    )
+
+
+def copy_with_blocked_pycache(folder: Path) -> None:
+    """A file where each `__pycache__` should be: nothing can be cached there, whoever runs the test."""
+    package = folder / "kaneflex"
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(kaneflex.__file__).parent, package, ignore=ignored)
+    (folder / "kernel.py").write_text(KERNEL)
+    for place in (folder, package, *(path for path in package.rglob("*") if path.is_dir())):
+        (place / "__pycache__").touch()
+
+
+def test_no_writable_folder_warns_and_works(tmp_path):
+    copy_with_blocked_pycache(tmp_path)
+    nowhere = str(tmp_path / "kernel.py" / "below-a-file")
+    result = run_copy(tmp_path, XDG_CACHE_HOME=nowhere, HOME=nowhere)
+    assert result.returncode == 0, result.stderr
+    value, cache_folder = result.stdout.split()
+    assert value == "42.0"
+    assert "set NUMBA_CACHE_DIR" in result.stderr
+    assert "kaneflex-numba-" in cache_folder and not Path(cache_folder).exists()  # removed at exit
+
+
+def test_a_writable_folder_is_left_to_numba(tmp_path):
+    copy_with_blocked_pycache(tmp_path)
+    result = run_copy(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    assert result.returncode == 0, result.stderr
+    assert "NUMBA_CACHE_DIR" not in result.stderr
+    assert list((tmp_path / "cache").rglob("kernel.double*.nbi"))
