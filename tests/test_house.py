@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
+import conftest
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -174,3 +175,12 @@ def test_make_alone_lists_every_target():
     targets = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
     shown = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert re.findall(r"^  make ([a-z-]+)  ", shown, re.MULTILINE) == targets
+
+
+@pytest.mark.parametrize(
+    ("required", "outcome"), [(False, pytest.skip.Exception), (True, pytest.fail.Exception)]
+)
+def test_a_missing_peer_skips_and_in_ci_fails(monkeypatch, peer, required, outcome):
+    monkeypatch.setattr(conftest, "REQUIRED", required)
+    with pytest.raises(outcome, match="no_such_program"):
+        peer("no_such_program")
