@@ -1,0 +1,82 @@
+"""Errors that a user can cause, each naming the thing, its value, the reason and the cure.
+
+`Fault` is raised deep inside, where only reason and cure are known; the boundary that knows the key turns it into a
+`Problem`, and all problems of one file are raised together as one `SceneError`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+_LONGEST_VALUE = 80  # characters of a value that a message repeats
+
+
+class Fault(ValueError):
+    """Something wrong with a value whose key is not known here: `reason` and `cure`, both without a full stop.
+
+    `below` is a path, relative to the key that the boundary knows, where it can be told more precisely.
+    """
+
+    def __init__(self, reason: str, cure: str, below: str = "") -> None:
+        super().__init__(f"{reason}. {cure}.")
+        self.reason = reason
+        self.cure = cure
+        self.below = below
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: where (`key`), what stands there (`value`), why it is wrong and what to do."""
+
+    key: str
+    value: object
+    reason: str
+    cure: str
+
+    def __str__(self) -> str:
+        thing = self.key if self.value is None else f"{self.key} = {_shortened(self.value)}"
+        return f"{thing}: {self.reason}. {self.cure}."
+
+
+class UserError(ValueError):
+    """Base of the errors that a user can cure; `key`, `value`, `reason` and `cure` are those of the first problem."""
+
+    def __init__(self, key: str, value: object, reason: str, cure: str) -> None:
+        self._set((Problem(key, value, reason, cure),))
+
+    @classmethod
+    def gather(cls, problems: Iterable[Problem]) -> UserError:
+        """One error for several problems (at least one), one line each."""
+        error = cls.__new__(cls)
+        error._set(tuple(problems))
+        return error
+
+    def _set(self, problems: tuple[Problem, ...]) -> None:
+        super().__init__("\n".join(map(str, problems)))
+        self.problems = problems
+        first = problems[0]
+        self.key, self.value, self.reason, self.cure = first.key, first.value, first.reason, first.cure
+
+
+class SceneError(UserError):
+    """A scene, a table it names or a setting cannot be used."""
+
+
+class OutputError(UserError):
+    """A folder or file cannot be written."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """What to say to someone who wrote `name` where one of `known` was wanted: the nearest, or the list."""
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    if close:
+        return f"The nearest known one is {close[0]!r}"
+    return "Known: " + ", ".join(known) if known else "There is none"
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."

@@ -1,0 +1,139 @@
+"""What a scene must satisfy beyond each table's own rules: names, addresses and references between tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kaneflex.errors import Problem, nearest
+from kaneflex.scene.quantities import RESERVED_NAMES, Address
+from kaneflex.scene.scene import Scene
+from kaneflex.scene.sensors import POINT_KINDS, RIGID_COMPANIONS, Sensor
+
+
+def problems_of(scene: Scene) -> list[Problem]:
+    """Everything that is wrong between the tables of a scene, in the file's order."""
+    return [
+        *_names(scene),
+        *_joints(scene),
+        *_drives(scene),
+        *_loads(scene),
+        *_sensors(scene),
+        *_horizon(scene),
+    ]
+
+
+def _names(scene: Scene) -> Iterator[Problem]:
+    for table in ("ground", "bodies", "joints", "drives", "loads", "sensors"):
+        for name in getattr(scene, table):
+            key = f"{table}.{name}"
+            if not name.isidentifier() or not name.isascii():
+                yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
+            elif name in RESERVED_NAMES:
+                yield Problem(key, None, "a reserved name", "Choose another name")
+    for name in scene.joints:
+        if name in scene.bodies:
+            yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
+    for name, body in scene.bodies.items():
+        for point in body.points:
+            if not point.isidentifier():
+                reason = "not a name"
+                yield Problem(f"bodies.{name}.points.{point}", None, reason, "Use letters, digits and underscores")
+
+
+def _address(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:
+    """The problems of an address of a body's point, or of a fixed one where `ground` is allowed."""
+    if address.body == "ground":
+        if not ground:
+            yield Problem(key, str(address), "the ground cannot have it", "Name a body's point")
+        elif address.point != "origin" and address.point not in scene.ground:
+            yield Problem(key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground]))
+    elif address.body not in scene.bodies:
+        cure = nearest(address.body, [*scene.bodies, *(["ground"] if ground else [])])
+        yield Problem(key, str(address), f"there is no body {address.body!r}", cure)
+    elif address.point not in scene.bodies[address.body].points_all:
+        points = scene.bodies[address.body].points_all
+        yield Problem(key, str(address), f"{address.body} has no point {address.point!r}", nearest(address.point, points))
+
+
+def _joints(scene: Scene) -> Iterator[Problem]:
+    bad = False
+    for name, joint in scene.joints.items():
+        for address in joint.addresses:
+            for problem in _address(scene, f"joints.{name}.{joint.kind}", address, ground=True):
+                bad = True
+                yield problem
+    if bad:
+        return
+    closing = scene.loop_joints()
+    for name, joint in scene.joints.items():
+        if "branch" in joint.model_fields_set and name not in closing:
+            cure = f"Give branch at {', '.join(closing)}" if closing else "Leave branch out"
+            yield Problem(f"joints.{name}.branch", joint.branch, "this joint closes no loop", cure)
+
+
+def _drives(scene: Scene) -> Iterator[Problem]:
+    for name in scene.drives:
+        if name not in scene.joints:
+            yield Problem(f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints))
+        elif scene.joints[name].kind != "revolute":
+            reason = f"a {scene.joints[name].kind} joint cannot be driven in this version"
+            yield Problem(f"drives.{name}", None, reason, "Drive a revolute joint")
+
+
+def _loads(scene: Scene) -> Iterator[Problem]:
+    for name, load in scene.loads.items():
+        yield from _address(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        if load.against not in (None, "t", *scene.drives):
+            cure = nearest(load.against, ["t", *scene.drives])
+            yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)
+
+
+def _sensors(scene: Scene) -> Iterator[Problem]:
+    for name, sensor in scene.sensors.items():
+        key = f"sensors.{name}"
+        if sensor.kind in POINT_KINDS:
+            yield from _point_sensor(scene, key, sensor)
+        elif sensor.kind == "drive_torque" and sensor.target not in scene.drives:
+            cure = nearest(sensor.target, scene.drives)
+            yield Problem(f"{key}.drive_torque", sensor.target, "no drive of that name", cure)
+        elif sensor.kind == "joint_force":
+            yield from _joint_sensor(scene, key, sensor)
+        base = name.removesuffix("_rigid")
+        if base != name and base in scene.sensors and scene.sensors[base].kind in RIGID_COMPANIONS:
+            yield Problem(key, None, f"the rigid value of {base} has this name", "Choose another name")
+
+
+def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    address = sensor.target
+    if sensor.kind == "position" and address.body in scene.joints:
+        component = "angle" if scene.joints[address.body].kind == "revolute" else "x"
+        if sensor.component != component:
+            yield Problem(f"{key}.component", sensor.component, "not that joint's coordinate", f"Give {component!r}")
+        return
+    yield from _address(scene, f"{key}.{sensor.kind}", address, ground=False)
+    body = scene.bodies.get(address.body)
+    if body is None or body.elastic:
+        return
+    if sensor.kind not in ("position", "displacement", "velocity", "acceleration", "axial_force"):
+        yield Problem(f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam")
+    if sensor.relative_to == "chord" and body.length is None:
+        yield Problem(f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length")
+
+
+def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    joint = scene.joints.get(sensor.target)
+    if joint is None:
+        cure = nearest(sensor.target, scene.joints)
+        yield Problem(f"{key}.joint_force", sensor.target, "no joint of that name", cure)
+        return
+    bodies = [address.body for address in joint.addresses]
+    if sensor.body is not None and sensor.body not in bodies:
+        yield Problem(f"{key}.body", sensor.body, f"{sensor.target} joins {' and '.join(bodies)}", "Name one of them")
+
+
+def _horizon(scene: Scene) -> Iterator[Problem]:
+    if scene.period is None and scene.solve.duration is None:
+        reason = "no drive that turns has a cycle, and there is no duration"
+        yield Problem("solve.duration", None, reason, "Give solve.duration, or a cycle to the drive")
+    if scene.solve.start == "periodic" and scene.period is None:
+        yield Problem("solve.start", "periodic", "no drive that turns has a cycle", "Give the drive a cycle")

@@ -1,0 +1,54 @@
+"""Which keys a scene file may have where: the models, walked along a path of keys."""
+
+from __future__ import annotations
+
+import types
+import typing
+
+from pydantic import BaseModel
+
+from kaneflex.scene.scene import Scene
+
+ANY_NAME = "*"
+"""Stands for the names that a user gives, where a table has any."""
+
+
+def known_keys(path: typing.Sequence[str]) -> tuple[str, ...]:
+    """Keys of the table at `path`: its fields' names, ("*",) where users give the names, () where it is no table."""
+    kind: object = Scene
+    for key in path:
+        kind = _entry(kind, key)
+    if typing.get_origin(kind) is dict:
+        return (ANY_NAME,)
+    if _is_table(kind):
+        return tuple(field.alias or name for name, field in kind.model_fields.items())
+    return ()
+
+
+def _entry(kind: object, key: str) -> object:
+    """The type of the entry `key` of a table of type `kind`; None where there is no such entry."""
+    if typing.get_origin(kind) is dict:
+        return _plain(typing.get_args(kind)[1])
+    if _is_table(kind):
+        for name, field in kind.model_fields.items():
+            if key == (field.alias or name):
+                return _plain(field.annotation)
+    return None
+
+
+def has_entry(path: typing.Sequence[str]) -> bool:
+    """Whether a scene file may have an entry at `path`."""
+    keys = known_keys(path[:-1])
+    return path[-1] in keys or keys == (ANY_NAME,)
+
+
+def _plain(kind: object) -> object:
+    """`kind` without None and annotations."""
+    if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
+        rest = [option for option in typing.get_args(kind) if option is not type(None)]
+        return _plain(rest[0])
+    return kind
+
+
+def _is_table(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)

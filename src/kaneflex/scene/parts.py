@@ -1,0 +1,214 @@
+"""Joints, drives, loads, damping, sensors and the solve table of a scene."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from kaneflex.errors import Fault, nearest
+from kaneflex.scene.bodies import Table
+from kaneflex.scene.quantities import (
+    Address,
+    AddressField,
+    AddressPair,
+    Angle,
+    AngleOrTime,
+    AngularSpeed,
+    CountOrAll,
+    Direction,
+    Force,
+    FrequencyPair,
+    NonNegativeRatio,
+    NonNegativeViscosity,
+    PositiveAngle,
+    PositiveTime,
+    Ratios,
+    WholeNumber,
+)
+from kaneflex.scene.units import ANGLE, TIME, to_si
+
+PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
+TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "axial", "gravity", "damping", "dynamics")
+
+
+def the_one_given(table: Table, names: tuple[str, ...]) -> str:
+    """Which of `names` is given, if it is exactly one."""
+    given = [name for name in names if getattr(table, name) is not None]
+    if len(given) != 1:
+        reason = f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
+        raise Fault(reason, f"Give exactly one of {', '.join(names)}")
+    return given[0]
+
+
+class Joint(Table):
+    """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or `weld`.
+
+    `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it. `rotation` is
+    that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the paper's welded pin).
+    """
+
+    revolute: AddressPair | None = None
+    prismatic: AddressPair | None = None
+    weld: AddressPair | None = None
+    direction: Direction | None = None
+    branch: Literal["+", "-"] = "+"
+    rotation: Literal["released", "shared"] = "released"
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Joint:
+        kind = the_one_given(self, ("revolute", "prismatic", "weld"))
+        if kind == "prismatic" and self.direction is None:
+            raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
+        if kind != "prismatic" and self.direction is not None:
+            raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
+        if self.addresses[0].body == self.addresses[1].body:
+            raise Fault("both sides are on the same body", "Join two bodies", below=kind)
+        return self
+
+    @property
+    def kind(self) -> str:
+        return the_one_given(self, ("revolute", "prismatic", "weld"))
+
+    @property
+    def addresses(self) -> tuple[Address, Address]:
+        return getattr(self, self.kind)
+
+
+class Drive(Table):
+    """Prescribed motion of the joint of the same name: constant `speed` (rad/s) from `angle` (rad) at t = 0.
+
+    `cycle` (rad) is the drive's angle in which everything repeats. `rotation` is the elastic rotation at the driven
+    joint: held by the drive, or free.
+    """
+
+    speed: AngularSpeed
+    angle: Angle = 0.0
+    cycle: PositiveAngle | None = None
+    rotation: Literal["held", "free"] = "held"
+
+    @property
+    def period(self) -> float | None:
+        """Duration of a cycle in s, where there is one."""
+        return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
+
+
+class Load(Table):
+    """A point force along `direction`, in fixed (`global`) or `body` axes, in N.
+
+    Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a `table` (CSV)
+    of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in seconds). The table is
+    read at x - `offset`; with a `period` it repeats, and its ends may differ by `closing` of its largest value.
+    """
+
+    force_on: AddressField
+    direction: Direction
+    axes: Literal["global", "body"] = "global"
+    value: Force | None = None
+    law: str | None = None
+    table: str | None = None
+    column: str | None = None
+    unit: str = "N"
+    against: str | None = None
+    period: AngleOrTime | None = None
+    offset: AngleOrTime = 0.0
+    closing: NonNegativeRatio = 0.01
+
+    @field_validator("period", "offset", mode="before")
+    @classmethod
+    def _in_its_dimension(cls, value: object, info: ValidationInfo) -> float:
+        number = to_si(value, TIME if info.data.get("against") == "t" else ANGLE)
+        if info.field_name == "period" and number <= 0:
+            raise Fault("not positive", "Give a positive period, like '720 deg'")
+        return number
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Load:
+        kind = self.kind
+        if kind == "table" and self.against is None:
+            raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
+        if kind != "table":
+            for field in ("column", "unit", "against", "period", "offset", "closing"):
+                if field in self.model_fields_set:
+                    raise Fault(f"belongs to a table; this load has a {kind}", "Leave it out", below=field)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """ "value", "law" or "table"."""
+        return the_one_given(self, ("value", "law", "table"))
+
+
+class Rayleigh(Table):
+    """C = alpha M + beta K with the same damping `ratio` at the two frequencies `at` (Hz)."""
+
+    ratio: NonNegativeRatio
+    at: FrequencyPair
+
+
+class ModalDamping(Table):
+    """One damping ratio for all modes, or one for each, the last one for the rest."""
+
+    ratio: Ratios
+
+
+class Viscous(Table):
+    """The paper's damping: a force of `mu` per length and velocity, N s/m^2."""
+
+    mu: NonNegativeViscosity
+
+
+class Damping(Table):
+    """Damping of the elastic bodies: exactly one of the three."""
+
+    rayleigh: Rayleigh | None = None
+    modal: ModalDamping | None = None
+    viscous: Viscous | None = None
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Damping:
+        the_one_given(self, ("rayleigh", "modal", "viscous"))
+        return self
+
+    @property
+    def kind(self) -> str:
+        return the_one_given(self, ("rayleigh", "modal", "viscous"))
+
+
+class Solve(Table):
+    """How the scene is solved; every entry can also be set from the command line."""
+
+    preset: str = "stiffened"
+    start: Literal["zero", "quasistatic", "periodic"] = "zero"
+    steps: WholeNumber | None = Field(default=None, description="per cycle, or per run where there is no cycle")
+    integrator: Literal["newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None = None
+    duration: PositiveTime | None = None
+    modes: CountOrAll = "all"
+    reduction: Literal["none", "craig-bampton", "modal"] | None = None
+    mode_angle: Angle = 0.0
+    terms: dict[str, bool] = {}
+    rho_infinity: NonNegativeRatio = Field(default=0.8, description="generalised-alpha's spectral radius, 0 to 1")
+
+    @field_validator("preset")
+    @classmethod
+    def _known_preset(cls, preset: str) -> str:
+        if preset == "coupled":
+            raise Fault("not available in this version", f"Choose one of {', '.join(PRESETS)}")
+        if preset not in PRESETS:
+            raise Fault("unknown preset", nearest(preset, PRESETS))
+        return preset
+
+    @field_validator("terms")
+    @classmethod
+    def _known_terms(cls, terms: dict[str, bool]) -> dict[str, bool]:
+        for name in terms:
+            if name not in TERM_NAMES:
+                raise Fault("unknown term", nearest(name, TERM_NAMES), below=name)
+        return terms
+
+    @field_validator("rho_infinity")
+    @classmethod
+    def _at_most_one(cls, radius: float) -> float:
+        if radius > 1:
+            raise Fault("above one, the integrator would amplify", "Give a number from 0 to 1")
+        return radius

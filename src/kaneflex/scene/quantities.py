@@ -1,0 +1,163 @@
+"""The field types of a scene file: quantities, vectors, names and addresses, as pydantic annotations.
+
+Every validator raises `kaneflex.errors.Fault`; `scene/read.py` adds the key and the value as the user wrote it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import BeforeValidator, WithJsonSchema
+
+from kaneflex.errors import Fault
+from kaneflex.scene import units
+from kaneflex.scene.units import Dimension, to_si
+
+RESERVED_NAMES = frozenset(
+    "t time ground origin none true false pi e start end mid chord frame global body x y angle all".split()
+)
+
+
+class Address(NamedTuple):
+    """A point of a body ("rod.mid"); `body` is "ground" for fixed points."""
+
+    body: str
+    point: str
+
+    def __str__(self) -> str:
+        return f"{self.body}.{self.point}"
+
+
+def _quantity(dimension: Dimension, lowest: float = -math.inf, zero: bool = True) -> Any:
+    def convert(value: object) -> float:
+        number = to_si(value, dimension)
+        if number < lowest or (number == 0 and not zero):
+            what = dimension.name.split(" ", 1)[1]
+            if zero:
+                raise Fault("negative", f"Give {dimension.name} of zero or more")
+            raise Fault("negative" if number < 0 else "zero", f"Give a positive {what}")
+        return number
+
+    written = f"{dimension.name}, {dimension.unit or 'a plain number'}"
+    schema = {"type": ["number", "string"], "description": f"{written}; or a string with a unit"}
+    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema)]
+
+
+def _positive(dimension: Dimension) -> Any:
+    return _quantity(dimension, lowest=0.0, zero=False)
+
+
+def _vector(dimension: Dimension) -> Any:
+    def convert(value: object) -> tuple[float, float]:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise Fault("not a vector in the plane", "Write two components, [x, y]")
+        return to_si(value[0], dimension), to_si(value[1], dimension)
+
+    item = {"type": ["number", "string"]}
+    schema = {"type": "array", "items": item, "minItems": 2, "maxItems": 2, "description": f"in {dimension.unit}"}
+    return Annotated[tuple[float, float], BeforeValidator(convert), WithJsonSchema(schema)]
+
+
+def _unit_vector(value: object) -> tuple[float, float]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("not a direction in the plane", "Write two components, like [1, 0]")
+    x, y = (to_si(component, units.RATIO) for component in value)
+    length = math.hypot(x, y)
+    if length == 0:
+        raise Fault("a direction without length", "Write two components, like [1, 0]")
+    return x / length, y / length
+
+
+def _address(value: object) -> Address:
+    if isinstance(value, tuple) and len(value) == 2:
+        return Address(*value)
+    parts = value.split(".") if isinstance(value, str) else []
+    if len(parts) == 1 and parts[0]:
+        return Address(parts[0], "origin" if parts[0] == "ground" else "start")
+    if len(parts) == 2 and all(parts):
+        return Address(*parts)
+    raise Fault("not an address", "Write 'body', 'body.point' or 'ground'")
+
+
+def _pair(value: object) -> tuple[Address, Address]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("a joint has two sides", "Write two addresses, like ['crank.end', 'rod.start']")
+    return _address(value[0]), _address(value[1])
+
+
+def _whole_number(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise Fault("not a whole number", "Write a whole number of one or more")
+    if value < 1:
+        raise Fault("too few", "Write a whole number of one or more")
+    return value
+
+
+def _count_or_all(value: object) -> int | str:
+    return value if value == "all" else _whole_number(value)
+
+
+def _ratios(value: object) -> tuple[float, ...]:
+    values = value if isinstance(value, (list, tuple)) else [value]
+    ratios = tuple(to_si(item, units.RATIO) for item in values)
+    if not ratios or min(ratios) < 0:
+        raise Fault("a damping ratio is zero or more", "Write one ratio like 0.02, or one for each mode")
+    return ratios
+
+
+def _two_frequencies(value: object) -> tuple[float, float]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("Rayleigh damping is fixed at two frequencies", "Write like at = ['3039 Hz', '4549 Hz']")
+    low, high = (to_si(item, units.FREQUENCY) for item in value)
+    if not 0 < low < high:
+        raise Fault("the frequencies are not positive and rising", "Write like at = ['3039 Hz', '4549 Hz']")
+    return low, high
+
+
+def _text_schema(description: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "description": description})
+
+
+def _list_schema(item: list[str] | str, count: int, description: str) -> WithJsonSchema:
+    items = {"type": item}
+    return WithJsonSchema(
+        {"type": "array", "items": items, "minItems": count, "maxItems": count, "description": description}
+    )
+
+
+PositiveLength = _positive(units.LENGTH)
+Length = _quantity(units.LENGTH)
+PositiveMass = _positive(units.MASS)
+Inertia = _quantity(units.INERTIA, lowest=0.0)
+PositiveArea = _positive(units.AREA)
+PositiveSecondMoment = _positive(units.SECOND_MOMENT)
+PositiveModulus = _positive(units.MODULUS)
+PositiveDensity = _positive(units.DENSITY)
+Angle = _quantity(units.ANGLE)
+PositiveAngle = _positive(units.ANGLE)
+AngularSpeed = _quantity(units.ANGULAR_SPEED)
+PositiveTime = _positive(units.TIME)
+NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
+NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
+AngleOrTime = Annotated[float, WithJsonSchema({"type": ["number", "string"], "description": "an angle or a time"})]
+Point = _vector(units.LENGTH)
+Acceleration = _vector(units.ACCELERATION)
+Force = _quantity(units.FORCE)
+Direction = Annotated[
+    tuple[float, float], BeforeValidator(_unit_vector), _list_schema("number", 2, "a direction, any length")
+]
+AddressField = Annotated[Address, BeforeValidator(_address), _text_schema("'body', 'body.point' or 'ground'")]
+AddressPair = Annotated[
+    tuple[Address, Address], BeforeValidator(_pair), _list_schema("string", 2, "two addresses, 'body.point'")
+]
+WholeNumber = Annotated[int, BeforeValidator(_whole_number), WithJsonSchema({"type": "integer", "minimum": 1})]
+CountOrAll = Annotated[
+    int | str,
+    BeforeValidator(_count_or_all),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1}, {"const": "all"}]}),
+]
+Ratios = Annotated[tuple[float, ...], BeforeValidator(_ratios), WithJsonSchema({"type": ["number", "array"]})]
+FrequencyPair = Annotated[
+    tuple[float, float], BeforeValidator(_two_frequencies), _list_schema(["number", "string"], 2, "two frequencies")
+]

@@ -1,0 +1,130 @@
+"""From a TOML file, or a shipped scene's name, to a validated `Scene`; every problem is named at once."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from kaneflex.errors import Fault, Problem, SceneError, nearest
+from kaneflex.scene.check import problems_of
+from kaneflex.scene.fields import known_keys
+from kaneflex.scene.merge import merged, reuse_bodies
+from kaneflex.scene.scene import Scene
+from kaneflex.scene.settings import nested
+
+_SHIPPED = Path(__file__).parent.parent / "scenes"
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """Name and file of every scene that comes with the package, sorted."""
+    return {path.stem: path for path in sorted(_SHIPPED.glob("*.toml"))}
+
+
+def read_scene(name_or_path: str | Path) -> Scene:
+    """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
+    path = _located(name_or_path, Path.cwd())
+    return _validated(_read_raw(path, ()), str(name_or_path))
+
+
+def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
+    """The scene with "path=value" settings, validated anew.
+
+    "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes what the scene has.
+    Raises SceneError: a path that leads nowhere or to several places, a value the scene cannot have.
+    """
+    raw = scene.raw
+    for setting in settings:
+        raw = merged(raw, nested(raw, setting))
+    return _validated(raw, scene.name)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a scene file, for editors. Nothing is required there, since `like` may give any of it."""
+    schema = Scene.model_json_schema(by_alias=True)
+    for table in (schema, *schema["$defs"].values()):
+        table.pop("required", None)
+    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+
+
+def _located(name_or_path: str | Path, folder: Path) -> Path:
+    text = str(name_or_path)
+    if text in shipped_scenes():
+        return shipped_scenes()[text]
+    path = folder / text
+    if path.is_file():
+        return path
+    if path.suffix == ".toml":
+        raise SceneError("scene", text, "no such file", f"Shipped scenes: {', '.join(shipped_scenes())}")
+    raise SceneError("scene", text, "no shipped scene and no file of that name", nearest(text, shipped_scenes()))
+
+
+def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
+    """The file's tables, with what `like` names merged under them and the paths of CSV tables made absolute."""
+    path = path.resolve()
+    if path in readers:
+        chain = " -> ".join(reader.name for reader in (*readers, path))
+        raise SceneError("like", path.stem, f"scenes start from each other: {chain}", "Break the circle")
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError("scene", path.name, f"not TOML: {error}", "Correct that line") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError("scene", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file") from None
+    raw.setdefault("name", path.stem)
+    for load in _tables(raw.get("loads")):
+        if isinstance(load.get("table"), str) and load["table"] != "none":
+            load["table"] = str((path.parent / load["table"]).resolve())
+    if isinstance(raw.get("like"), str):
+        raw = merged(_read_raw(_located(raw["like"], path.parent), (*readers, path)), raw)
+    return reuse_bodies(raw)
+
+
+def _tables(table: object) -> list[dict[str, Any]]:
+    return [entry for entry in table.values() if isinstance(entry, dict)] if isinstance(table, dict) else []
+
+
+def _validated(raw: dict[str, Any], source: str) -> Scene:
+    try:
+        scene = Scene.model_validate(raw)
+    except ValidationError as error:
+        # A table's default that needs a broken entry is no problem of its own.
+        found = [e for e in error.errors() if e["type"] != "default_factory_not_called"]
+        raise SceneError.gather(_problem(item, raw) for item in found) from None
+    scene._raw = raw
+    problems = problems_of(scene)
+    if problems:
+        raise SceneError.gather(problems)
+    return scene
+
+
+def _problem(error: dict[str, Any], raw: dict[str, Any]) -> Problem:
+    """pydantic's description of one error in our terms."""
+    path = [str(part) for part in error["loc"]]
+    fault = error.get("ctx", {}).get("error")
+    if isinstance(fault, Fault):
+        path += fault.below.split(".") if fault.below else []
+        reason, cure = fault.reason, fault.cure
+    elif error["type"] == "extra_forbidden":
+        reason, cure = "unknown key", nearest(path[-1], known_keys(path[:-1]))
+    elif error["type"] == "missing":
+        reason, cure = "missing", f"Give {path[-1]}"
+    elif error["type"] == "literal_error":
+        reason, cure = f"not one of {error['ctx']['expected']}", "Choose one of them"
+    else:
+        reason, cure = error["msg"][:1].lower() + error["msg"][1:], "Correct the value"
+    return Problem(".".join(path), _at(raw, path), reason, cure)
+
+
+def _at(raw: object, path: list[str]) -> object:
+    for part in path:
+        if isinstance(raw, list) and part.isdigit():
+            raw = raw[int(part)]
+        elif isinstance(raw, dict):
+            raw = raw.get(part)
+        else:
+            return None
+    return None if isinstance(raw, dict) else raw

@@ -1,0 +1,73 @@
+"""The scene: everything a user says about a mechanism, validated, in SI."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, PrivateAttr
+
+from kaneflex.scene.bodies import Body, Table
+from kaneflex.scene.parts import Damping, Drive, Joint, Load, Solve
+from kaneflex.scene.quantities import Acceleration, Address, Point
+from kaneflex.scene.sensors import Sensor
+
+
+class Scene(Table):
+    """A mechanism with its drives, loads, sensors and way of solving. Made by `read_scene`; SI throughout.
+
+    Tables keep the file's order. `ground` holds further named fixed points (m, global axes).
+    """
+
+    schema_version: Literal[1] = Field(alias="schema")
+    like: str | None = Field(default=None, description="a shipped scene, or a file beside this one, to start from")
+    name: str = ""
+    description: str = ""
+    assumptions: tuple[str, ...] = ()
+    gravity: Acceleration = (0.0, 0.0)
+    ground: dict[str, Point] = {}
+    bodies: dict[str, Body] = Field(min_length=1)
+    joints: dict[str, Joint] = {}
+    drives: dict[str, Drive] = {}
+    loads: dict[str, Load] = {}
+    damping: Damping | None = None
+    sensors: dict[str, Sensor] = {}
+    solve: Solve = Solve()
+
+    _raw: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def raw(self) -> dict[str, Any]:
+        """What the file says, after `like`, before units; what `with_settings` starts from. Not to be changed."""
+        return self._raw
+
+    def point(self, address: Address) -> tuple[float, float]:
+        """Position of a point in its body's axes (of a ground point: in global axes), m."""
+        if address.body == "ground":
+            return (0.0, 0.0) if address.point == "origin" else self.ground[address.point]
+        return self.bodies[address.body].points_all[address.point]
+
+    def loop_joints(self) -> tuple[str, ...]:
+        """Joints that close a loop: those whose two bodies the joints before them already connect."""
+        group = {name: name for name in ("ground", *self.bodies)}
+        closing = []
+        for name, joint in self.joints.items():
+            first, second = (group[address.body] for address in joint.addresses)
+            if first == second:
+                closing.append(name)
+            group = {body: first if root == second else root for body, root in group.items()}
+        return tuple(closing)
+
+    @property
+    def period(self) -> float | None:
+        """Duration of one cycle in s; None where no drive has a cycle."""
+        return next((drive.period for drive in self.drives.values() if drive.period is not None), None)
+
+    @property
+    def horizon(self) -> float:
+        """What a run covers, in s: `solve.duration`, else one cycle."""
+        return self.solve.duration if self.solve.duration is not None else self.period
+
+    def tables(self) -> dict[str, Path]:
+        """The CSV file of every load that has one."""
+        return {name: Path(load.table) for name, load in self.loads.items() if load.table is not None}

@@ -1,0 +1,98 @@
+"""Sensors: what a user wants to know of the motion, each a named quantity with its reference and axes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from kaneflex.errors import Fault
+from kaneflex.scene.bodies import Table
+from kaneflex.scene.parts import the_one_given
+from kaneflex.scene.quantities import Address, AddressField, Length
+
+MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
+SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
+POINT_KINDS = MOTION_KINDS + SECTION_KINDS
+KINDS = (*POINT_KINDS, "joint_force", "drive_torque")
+RIGID_COMPANIONS = ("axial_force", "joint_force", "drive_torque")
+"""Kinds whose rigid value stands beside them under NAME_rigid."""
+
+_UNITS = {
+    "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
+    "bending_moment": "N m", "shear_force": "N", "strain": "1", "joint_force": "N", "drive_torque": "N m",
+}  # fmt: skip
+_UNITS_OF_ANGLE = {
+    "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad", "joint_force": "N m",
+}  # fmt: skip
+
+
+def _default_axes(data: dict) -> str:
+    moving = ("displacement", "velocity", "acceleration")
+    return "body" if any(data.get(kind) is not None for kind in moving) else "global"
+
+
+def _default_reading(data: dict) -> str:
+    return "accelerometer" if data.get("axes") == "body" else "kinematic"
+
+
+class Sensor(Table):
+    """One measured quantity: exactly one kind, with the address it is measured at.
+
+    displacement, velocity, acceleration, position: of a body's point; `component` x, y or angle, in `body` axes (the
+    default; global for a position) or `global` ones. A displacement is relative to the body's rigid `frame`, to the
+    `chord` through its displaced ends or to its `start`. An acceleration reads as an accelerometer would (a - g) in
+    body axes, or `kinematic` (a), the default in global axes. A position may name a joint: its coordinate.
+    axial_force (tension positive), bending_moment, shear_force, strain (at the height `fibre` above the axis).
+    joint_force: the force (component angle: moment) of a joint on `body`, by default the joint's second one.
+    drive_torque: what a drive must apply.
+    """
+
+    displacement: AddressField | None = None
+    velocity: AddressField | None = None
+    acceleration: AddressField | None = None
+    position: AddressField | None = None
+    axial_force: AddressField | None = None
+    bending_moment: AddressField | None = None
+    shear_force: AddressField | None = None
+    strain: AddressField | None = None
+    joint_force: str | None = None
+    drive_torque: str | None = None
+    relative_to: Literal["frame", "chord", "start"] = "frame"
+    component: Literal["x", "y", "angle"] = "x"
+    axes: Literal["body", "global"] = Field(default_factory=_default_axes)
+    reading: Literal["accelerometer", "kinematic"] = Field(default_factory=_default_reading)
+    body: str | None = None
+    fibre: Length | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Sensor:
+        kind = the_one_given(self, KINDS)
+        needs = {
+            "relative_to": ("displacement",),
+            "component": (*MOTION_KINDS, "joint_force"),
+            "axes": (*MOTION_KINDS, "joint_force"),
+            "reading": ("acceleration",),
+            "body": ("joint_force",),
+            "fibre": ("strain",),
+        }
+        for field, kinds in needs.items():
+            if field in self.model_fields_set and kind not in kinds:
+                raise Fault(f"has no meaning for {kind}", "Leave it out", below=field)
+        if kind == "strain" and self.fibre is None:
+            raise Fault("a strain without the fibre it is measured at", "Give fibre, its height above the axis")
+        return self
+
+    @property
+    def kind(self) -> str:
+        return the_one_given(self, KINDS)
+
+    @property
+    def target(self) -> Address | str:
+        """The address measured at, or the joint's or drive's name."""
+        return getattr(self, self.kind)
+
+    @property
+    def unit(self) -> str:
+        """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1."""
+        return (_UNITS_OF_ANGLE if self.component == "angle" else _UNITS)[self.kind]

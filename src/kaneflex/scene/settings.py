@@ -1,0 +1,67 @@
+"""`--set path=value`: from a short path to the place in the scene that it means."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from kaneflex.errors import SceneError, nearest
+from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
+
+_NAMED = ("bodies", "joints", "drives", "loads", "sensors")  # top-level tables whose entries users name
+
+
+def nested(raw: Mapping[str, Any], setting: str) -> dict[str, Any]:
+    """The setting "path=value" as nested tables, to be merged over `raw`.
+
+    Raises SceneError: no "=", a path that leads nowhere, a short path that means several places.
+    """
+    path, equals, text = setting.partition("=")
+    path = path.strip()
+    if not equals or not path:
+        raise SceneError("setting", setting, "not of the form path=value", "Write like rod.elements=1")
+    result: Any = _value(text.strip())
+    for key in reversed(_resolved(raw, path, text.strip())):
+        result = {key: result}
+    return result
+
+
+def _value(text: str) -> Any:
+    """A TOML value, or the text itself, so that quotes may be left out."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _resolved(raw: Mapping[str, Any], path: str, text: str) -> list[str]:
+    keys = path.split(".")
+    if keys[0] in known_keys(()):
+        _demand_entry(raw, keys, path, text)
+        return keys
+    places = [[table, *keys] for table in _NAMED if keys[0] in raw.get(table, {})]
+    if not places:
+        names = [name for table in _NAMED for name in raw.get(table, {})]
+        raise SceneError(path, text, f"the scene has no {keys[0]!r}", nearest(keys[0], [*names, *known_keys(())]))
+    places += [[*place[:2], "beam", *keys[1:]] for place in places if place[0] == "bodies"]
+    fitting = [place for place in places if len(keys) > 1 and has_entry(place)]
+    if len(fitting) > 1:
+        choices = " or ".join(".".join(place) for place in fitting)
+        raise SceneError(path, text, "means several places", f"Write {choices}")
+    if not fitting:
+        known = {key for place in places for key in known_keys(place[: 2 + ("beam" in place[2:3])])}
+        last = keys[1] if len(keys) > 1 else ""
+        raise SceneError(path, text, f"{keys[0]!r} has no such entry", nearest(last, known - {ANY_NAME}))
+    return fitting[0]
+
+
+def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str) -> None:
+    """Raise SceneError unless the scene may have an entry at `keys` and has the thing that it belongs to."""
+    for depth in range(1, len(keys) + 1):
+        if not has_entry(keys[:depth]):
+            cure = nearest(keys[depth - 1], known_keys(keys[: depth - 1]))
+            raise SceneError(path, text, f"no key {keys[depth - 1]!r} there", cure)
+    if keys[0] in _NAMED and len(keys) > 1 and keys[1] not in raw.get(keys[0], {}):
+        cure = nearest(keys[1], raw.get(keys[0], {}))
+        raise SceneError(path, text, f"the scene has no {keys[1]!r} among its {keys[0]}", cure)

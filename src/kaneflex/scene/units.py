@@ -1,0 +1,131 @@
+"""Numbers and strings with units ("137 mm", "6000 rpm") to SI floats.
+
+pint knows the units; the ones that scenes use all the time stand in a table here, because importing pint takes 0.3 s
+(a test compares the table with pint).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from tokenize import TokenError
+
+from kaneflex.errors import Fault, nearest
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+_UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A physical quantity: its name with article, its SI unit (in pint's spelling) and an example for messages."""
+
+    name: str
+    unit: str
+    example: str
+
+
+LENGTH = Dimension("a length", "m", "137 mm")
+MASS = Dimension("a mass", "kg", "0.153 kg")
+INERTIA = Dimension("a moment of inertia", "kg m^2", "120 kg mm^2")
+AREA = Dimension("an area", "m^2", "142.3 mm^2")
+SECOND_MOMENT = Dimension("a second moment of area", "m^4", "7008 mm^4")
+MODULUS = Dimension("a modulus", "Pa", "210 GPa")
+DENSITY = Dimension("a density", "kg/m^3", "7850 kg/m^3")
+ACCELERATION = Dimension("an acceleration", "m/s^2", "9.81 m/s^2")
+ANGLE = Dimension("an angle", "rad", "720 deg")
+ANGULAR_SPEED = Dimension("an angular speed", "rad/s", "6000 rpm")
+SPEED = Dimension("a speed", "m/s", "0.5 m/s")
+TIME = Dimension("a time", "s", "0.04 s")
+FREQUENCY = Dimension("a frequency", "Hz", "3039 Hz")
+FORCE = Dimension("a force", "N", "1.2 kN")
+VISCOSITY = Dimension("a force per length and velocity", "N s/m^2", "12 N s/m^2")
+RATIO = Dimension("a ratio", "", "0.02")
+
+_SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciprocals of exact numbers
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "kg m^2": ("kg m^2", 1.0), "kg mm^2": ("kg m^2", 1e-6),
+    "m^2": ("m^2", 1.0), "mm^2": ("m^2", 1e-6), "m^4": ("m^4", 1.0), "mm^4": ("m^4", 1e-12),
+    "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9), "kg/m^3": ("kg/m^3", 1.0),
+    "m/s^2": ("m/s^2", 1.0), "m/s": ("m/s", 1.0), "s": ("s", 1.0), "ms": ("s", 1e-3), "Hz": ("Hz", 1.0),
+    "kHz": ("Hz", 1e3), "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180), "rad/s": ("rad/s", 1.0),
+    "rpm": ("rad/s", math.pi / 30), "N": ("N", 1.0), "kN": ("N", 1e3), "N s/m^2": ("N s/m^2", 1.0),
+    "%": ("", 1e-2),
+}  # fmt: skip
+
+
+def to_si(value: object, dimension: Dimension) -> float:
+    """A number (taken as SI) or a string with a unit, as a finite float in the SI unit of `dimension`.
+
+    Raises Fault: not a number, not finite, unknown unit, wrong dimension.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise Fault(f"{dimension.name} is wanted", _how_to_write(dimension))
+    if isinstance(value, str):
+        match = _NUMBER.match(value)
+        if match is None:
+            raise Fault(f"not a number with a unit; {dimension.name} is wanted", _how_to_write(dimension))
+        number = scaled(float(match[1]), match[2], dimension)
+    else:
+        number = float(value)
+    if not math.isfinite(number):
+        raise Fault("not a finite number", _how_to_write(dimension))
+    return number
+
+
+def scaled(number: float, unit: str, dimension: Dimension) -> float:
+    """`number` in `unit`, in SI. Divides where the factor is a reciprocal, so that 137 mm is exactly 0.137 m."""
+    factor = unit_factor(unit, dimension)
+    inverse = round(1 / factor) if factor else 0
+    return number / inverse if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15) else number * factor
+
+
+@lru_cache(maxsize=None)
+def unit_factor(unit: str, dimension: Dimension) -> float:
+    """The factor from `unit` to the SI unit of `dimension`. Raises Fault: unknown unit, wrong dimension."""
+    if unit in _SI_OF_COMMON:
+        si, factor = _SI_OF_COMMON[unit]
+        if si != dimension.unit:
+            raise _wrong_dimension(unit, dimension)
+        return factor
+    if not unit:
+        if dimension.unit:
+            raise Fault(f"no unit; {dimension.name} is wanted", _how_to_write(dimension))
+        return 1.0
+    return _factor_by_pint(unit, dimension)
+
+
+def _factor_by_pint(unit: str, dimension: Dimension) -> float:
+    """Compares root units, not dimensions: pint's radian has none, and 1 Hz would silently become 1 rad/s."""
+    from pint.errors import PintError
+
+    registry = _registry()
+    try:
+        if not _UNIT_TEXT.match(unit):
+            raise ValueError(unit)
+        factor, root = registry.get_root_units(registry.parse_units(unit))
+    except (PintError, TokenError, AssertionError, AttributeError, SyntaxError, TypeError, ValueError):
+        raise Fault(f"unknown unit {unit!r}", nearest(unit, _SI_OF_COMMON)) from None
+    si_factor, si_root = registry.get_root_units(registry.parse_units(dimension.unit))
+    if root != si_root:
+        raise _wrong_dimension(unit, dimension)
+    return float(factor / si_factor)
+
+
+@lru_cache(maxsize=1)
+def _registry():
+    from pint import UnitRegistry
+
+    return UnitRegistry()
+
+
+def _wrong_dimension(unit: str, dimension: Dimension) -> Fault:
+    return Fault(f"{unit!r} is not a unit of {dimension.name.split(' ', 1)[1]}", _how_to_write(dimension))
+
+
+def _how_to_write(dimension: Dimension) -> str:
+    if not dimension.unit:
+        return f"Write a number like {dimension.example}"
+    return f"Write {dimension.name} like '{dimension.example}', or a plain number in {dimension.unit}"
