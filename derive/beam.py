@@ -139,8 +139,8 @@ def integral(integrand: Expr) -> Expr:
 class ParticleEquations:
     """Kane's equations of the differential particle at x, per unit length.
 
-    rows: fr + fr*, first the frame's three (force x, y, moment), then the elastic coordinates'; polynomials in
-    x and the symbols below. shape: (symbol, polynomial in x) of each shape function. q, q_d, q_dd: elastic
+    rows: fr + fr*, first the frame's three (force x, y, moment), then the elastic ones; polynomials in x and
+    the symbols below. shape: (symbol, polynomial in x) of each shape function. q, q_d, q_dd: elastic
     coordinates and their derivatives.
     """
 
