@@ -1,1 +1,20 @@
-"""From a scene to the text of its module: the build-time half of kaneflex, and the only importer of SymPy."""
+"""From a scene to the text of its module: the build-time half of kaneflex, and the only importer of SymPy.
+
+The pipeline, one file a stage:
+
+    mechanism   Scene.structure() -> Mechanism: bodies, joints, drives, loads in symbols
+    rigid       Mechanism -> Kane's equations of the free bodies and the constraints between them
+    closure     the positions of all bodies from the drives, in closed form
+    motion      -> Motion: velocities, accelerations, reactions as assignments
+    beam        Kane's equations of one differential particle -> the affine terms of an elastic element
+    program     Program: scalar assignments; sharing, pruning, operation counts
+    emit        Program -> numba function, printed
+    generate    the whole: generate(scene) -> module text
+"""
+
+if __name__ == "derive":
+    raise ImportError("import kaneflex.derive, not derive: under two names it would be loaded twice")
+
+from kaneflex.derive.generate import Equations, derive_equations, generate
+
+__all__ = ["Equations", "derive_equations", "generate"]

@@ -1,0 +1,59 @@
+"""``python -m kaneflex.derive [-o FOLDER]``: every shipped scene's module, by default into ``generated/``."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import kaneflex.generated
+from kaneflex.derive.generate import generate
+from kaneflex.scene import read_scene, shipped_scenes
+
+INDEX = '''"""Modules that kaneflex generated from its shipped scenes. Do not edit: ``make derive`` makes them."""
+
+# Structure hash -> module. Scenes of one structure share a module.
+STRUCTURES = {{
+{entries}}}
+
+# Scene -> module that serves it.
+SCENES = {{
+{scenes}}}
+'''
+
+
+def modules() -> dict[str, str]:
+    """File name -> text of everything in ``generated/``."""
+    texts: dict[str, str] = {}
+    structures: dict[str, str] = {}
+    scenes: dict[str, str] = {}
+    for name in sorted(shipped_scenes()):
+        scene = read_scene(name)
+        structure = scene.structure_hash()
+        if structure not in structures:
+            structures[structure] = name.replace("-", "_")
+            texts[f"{structures[structure]}.py"] = generate(scene)
+        scenes[name] = structures[structure]
+    entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
+    served = "".join(f'    "{key}": "{module}",\n' for key, module in scenes.items())
+    texts["__init__.py"] = INDEX.format(entries=entries, scenes=served)
+    return texts
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m kaneflex.derive", description=__doc__)
+    here = Path(kaneflex.generated.__file__).parent
+    parser.add_argument("-o", "--output", type=Path, default=here, help="folder to write into")
+    folder = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = modules()  # all of them before any is written: a failure leaves the folder as it was
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        print(f"wrote {folder / name}")
+    if folder == here:
+        for orphan in sorted(set(path.name for path in folder.glob("*.py")) - set(texts)):
+            (folder / orphan).unlink()
+            print(f"removed {folder / orphan}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,148 @@
+"""Print programs as one readable, self-contained numba module. Pure: the text depends on its arguments alone."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sm
+from sympy.printing.pycode import PythonCodePrinter
+
+from kaneflex.derive.program import Program, expanded_operation_count, operation_count
+
+LINE = 110
+
+
+class NumbaPrinter(PythonCodePrinter):
+    """Scalar float64 code: rationals divided beforehand, small powers multiplied out."""
+
+    def __init__(self) -> None:
+        super().__init__({"fully_qualified_modules": True, "standard": "python3"})
+
+    def _print_Integer(self, expr):
+        return f"{int(expr)}.0"
+
+    def _print_Rational(self, expr):
+        return repr(int(expr.p) / int(expr.q))
+
+    _print_Half = _print_Rational
+
+    def _print_NumberSymbol(self, expr):
+        return repr(float(expr))
+
+    def _print_Pow(self, expr, rational=False):
+        base, exponent = expr.as_base_exp()
+        if exponent == sm.Rational(1, 2):
+            return f"math.sqrt({self._print(base)})"
+        if exponent == sm.Rational(-1, 2):
+            return f"1.0/math.sqrt({self._print(base)})"
+        if exponent.is_Integer and 1 < abs(exponent) <= 8:
+            factor = self.parenthesize(base, 60)
+            product = "*".join([factor] * abs(int(exponent)))
+            return f"({product})" if exponent > 0 else f"1.0/({product})"
+        if exponent == -1:
+            return f"1.0/{self.parenthesize(base, 60)}"
+        return f"{self.parenthesize(base, 60)}**{self.parenthesize(exponent, 60)}"
+
+    def parenthesize(self, item, level, strict=False):
+        if item.is_Rational and item.is_positive:  # printed as one number, not as a quotient
+            return self._print(item)
+        return super().parenthesize(item, level, strict)
+
+    def _print_Function(self, expr):
+        if expr.func.__name__ == "table":
+            x, start = (self._print(argument) for argument in expr.args)
+            return f"table({x}, p, int({start}))"
+        return super()._print_Function(expr)
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A program with what its function needs around it."""
+
+    program: Program
+    arguments: tuple[str, ...]
+    reads: tuple[tuple[sm.Symbol, str], ...]
+    doc: str
+
+
+def print_kernel(kernel: Kernel) -> str:
+    """One jitted function: parameters and scalars read once, then the assignments, then the stores."""
+    printer = NumbaPrinter()
+    program = kernel.program
+    used = set().union(
+        *(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set()
+    )
+    body = [f"{symbol} = {source}" for symbol, source in kernel.reads if symbol in used]
+    body += [f"{symbol} = {_bare(printer.doprint(expression))}" for symbol, expression in program.assignments]
+    # Arrays arrive zeroed: an entry that is zero by structure is never stored.
+    body += [f"{slot} = {printer.doprint(expression)}" for slot, expression in program.outputs if expression != 0]
+    doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
+    code = "\n".join(f"    {line}" for line in body or ["pass"])
+    return f"@njit(**OPTIONS)\ndef {program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
+
+
+def _bare(text: str) -> str:
+    """A product that is a whole right-hand side needs no parentheses."""
+    return text[1:-1] if text.startswith("(") and text.find(")") == len(text) - 1 else text
+
+
+def operations(kernels: Sequence[tuple[Kernel, Program]]) -> dict[str, tuple[int, int]]:
+    """Kernel -> (operations when every output is written out, operations as printed)."""
+    return {
+        kernel.program.name: (expanded_operation_count(raw), operation_count(kernel.program))
+        for kernel, raw in kernels
+    }
+
+
+def literal(name: str, value: object, comment: str = "") -> str:
+    """A module-level table, one entry a line, so that differences between modules read well."""
+    if isinstance(value, dict):
+        opening, lines, closing = "{", [f"{key!r}: {entry!r}," for key, entry in value.items()], "}"
+    else:
+        opening, lines, closing = "(", [f"{entry!r}," for entry in value], ")"
+    head = f"# {comment}\n" if comment else ""
+    if not lines:
+        return f"{head}{name} = {opening}{closing}\n"
+    return f"{head}{name} = {opening}\n" + "".join(f"    {line}\n" for line in lines) + f"{closing}\n"
+
+
+MODULE = '''"""{title}
+
+{about}
+"""
+
+import math
+
+from numba import njit
+
+FORMAT = {format}
+STRUCTURE = "{structure}"
+SCENE = "{scene}"
+OPTIONS = {{"cache": True, "error_model": "numpy", "fastmath": {{"nsz", "arcp", "contract", "afn", "reassoc"}}}}
+
+{tables}
+
+{kernels}'''
+
+TABLE_LOOKUP = '''@njit(**OPTIONS)
+def table(x, p, start):
+    """Piecewise cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+    n = int(p[start])
+    period = p[start + 1]
+    knots = start + 2
+    if period > 0.0:
+        x = p[knots] + (x - p[knots]) % period
+    low = 0
+    high = n
+    while high - low > 1:
+        middle = (low + high) // 2
+        if p[knots + middle] <= x:
+            low = middle
+        else:
+            high = middle
+    d = x - p[knots + low]
+    k = knots + n + 1 + 4 * low
+    return p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))
+'''

@@ -1,0 +1,216 @@
+"""The pipeline on one page: structure -> equations -> programs -> module text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sm
+
+from kaneflex.contract import ELEMENT_KERNELS, ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS
+from kaneflex.derive import emit
+from kaneflex.derive.beam import Element, Term, euler_bernoulli
+from kaneflex.derive.mechanism import Mechanism, read_structure
+from kaneflex.derive.motion import Motion, derive_motion
+from kaneflex.derive.program import Program, share
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The rigid motion of a structure and the affine terms of its elastic links.
+
+    ``element`` is None where nothing is elastic: then no element kernel is emitted.
+    """
+
+    mechanism: Mechanism
+    motion: Motion
+    element: Element | None
+
+
+def derive_equations(structure: dict[str, Any]) -> Equations:
+    """Kane's equations of the rigid mechanism and of one differential particle of an elastic link."""
+    mechanism = read_structure(structure)
+    elastic = any(body.elastic for body in mechanism.bodies.values())
+    return Equations(mechanism, derive_motion(mechanism), euler_bernoulli() if elastic else None)
+
+
+def generate(scene: Any, progress: Progress = lambda stage: None) -> str:
+    """Text of the module for a scene's structure; equal structures give equal text but for the scene's name.
+
+    Parameters
+    ----------
+    scene : Scene
+    progress : callable
+        Called with the name of each stage as it begins.
+    """
+    progress("Kane's equations")
+    equations = derive_equations(scene.structure())
+    progress("programs")
+    kernels = lower(equations)
+    progress("module text")
+    return print_module(equations, kernels, scene.name, scene.structure_hash())
+
+
+def lower(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
+    """Kernels with shared subexpressions, each beside its raw program (for the count of what sharing saved)."""
+    motion, raw = _motion_kernel(equations)
+    kernels = [(motion, raw)]
+    if equations.element is not None:
+        kernels += [_element_kernel(name, equations.element) for name in ELEMENT_KERNELS]
+        kernels += [_term_kernel(k, term) for k, term in enumerate(equations.element.terms)]
+        kernels.append(_force_kernel(equations))
+    return kernels
+
+
+def _motion_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
+    parameters = tuple(symbol for symbol, _ in equations.mechanism.parameters.values())
+    raw = equations.motion.program(parameters)
+    doc = (
+        "Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.\n\n"
+        "p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."
+    )
+    reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate(parameters))
+    return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc), raw
+
+
+_ELEMENT_DOCS = {
+    "M": ("Mass matrix M = int rho A N^T N dx of one element, 6 x 6 [SI].", "M", ("inertia",)),
+    "K_s": ("Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].", "K", ("elastic",)),
+    "K_d": ("Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].", "K", ("spin", "euler")),
+    "K_g": ("Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].", "K", ("geometric",)),
+    "C": ("Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].", "C", ("gyroscopic",)),
+    "F": ("Inertia and gravity load F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx, 6 [SI].", "F", ("load",)),
+}  # fmt: skip
+
+
+def _sum(element: Element, target: str, groups: tuple[str, ...]) -> sm.Matrix:
+    chosen = [term for term in element.terms if term.target == target and term.group in groups]
+    return sum((term.scalar * term.matrix for term in chosen), sm.zeros(*chosen[0].matrix.shape))
+
+
+def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
+    def index(i: int, j: int) -> str:
+        return f"out[{i}]" if matrix.cols == 1 else f"out[{i}, {j}]"
+
+    return tuple(
+        (index(i, j), matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
+    )
+
+
+def _element_inputs(element: Element) -> tuple[tuple[sm.Symbol, str], ...]:
+    parameters = [(symbol, f"p[{k}]") for k, (_, symbol, *_) in enumerate(element.parameters)]
+    return tuple(parameters + [(symbol, f"s[{k}]") for k, (_, symbol, *_) in enumerate(element.scalars)])
+
+
+def _element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
+    doc, target, groups = _ELEMENT_DOCS[name]
+    inputs = _element_inputs(element)
+    raw = Program(name, tuple(s for s, _ in inputs), (), _stores(_sum(element, target, groups)))
+    arguments = ("p", "out") if name in ("M", "K_s") else ("p", "s", "out")
+    doc += "\n\np: ELEMENT_PARAMETERS of one element." + (" s: LINK_SCALARS." if "s" in arguments else "")
+    return emit.Kernel(share(raw), arguments, inputs, doc + " out: zeros; structural zeros are not stored."), raw
+
+
+def _term_kernel(k: int, term: Term) -> tuple[emit.Kernel, Program]:
+    inputs = tuple((sm.Symbol(name, positive=True), f"p[{i}]") for i, (name, *_) in enumerate(ELEMENT_PARAMETERS))
+    matrix = term.matrix
+    stores = tuple(
+        (f"out[{i}, {j}]", matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
+    )
+    raw = Program(f"term_{term.name}", tuple(s for s, _ in inputs), (), stores)
+    doc = f"Constant factor of ({term.scalar}) in {term.target}, group {term.group}."
+    return emit.Kernel(share(raw), ("p", "out"), inputs, doc), raw
+
+
+def _force_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
+    """F composed with motion: each elastic link's element, its parameters behind the mechanism's own."""
+    element, motion = equations.element, equations.motion
+    parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
+    force = _sum(element, "F", ("load",))
+    stores, reads = [], [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters)]
+    for row, (link, scalars) in enumerate(motion.links.items()):
+        own = {}
+        for k, (name, symbol, *_) in enumerate(element.parameters):
+            own[symbol] = sm.Symbol(f"{link}_element_{name}")
+            reads.append((own[symbol], f"p[{len(parameters) + row * len(element.parameters) + k}]"))
+        own |= {symbol: scalar.value for (_, symbol, *_), scalar in zip(element.scalars, scalars, strict=True)}
+        stores += [(f"out[{row}, {i}]", force[i].xreplace(own)) for i in range(force.rows)]
+    raw = Program("F_t", (sm.Symbol("t"), *(symbol for symbol, _ in reads)), motion.steps, tuple(stores))
+    doc = (
+        "F of one element of each elastic link at time t [s], composed with motion.\n\n"
+        "p: PARAMETERS with every link's element. out: one row of 6 a link, in the order of LINKS."
+    )
+    return emit.Kernel(share(raw), ("t", "p", "out"), tuple(reads), doc), raw
+
+
+def print_module(
+    equations: Equations, kernels: list[tuple[emit.Kernel, Program]], scene: str, structure: str
+) -> str:
+    counts = emit.operations(kernels)
+    blocks = [emit.TABLE_LOOKUP] if any(load.kind == "table" for load in equations.mechanism.loads.values()) else []
+    blocks += [emit.print_kernel(kernel) for kernel, _ in kernels]
+    if equations.element is not None:
+        blocks.append(_print_dispatch(equations.element))
+    return emit.MODULE.format(
+        title=f"Equations of motion of the scene '{scene}', generated by kaneflex. Do not edit.",
+        about=_about(scene, structure, counts),
+        format=FORMAT,
+        structure=structure,
+        scene=scene,
+        tables="\n".join(_tables(equations, counts)),
+        kernels="\n\n".join(blocks),
+    )
+
+
+def _about(scene: str, structure: str, counts: dict[str, tuple[int, int]]) -> str:
+    version = ".".join(sm.__version__.split(".")[:2])
+    width = max(len(name) for name in counts)
+    lines = [
+        f"Structure {structure}, format {FORMAT}, SymPy {version}. To make it again: kaneflex derive {scene} -o FILE.py",
+        "",
+        "In link axes, with one scalar of the motion before each constant matrix:",
+        "    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F",
+        "    q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2",
+        "",
+        "Operations of one call, written out -> with shared subexpressions:",
+        *(f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items()),
+    ]
+    return "\n".join(lines)
+
+
+def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[str]:
+    mechanism, motion = equations.mechanism, equations.motion
+    parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
+    loads = mechanism.loads.items()
+    tables = [name for name, load in loads if load.kind == "table"]
+    stored = [scalar for block in motion.links.values() for scalar in block]
+    stored += [scalar for scalar in motion.scalars if not scalar.value.is_number]
+    constants = {s.name: float(s.value) for s in motion.scalars if s.value.is_number}
+    rows = []
+    if equations.element is not None:
+        for link in motion.links:
+            parameters += [(f"{link}.element.{name}", unit) for name, unit, _ in ELEMENT_PARAMETERS]
+        rows = [(term.name, term.group, term.target, str(term.scalar)) for term in equations.element.terms]
+    width = len(LINK_SCALARS)
+    return [
+        emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
+        emit.literal("TABLES", tables, "loads whose tables follow in p, at the index that <load>.table holds"),
+        emit.literal("SCALARS", [(s.name, s.unit, s.meaning) for s in stored], "s: name, unit, meaning"),
+        emit.literal("CONSTANTS", constants, "scalars that the structure fixes"),
+        emit.literal("LINKS", {link: k * width for k, link in enumerate(motion.links)}, "elastic link -> first of its LINK_SCALARS in s"),
+        emit.literal("LINK_SCALARS", LINK_SCALARS if motion.links else (), "s of the element kernels"),
+        emit.literal("ELEMENT_PARAMETERS", ELEMENT_PARAMETERS if motion.links else (), "p of the element kernels"),
+        emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, scalar before it"),
+        emit.literal("OPERATIONS", counts, "kernel -> operations written out, operations with shared subexpressions"),
+    ]  # fmt: skip
+
+
+def _print_dispatch(element: Element) -> str:
+    lines = ["@njit(**OPTIONS)", "def terms(k, p, out):"]
+    lines.append('    """The k-th constant matrix of TERMS for one element: out 6 x 6, or 6 x 1 for F; zeroed by the caller."""')
+    for k, term in enumerate(element.terms):
+        lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", f"        term_{term.name}(p, out)"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,145 @@
+"""A scene's structure in symbols: bodies, joints, drives and loads of a planar mechanism.
+
+Built from ``Scene.structure()`` alone, so that nothing can enter the equations that the structure hash
+does not know: a number of the scene is here either a symbol (a run-time parameter) or exactly 0, 1 or -1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy as sm
+
+Vector = tuple[sm.Expr, sm.Expr]
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class BodyPoint:
+    """A point of a body: its coordinates [m] in the body's axes, from the body's start."""
+
+    body: str
+    name: str
+    at: Vector
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """A body as the rigid stage sees it: mass [kg], mass centre [m], inertia about the mass centre [kg m^2]."""
+
+    name: str
+    elastic: bool
+    mass: sm.Expr
+    centre: Vector
+    inertia: sm.Expr
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """A joint between a point of the first body and a point of the second; ``direction`` is fixed in the first."""
+
+    name: str
+    kind: str
+    first: BodyPoint
+    second: BodyPoint
+    direction: Vector = (sm.S.One, sm.S.Zero)
+    branch: sm.Expr = sm.S.One
+
+
+@dataclass(frozen=True)
+class LoadModel:
+    """A force on a point along a direction fixed in global or in body axes; ``magnitude`` in N."""
+
+    name: str
+    point: BodyPoint
+    direction: Vector
+    axes: str
+    kind: str
+    against: str | None
+    law: str | None
+
+
+@dataclass
+class _Parameters:
+    """Parameters in the order in which they are first used."""
+
+    entries: dict[str, tuple[sm.Symbol, str]] = field(default_factory=dict)
+
+    def __call__(self, path: str, unit: str) -> sm.Symbol:
+        if path not in self.entries:
+            self.entries[path] = (sm.Symbol(path.replace(".", "_")), unit)
+        return self.entries[path][0]
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Everything that the rigid stage is derived from.
+
+    ``parameters`` maps the dotted path of a scene's number to its symbol and unit.
+    """
+
+    bodies: dict[str, BodyModel]
+    joints: dict[str, JointModel]
+    drives: tuple[str, ...]
+    loads: dict[str, LoadModel]
+    gravity: Vector
+    parameters: dict[str, tuple[sm.Symbol, str]]
+
+    def symbol(self, path: str) -> sm.Symbol:
+        return self.parameters[path][0]
+
+
+def read_structure(structure: Mapping[str, Any]) -> Mechanism:
+    """Turn ``Scene.structure()`` into symbols."""
+    number = _Parameters()
+
+    def pattern(entry: Any, path: str, unit: str) -> sm.Expr:
+        """An exact 0, 1, -1 stays a number; everything else is a parameter."""
+        return sm.Integer(entry) if isinstance(entry, int) else number(path, unit)
+
+    def point(address: str) -> BodyPoint:
+        body, _, name = address.partition(".")
+        name = name or "start"
+        entries = structure["points"].get(f"{body}.{name}", [0, 0])
+        if name == "end":
+            return BodyPoint(body, name, (number(f"{body}.length", "m"), sm.S.Zero))
+        if name == "mid":
+            return BodyPoint(body, name, (number(f"{body}.length", "m") / 2, sm.S.Zero))
+        at = tuple(pattern(entries[k], f"{body}.{name}.{'xy'[k]}", "m") for k in range(2))
+        return BodyPoint(body, name, at)
+
+    bodies = {}
+    for name, body in structure["bodies"].items():
+        centre = tuple(pattern(body["centre"][k], f"{name}.centre_{'xy'[k]}", "m") for k in range(2))
+        mass = pattern(body["mass"], f"{name}.mass", "kg")
+        inertia = pattern(body["inertia"], f"{name}.inertia", "kg m^2")
+        bodies[name] = BodyModel(name, body["elastic"], mass, centre, inertia)
+    joints = {}
+    for name, joint in structure["joints"].items():
+        first, second = (point(address) for address in joint["between"])
+        if joint["kind"] == "prismatic":
+            direction = tuple(
+                pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2)
+            )
+            joints[name] = JointModel(name, "prismatic", first, second, direction, number(f"{name}.branch", "1"))
+        else:
+            joints[name] = JointModel(name, joint["kind"], first, second)
+    for drive in structure["drives"]:
+        unit = "m" if joints[drive].kind == "prismatic" else "rad"
+        number(f"{drive}.speed", f"{unit}/s")
+        number(f"{drive}.angle", unit)
+    loads = {}
+    for name, load in structure["loads"].items():
+        direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
+        loads[name] = LoadModel(
+            name, point(load["on"]), direction, load["axes"], load["kind"], load.get("against"), load.get("law")
+        )
+        if load["kind"] == "constant":
+            number(f"{name}.value", "N")
+        elif load["kind"] == "table":
+            number(f"{name}.offset", "rad" if load["against"] in joints else "s")
+            number(f"{name}.table", "1")
+    gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
+    return Mechanism(bodies, joints, tuple(structure["drives"]), loads, gravity, number.entries)

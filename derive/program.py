@@ -1,0 +1,168 @@
+"""``Program``: the one intermediate form between symbols and text.
+
+A program is a list of scalar assignments in an order in which they can be executed, with its inputs and its
+outputs. Common-subexpression elimination, pruning and operation counts are functions from programs to
+programs (or to numbers); printing is the business of :mod:`kaneflex.derive.emit`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import sympy as sm
+
+Assignment = tuple[sm.Symbol, sm.Expr]
+
+
+@dataclass(frozen=True)
+class Program:
+    """Scalar assignments from inputs to outputs.
+
+    Parameters
+    ----------
+    name : str
+        Name of the function that will be printed.
+    inputs : tuple of Symbol
+        Symbols that the caller supplies.
+    assignments : tuple of (Symbol, Expr)
+        Every right-hand side uses inputs and symbols assigned before it only; no symbol is assigned twice.
+    outputs : tuple of (str, Expr)
+        Slot (printed as it stands, e.g. ``"out[0, 3]"``) and the expression stored there.
+
+    Raises
+    ------
+    ValueError
+        If a symbol is used before it is assigned, or is assigned twice.
+    """
+
+    name: str
+    inputs: tuple[sm.Symbol, ...]
+    assignments: tuple[Assignment, ...]
+    outputs: tuple[tuple[str, sm.Expr], ...]
+
+    def __post_init__(self) -> None:
+        known = set(self.inputs)
+        for symbol, expression in self.assignments:
+            _demand_known(self.name, str(symbol), expression, known)
+            if symbol in known:
+                raise ValueError(f"program {self.name}: {symbol} is assigned twice")
+            known.add(symbol)
+        for slot, expression in self.outputs:
+            _demand_known(self.name, slot, expression, known)
+
+
+def _demand_known(program: str, target: str, expression: sm.Expr, known: set[sm.Symbol]) -> None:
+    unknown = sorted(str(symbol) for symbol in expression.free_symbols - known)
+    if unknown:
+        raise ValueError(f"program {program}: {target} uses {', '.join(unknown)} before it is assigned")
+
+
+def prune(program: Program) -> Program:
+    """Drop the assignments that no output depends on."""
+    needed = set().union(*(expression.free_symbols for _, expression in program.outputs))
+    kept: list[Assignment] = []
+    for symbol, expression in reversed(program.assignments):
+        if symbol in needed:
+            kept.append((symbol, expression))
+            needed |= expression.free_symbols
+    return replace(program, assignments=tuple(reversed(kept)))
+
+
+def share(program: Program, prefix: str = "w") -> Program:
+    """Common-subexpression elimination over all assignments and outputs at once.
+
+    Named assignments keep their names, so that the printed code can still be read against the theory;
+    what they have in common becomes ``w0, w1, ...``.
+    """
+    # An assignment of a mere number or symbol is inlined first: it would only hide a common subexpression.
+    alias: dict[sm.Symbol, sm.Expr] = {}
+    named: list[Assignment] = []
+    for symbol, expression in program.assignments:
+        expression = expression.xreplace(alias)
+        if expression.is_Atom or (-expression).is_Atom:
+            alias[symbol] = expression
+        else:
+            named.append((symbol, expression))
+    outputs = [expression.xreplace(alias) for _, expression in program.outputs]
+    temporaries, reduced = sm.cse(
+        [expression for _, expression in named] + outputs,
+        symbols=(sm.Symbol(f"{prefix}{k}") for k in range(10**9)),
+        order="canonical",
+    )
+    targets = [symbol for symbol, _ in named]
+    assignments = list(temporaries) + list(zip(targets, reduced[: len(named)], strict=True))
+    slots = [slot for slot, _ in program.outputs]
+    return prune(
+        replace(
+            program,
+            assignments=_executable_order(assignments, program.inputs),
+            outputs=tuple(zip(slots, reduced[len(named) :], strict=True)),
+        )
+    )
+
+
+def _executable_order(assignments: Iterable[Assignment], inputs: Iterable[sm.Symbol]) -> tuple[Assignment, ...]:
+    """Depth-first order: each assignment right after what it needs, so that values stay close to their use."""
+    pending = dict(assignments)
+    done: set[sm.Symbol] = set(inputs)
+    ordered: list[Assignment] = []
+
+    def place(symbol: sm.Symbol) -> None:
+        stack = [symbol]
+        while stack:
+            top = stack[-1]
+            missing = sorted((s for s in pending[top].free_symbols if s not in done), key=str)
+            if missing:
+                stack.extend(missing)
+                continue
+            stack.pop()
+            if top not in done:
+                done.add(top)
+                ordered.append((top, pending[top]))
+
+    for symbol in pending:
+        if symbol not in done:
+            place(symbol)
+    return tuple(ordered)
+
+
+def substitute(program: Program, values: Mapping[sm.Symbol, sm.Expr]) -> Program:
+    """The program with some inputs replaced by expressions of the other inputs."""
+    return replace(
+        program,
+        inputs=tuple(symbol for symbol in program.inputs if symbol not in values),
+        assignments=tuple((symbol, expression.xreplace(dict(values))) for symbol, expression in program.assignments),
+        outputs=tuple((slot, expression.xreplace(dict(values))) for slot, expression in program.outputs),
+    )
+
+
+def operation_count(program: Program) -> int:
+    """Number of arithmetic operations and function calls of one evaluation, as printed."""
+    return sum(_cost(expression, {}) for _, expression in (*program.assignments, *program.outputs))
+
+
+def expanded_operation_count(program: Program) -> int:
+    """The same count without sharing: every output written out in terms of the inputs.
+
+    Counted bottom-up on the graph; the expanded expressions themselves are never built.
+    """
+    cost: dict[sm.Symbol, int] = {}
+    for symbol, expression in program.assignments:
+        cost[symbol] = _cost(expression, cost)
+    return sum(_cost(expression, cost) for _, expression in program.outputs)
+
+
+def _cost(expression: sm.Expr, cost_of: Mapping[sm.Symbol, int]) -> int:
+    """Operations of an expression; a sign is free, a division counts once, x**3 is two products."""
+    if expression.is_Symbol:
+        return cost_of.get(expression, 0)
+    own = 0
+    if expression.is_Add or expression.is_Mul:
+        own = len(expression.args) - 1 - (expression.is_Mul and expression.args[0] == -1)
+    elif expression.is_Pow:
+        exponent = expression.exp
+        own = max(abs(int(exponent)) - 1, 0) if exponent.is_Integer else 1
+    elif expression.args:
+        own = 1
+    return own + sum(_cost(argument, cost_of) for argument in expression.args)

@@ -1,0 +1,194 @@
+"""The rigid stage: Kane's equations of the mechanism with every drive coordinate free.
+
+Each body is attached to the ground by SymPy's ``PlanarJoint`` (three absolute coordinates: x, y of its start,
+angle phi), each joint of the scene is a holonomic constraint of the ``System``. Absolute coordinates keep every
+expression as short as its own body, whatever the length of the chain; the multipliers of the constraints are
+the joint reactions, and the multiplier of a drive is its torque (inverse dynamics).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sm
+from sympy.physics.mechanics import (
+    Force,
+    KanesMethod,
+    PlanarJoint,
+    Point,
+    ReferenceFrame,
+    RigidBody,
+    System,
+    dynamicsymbols,
+    inertia,
+)
+
+from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, Vector
+
+TIME = dynamicsymbols._t
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Absolute coordinates of a body as functions of time, or the ground's zeros."""
+
+    x: sm.Expr
+    y: sm.Expr
+    phi: sm.Expr
+
+    def place(self, at: Vector) -> Vector:
+        """Global position of a body-fixed point: p = r + R(phi) at."""
+        dx, dy = self.turn(at)
+        return self.x + dx, self.y + dy
+
+    def turn(self, vector: Vector) -> Vector:
+        """Global components of a body-fixed vector."""
+        c, s = sm.cos(self.phi), sm.sin(self.phi)
+        return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A scalar equation residual(q, t) = 0 of a joint or a drive; its multiplier is a reaction."""
+
+    name: str
+    residual: sm.Expr
+    multiplier: sm.Symbol
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class RigidEquations:
+    """Kane's equations fr + fr* = 0 of the free bodies, and the constraints between them.
+
+    Attributes
+    ----------
+    coordinates : dict
+        Body -> its coordinates; the ground's are zero.
+    speeds : dict
+        Body -> generalised speeds (v_x, v_y, omega), functions of time.
+    balance : tuple of (name, Expr)
+        fr + fr*, one per speed, in terms of speeds and their derivatives.
+    constraints : tuple of Constraint
+        Joints first, then drives.
+    drive_coordinate : dict
+        Drive -> its coordinate as a function of time.
+    magnitude : dict
+        Load -> symbol of its magnitude [N].
+    """
+
+    coordinates: dict[str, Coordinates]
+    speeds: dict[str, tuple[sm.Expr, sm.Expr, sm.Expr]]
+    balance: tuple[tuple[str, sm.Expr], ...]
+    constraints: tuple[Constraint, ...]
+    drive_coordinate: dict[str, sm.Expr]
+    magnitude: dict[str, sm.Symbol]
+
+
+def rigid_equations(mechanism: Mechanism) -> RigidEquations:
+    """Hand the topology to SymPy's ``System`` and form Kane's equations (Kane & Levinson 1985, ch. 6)."""
+    ground = RigidBody(GROUND)
+    system = System.from_newtonian(ground)
+    coordinates = {GROUND: Coordinates(sm.S.Zero, sm.S.Zero, sm.S.Zero)}
+    speeds, points = {}, {}
+    for name, body in mechanism.bodies.items():
+        frame, start = ReferenceFrame(name), Point(f"{name}_start")
+        centre = start.locatenew(f"{name}_centre", body.centre[0] * frame.x + body.centre[1] * frame.y)
+        rigid = RigidBody(name, centre, frame, body.mass, (inertia(frame, 0, 0, body.inertia), centre))
+        coordinates[name], speeds[name], joint = _free_body(name, ground, rigid, start)
+        system.add_joints(joint)
+        points[name] = (frame, start)
+    constraints, drive_coordinate = _constraints(mechanism, coordinates)
+    system.add_holonomic_constraints(*(constraint.residual for constraint in constraints))
+    system.apply_uniform_gravity(mechanism.gravity[0] * system.x + mechanism.gravity[1] * system.y)
+    magnitude = {}
+    for name, load in mechanism.loads.items():
+        magnitude[name] = sm.Symbol(name)
+        frame, start = points[load.point.body]
+        at = load.point.at[0] * frame.x + load.point.at[1] * frame.y
+        point = start.locatenew(f"{name}_point", at)
+        point.v2pt_theory(start, system.frame, frame)
+        axes = system.frame if load.axes == "global" else frame
+        system.add_loads(Force(point, magnitude[name] * (load.direction[0] * axes.x + load.direction[1] * axes.y)))
+    # Every coordinate free: the constraints enter by their multipliers, not by dependent speeds.
+    kane = KanesMethod(system.frame, q_ind=list(system.q), u_ind=list(system.u), kd_eqs=list(system.kdes))
+    fr, fr_star = kane.kanes_equations(list(system.bodies), list(system.loads))
+    total = {speed: fr[k] + fr_star[k] for k, speed in enumerate(kane.u)}
+    balance = tuple(
+        (f"{name}.{row}", total[speed])
+        for name, triple in speeds.items()
+        for row, speed in zip(("force_x", "force_y", "moment"), triple, strict=True)
+    )
+    return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
+
+
+def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):
+    """Attach a body to the ground by its three absolute coordinates."""
+    x, y, phi = dynamicsymbols(f"x_{name} y_{name} phi_{name}")
+    v_x, v_y, omega = dynamicsymbols(f"v_x_{name} v_y_{name} omega_{name}")
+    # PlanarJoint turns about the interframe's x and slides along its y and z: a cyclic exchange of axes.
+    exchange = sm.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    interframes = []
+    for side in (ground, body):
+        interframe = ReferenceFrame(f"{side.name}_{name}_axes")
+        interframe.orient_explicit(side.frame, exchange.T)
+        interframes.append(interframe)
+    joint = PlanarJoint(
+        f"free_{name}",
+        ground,
+        body,
+        rotation_coordinate=phi,
+        planar_coordinates=[x, y],
+        rotation_speed=omega,
+        planar_speeds=[v_x, v_y],
+        child_point=start,
+        parent_interframe=interframes[0],
+        child_interframe=interframes[1],
+    )
+    return Coordinates(x, y, phi), (v_x, v_y, omega), joint
+
+
+def _constraints(
+    mechanism: Mechanism, coordinates: dict[str, Coordinates]
+) -> tuple[tuple[Constraint, ...], dict[str, sm.Expr]]:
+    """Residuals second minus first, so that a positive multiplier acts on the second body."""
+    found = []
+    for name, joint in mechanism.joints.items():
+        gap_x, gap_y = _gap(joint.first, joint.second, coordinates)
+        turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi
+        on = f"on {joint.second.body} by {joint.first.body}"
+        force_x = (f"{name}.force_x", gap_x, "N", f"force {on}, global x")
+        force_y = (f"{name}.force_y", gap_y, "N", f"force {on}, global y")
+        moment = (f"{name}.moment", turn, "N m", f"moment {on}")
+        if joint.kind == "revolute":
+            rows = [force_x, force_y]
+        elif joint.kind == "weld":
+            rows = [force_x, force_y, moment]
+        else:
+            t_x, t_y = coordinates[joint.first.body].turn(joint.direction)
+            normal = (f"{name}.normal", -t_y * gap_x + t_x * gap_y, "N", f"force {on}, normal to the guide")
+            rows = [normal, moment]
+        found += rows
+    drive_coordinate = {}
+    for name in mechanism.drives:
+        joint = mechanism.joints[name]
+        drive_coordinate[name] = dynamicsymbols(f"drive_{name}")
+        if joint.kind == "prismatic":
+            t_x, t_y = coordinates[joint.first.body].turn(joint.direction)
+            gap_x, gap_y = _gap(joint.first, joint.second, coordinates)
+            row = (f"{name}.drive", t_x * gap_x + t_y * gap_y, "N", "force of the drive")
+        else:
+            turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi
+            row = (f"{name}.drive", turn, "N m", "torque of the drive")
+        found.append((row[0], row[1] - drive_coordinate[name], row[2], row[3]))
+    constraints = tuple(
+        Constraint(name, residual, sm.Symbol(name.replace(".", "_")), unit, meaning)
+        for name, residual, unit, meaning in found
+    )
+    return constraints, drive_coordinate
+
+
+def _gap(first: BodyPoint, second: BodyPoint, coordinates: dict[str, Coordinates]) -> Vector:
+    start, end = coordinates[first.body].place(first.at), coordinates[second.body].place(second.at)
+    return end[0] - start[0], end[1] - start[1]

@@ -1,0 +1,24 @@
+"""An ordered record of assignments, from which a Program is made."""
+
+from __future__ import annotations
+
+import sympy as sm
+
+
+class Steps:
+    """Assignments in the order in which they were derived.
+
+    What turns out to be a number or another symbol is handed on instead of being assigned: this is how a zero
+    (a fixed pivot, a constant speed, a piston that can't turn) prunes every term that it multiplies.
+    """
+
+    def __init__(self) -> None:
+        self.assignments: list[tuple[sm.Symbol, sm.Expr]] = []
+
+    def assign(self, symbol: sm.Symbol, expression: sm.Expr) -> sm.Expr:
+        """Record ``symbol = expression`` and return what stands for it from now on."""
+        expression = sm.sympify(expression)
+        if expression.is_Atom or (-expression).is_Atom:
+            return expression
+        self.assignments.append((symbol, expression))
+        return symbol
