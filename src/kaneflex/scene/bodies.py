@@ -36,7 +36,7 @@ MATERIALS = {
 }
 
 
-class Table(BaseModel):
+class SceneTable(BaseModel):
     """Base of every table of a scene file: frozen, and no key that it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
@@ -50,7 +50,7 @@ def _of_material(field: str):
     return default
 
 
-class Beam(Table):
+class Beam(SceneTable):
     """A planar Euler-Bernoulli beam with a uniform section along the body's length.
 
     `E` and `rho` come from `material` unless given; `A` may be left out where the body's mass is given.
@@ -60,7 +60,7 @@ class Beam(Table):
     E: PositiveModulus = Field(default_factory=_of_material("E"), description="Young's modulus")
     rho: PositiveDensity = Field(default_factory=_of_material("rho"), description="density")
     A: PositiveArea | None = None
-    I: PositiveSecondMoment  # noqa: E741  (the field's standard name)
+    I: PositiveSecondMoment
     elements: WholeNumber = 4
 
     @model_validator(mode="after")
@@ -85,7 +85,7 @@ def _default_inertia(data: dict) -> float:
     return data["mass"] * (data.get("length") or 0.0) ** 2 / 12
 
 
-class Body(Table):
+class Body(SceneTable):
     """A body; rigid unless it has a `beam`. Its frame starts at `start`, with `end` on its x axis.
 
     length in m; mass in kg (left out: massless, or rho A length of its beam); centre of mass in m in the body's axes
@@ -98,7 +98,7 @@ class Body(Table):
     mass: PositiveMass = Field(default_factory=_default_mass)
     centre: Point = Field(default_factory=_default_centre)
     inertia: Inertia = Field(default_factory=_default_inertia)
-    points: dict[str, Point] = {}
+    points: dict[str, Point] = Field(default={})
 
     @model_validator(mode="after")
     def _beam_fits(self) -> Body:

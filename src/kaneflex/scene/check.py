@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kaneflex.errors import Problem, nearest
+from kaneflex.errors import Fault, Problem, nearest
+from kaneflex.laws import parse_law
 from kaneflex.scene.quantities import RESERVED_NAMES, Address
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.sensors import POINT_KINDS, RIGID_COMPANIONS, Sensor
@@ -86,6 +87,15 @@ def _loads(scene: Scene) -> Iterator[Problem]:
         if load.against not in (None, "t", *scene.drives):
             cure = nearest(load.against, ["t", *scene.drives])
             yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)
+            continue
+        try:
+            if load.kind == "table":
+                load.read_table()
+            elif load.kind == "law":
+                parse_law(load.law, scene.law_names())
+        except Fault as fault:
+            field = fault.below or load.kind
+            yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
 
 
 def _sensors(scene: Scene) -> Iterator[Problem]:

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.errors import Fault, nearest
-from kaneflex.scene.bodies import Table
+from kaneflex.scene.bodies import SceneTable
 from kaneflex.scene.quantities import (
     Address,
     AddressField,
@@ -27,12 +27,13 @@ from kaneflex.scene.quantities import (
     WholeNumber,
 )
 from kaneflex.scene.units import ANGLE, TIME, to_si
+from kaneflex.tables import Table, read_table
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "axial", "gravity", "damping", "dynamics")
 
 
-def the_one_given(table: Table, names: tuple[str, ...]) -> str:
+def the_one_given(table: SceneTable, names: tuple[str, ...]) -> str:
     """Which of `names` is given, if it is exactly one."""
     given = [name for name in names if getattr(table, name) is not None]
     if len(given) != 1:
@@ -41,7 +42,7 @@ def the_one_given(table: Table, names: tuple[str, ...]) -> str:
     return given[0]
 
 
-class Joint(Table):
+class Joint(SceneTable):
     """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or `weld`.
 
     `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it. `rotation` is
@@ -75,7 +76,7 @@ class Joint(Table):
         return getattr(self, self.kind)
 
 
-class Drive(Table):
+class Drive(SceneTable):
     """Prescribed motion of the joint of the same name: constant `speed` (rad/s) from `angle` (rad) at t = 0.
 
     `cycle` (rad) is the drive's angle in which everything repeats. `rotation` is the elastic rotation at the driven
@@ -93,7 +94,7 @@ class Drive(Table):
         return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
 
 
-class Load(Table):
+class Load(SceneTable):
     """A point force along `direction`, in fixed (`global`) or `body` axes, in N.
 
     Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a `table` (CSV)
@@ -135,30 +136,37 @@ class Load(Table):
 
     @property
     def kind(self) -> str:
-        """ "value", "law" or "table"."""
+        """Which of "value", "law" and "table" gives the size."""
         return the_one_given(self, ("value", "law", "table"))
 
+    def read_table(self) -> Table:
+        """The table of a load that has one, in N over rad or s. Raises Fault (see `kaneflex.tables.read_table`)."""
+        table = read_table(self.table, self.column, self.unit, "s" if self.against == "t" else "deg")
+        if self.period is not None:
+            table.check_period(self.period, self.closing)
+        return table
 
-class Rayleigh(Table):
+
+class Rayleigh(SceneTable):
     """C = alpha M + beta K with the same damping `ratio` at the two frequencies `at` (Hz)."""
 
     ratio: NonNegativeRatio
     at: FrequencyPair
 
 
-class ModalDamping(Table):
+class ModalDamping(SceneTable):
     """One damping ratio for all modes, or one for each, the last one for the rest."""
 
     ratio: Ratios
 
 
-class Viscous(Table):
+class Viscous(SceneTable):
     """The paper's damping: a force of `mu` per length and velocity, N s/m^2."""
 
     mu: NonNegativeViscosity
 
 
-class Damping(Table):
+class Damping(SceneTable):
     """Damping of the elastic bodies: exactly one of the three."""
 
     rayleigh: Rayleigh | None = None
@@ -175,7 +183,7 @@ class Damping(Table):
         return the_one_given(self, ("rayleigh", "modal", "viscous"))
 
 
-class Solve(Table):
+class Solve(SceneTable):
     """How the scene is solved; every entry can also be set from the command line."""
 
     preset: str = "stiffened"
@@ -186,7 +194,7 @@ class Solve(Table):
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: Angle = 0.0
-    terms: dict[str, bool] = {}
+    terms: dict[str, bool] = Field(default={})
     rho_infinity: NonNegativeRatio = Field(default=0.8, description="generalised-alpha's spectral radius, 0 to 1")
 
     @field_validator("preset")

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
 
-from kaneflex.scene.bodies import Body, Table
+from kaneflex.scene.bodies import Body, SceneTable
 from kaneflex.scene.parts import Damping, Drive, Joint, Load, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
 
 
-class Scene(Table):
+class Scene(SceneTable):
     """A mechanism with its drives, loads, sensors and way of solving. Made by `read_scene`; SI throughout.
 
     Tables keep the file's order. `ground` holds further named fixed points (m, global axes).
@@ -25,13 +24,13 @@ class Scene(Table):
     description: str = ""
     assumptions: tuple[str, ...] = ()
     gravity: Acceleration = (0.0, 0.0)
-    ground: dict[str, Point] = {}
+    ground: dict[str, Point] = Field(default={})
     bodies: dict[str, Body] = Field(min_length=1)
-    joints: dict[str, Joint] = {}
-    drives: dict[str, Drive] = {}
-    loads: dict[str, Load] = {}
+    joints: dict[str, Joint] = Field(default={})
+    drives: dict[str, Drive] = Field(default={})
+    loads: dict[str, Load] = Field(default={})
     damping: Damping | None = None
-    sensors: dict[str, Sensor] = {}
+    sensors: dict[str, Sensor] = Field(default={})
     solve: Solve = Solve()
 
     _raw: dict[str, Any] = PrivateAttr(default_factory=dict)
@@ -42,7 +41,7 @@ class Scene(Table):
         return self._raw
 
     def point(self, address: Address) -> tuple[float, float]:
-        """Position of a point in its body's axes (of a ground point: in global axes), m."""
+        """Position of a point in m, in its body's axes; of a fixed point in global axes."""
         if address.body == "ground":
             return (0.0, 0.0) if address.point == "origin" else self.ground[address.point]
         return self.bodies[address.body].points_all[address.point]
@@ -68,6 +67,18 @@ class Scene(Table):
         """What a run covers, in s: `solve.duration`, else one cycle."""
         return self.solve.duration if self.solve.duration is not None else self.period
 
-    def tables(self) -> dict[str, Path]:
-        """The CSV file of every load that has one."""
-        return {name: Path(load.table) for name, load in self.loads.items() if load.table is not None}
+    def law_names(self) -> tuple[str, ...]:
+        """Names that a law may use beside pi: t, each drive's angle (rad) and speed (rad/s)."""
+        return ("t", *self.drives, *(f"{name}_speed" for name in self.drives))
+
+    def structure(self) -> dict[str, Any]:
+        """What the equations depend on, as plain data (see `kaneflex.scene.structure`)."""
+        from kaneflex.scene.structure import structure
+
+        return structure(self)
+
+    def structure_hash(self) -> str:
+        """The structure's name: equal structures share one generated module."""
+        from kaneflex.scene.structure import structure_hash
+
+        return structure_hash(self)

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
-from kaneflex.scene.bodies import Table
+from kaneflex.scene.bodies import SceneTable
 from kaneflex.scene.parts import the_one_given
 from kaneflex.scene.quantities import Address, AddressField, Length
 
@@ -36,7 +36,7 @@ def _default_reading(data: dict) -> str:
     return "accelerometer" if data.get("axes") == "body" else "kinematic"
 
 
-class Sensor(Table):
+class Sensor(SceneTable):
     """One measured quantity: exactly one kind, with the address it is measured at.
 
     displacement, velocity, acceleration, position: of a body's point; `component` x, y or angle, in `body` axes (the

@@ -1,0 +1,83 @@
+"""What of a scene its equations depend on: topology, and which numbers are exactly zero (or a direction's +-1).
+
+Lengths, masses, tables, numbers of elements or modes, integrators, sensors and damping are run-time matters.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from kaneflex.contract import FORMAT
+from kaneflex.laws import parse_law
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.scene import Scene
+
+ANY = "*"
+"""A number that the equations hold as a parameter."""
+
+
+def structure(scene: Scene) -> dict[str, Any]:
+    """The structure as plain data, every table sorted by name.
+
+    Numbers stand as 0, in directions also as 1 and -1, where they are exactly that, else as "*".
+    """
+    return {
+        "bodies": {name: _body(scene, name) for name in sorted(scene.bodies)},
+        "points": _points(scene),
+        "joints": {name: _joint(scene, name) for name in sorted(scene.joints)},
+        "drives": {name: {"kind": "constant speed"} for name in sorted(scene.drives)},
+        "loads": {name: _load(scene, name) for name in sorted(scene.loads)},
+        "gravity": _zeros(scene.gravity),
+    }
+
+
+def structure_hash(scene: Scene) -> str:
+    """Sixteen hexadecimal digits that name the structure and the format of generated modules."""
+    text = json.dumps({"format": FORMAT, **structure(scene)}, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _body(scene: Scene, name: str) -> dict[str, Any]:
+    body = scene.bodies[name]
+    mass, inertia = _zeros((body.mass, body.inertia))
+    return {"elastic": body.elastic, "mass": mass, "inertia": inertia, "centre": _zeros(body.centre)}
+
+
+def _points(scene: Scene) -> dict[str, list[Any]]:
+    """Coordinates of the points that a scene names itself and that joints or loads use."""
+    used = {address for joint in scene.joints.values() for address in joint.addresses}
+    used |= {load.force_on for load in scene.loads.values()}
+    return {str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)}
+
+
+def _is_named(scene: Scene, address: Address) -> bool:
+    points = scene.ground if address.body == "ground" else scene.bodies[address.body].points
+    return address.point in points
+
+
+def _joint(scene: Scene, name: str) -> dict[str, Any]:
+    joint = scene.joints[name]
+    entry = {"kind": joint.kind, "between": [str(address) for address in joint.addresses]}
+    if joint.direction is not None:
+        entry["direction"] = _direction(joint.direction)
+    return entry | {"closes_loop": name in scene.loop_joints()}
+
+
+def _load(scene: Scene, name: str) -> dict[str, Any]:
+    load = scene.loads[name]
+    entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
+    if load.kind == "table":
+        return entry | {"kind": "table", "against": load.against}
+    if load.kind == "law":
+        return entry | {"kind": "law", "law": parse_law(load.law, scene.law_names()).text}
+    return entry | {"kind": "constant"}
+
+
+def _zeros(numbers: tuple[float, ...]) -> list[Any]:
+    return [0 if number == 0 else ANY for number in numbers]
+
+
+def _direction(direction: tuple[float, float]) -> list[Any]:
+    return [int(component) if component in (0, 1, -1) else ANY for component in direction]
