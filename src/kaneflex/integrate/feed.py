@@ -1,0 +1,85 @@
+"""The table of the motion's scalars, handed to the compiled loops in pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.errors import UserError
+
+Table = Callable[[np.ndarray], np.ndarray]
+"""Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
+
+_LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB
+
+
+@dataclass
+class Feed:
+    """Rows of the table for the steps of one run.
+
+    nodes: of the method, where a step reads the table. period_steps: steps of a cycle, whose table is made once and
+    read again; None where there is no cycle. constant: indices of scalars that must keep their first
+    values; None where all may change.
+    """
+
+    table: Table
+    n_scalars: int
+    t0: float
+    step: float
+    nodes: tuple[float, ...]
+    period_steps: int | None
+    constant: np.ndarray | None = None
+    _cycle: np.ndarray | None = None
+    _first: np.ndarray | None = None
+
+    def first_row(self) -> np.ndarray:
+        """Scalars at the start of the run, shape (n_scalars,)."""
+        if self._first is None:
+            self._first = self.row(self.t0)
+        return self._first
+
+    def row(self, t: float) -> np.ndarray:
+        """Scalars at one time in s, shape (n_scalars,)."""
+        return self._checked(np.array([t]))[0]
+
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int]:
+        """Table for at most `n_steps` steps after step `done`, its steps before that one, and how many steps it serves."""
+        if self.period_steps is not None:
+            if self._cycle is None:
+                rows = self._rows(0, self.period_steps)
+                self._cycle = np.concatenate((rows, rows[:1]))
+            return self._cycle, done % self.period_steps, n_steps
+        steps = max(1, min(n_steps, _LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
+        rows = self._rows(done, steps)
+        end = self._checked(np.array([self.t0 + (done + steps) * self.step]))
+        return np.concatenate((rows, end)), 0, steps
+
+    def _rows(self, done: int, steps: int) -> np.ndarray:
+        at = done + np.arange(steps)
+        return self._checked((self.t0 + np.add.outer(at, np.array(self.nodes)) * self.step).ravel())
+
+    def _checked(self, times: np.ndarray) -> np.ndarray:
+        rows = np.array(self.table(times), dtype=np.float64, order="C")  # a copy: the loops want it writable
+        if rows.shape != (times.size, self.n_scalars):
+            raise ValueError(f"the table has shape {rows.shape}: must be {(times.size, self.n_scalars)}")
+        finite = np.isfinite(rows)
+        if not finite.all():
+            row, scalar = np.argwhere(~finite)[0]
+            raise UserError(
+                f"scalar {scalar} of the motion", rows[row, scalar], f"not a finite number at t = {times[row]:.9g} s",
+                "Check the motion and the loads at this time",
+            )  # fmt: skip
+        if self.constant is not None:
+            self._check_constant(rows, times)
+        return rows
+
+    def _check_constant(self, rows: np.ndarray, times: np.ndarray) -> None:
+        first = rows[0] if self._first is None else self._first
+        changed = np.argwhere(rows[:, self.constant] != first[self.constant])
+        if changed.size:
+            raise UserError(
+                "integrator", "exact-modal", f"the matrices change in time (at t = {times[changed[0][0]]:.9g} s)",
+                "Use newmark, generalised-alpha or gauss, or a model that freezes the matrices",
+            )  # fmt: skip

@@ -1,0 +1,120 @@
+"""The methods, as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.errors import UserError, nearest
+from kaneflex.integrate.system import AffineSystem
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of integration.
+
+    order: of convergence in the step; None where the step is chosen by the method itself.
+    description: one line for people, with the source.
+    nodes: where a step reads the table, in steps from its start; the end of the step comes on top.
+    carried: how many vectors of n numbers go from step to step: 2 for (z, v), 3 with the method's own accelerations.
+    stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none.
+    coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes.
+    """
+
+    name: str
+    order: int | None
+    description: str
+    nodes: tuple[float, ...]
+    carried: int
+    stepper: str | None
+    coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
+
+
+def newmark_weights(
+    step: float, alpha_m: float, alpha_f: float, beta: float, gamma: float
+) -> tuple[float, ...]:
+    """Weights of the loop `newmark`: see there."""
+    kappa = (1.0 - alpha_f) / (1.0 - alpha_m)
+    squared = step * step
+    return (
+        step,
+        alpha_f / (1.0 - alpha_m),
+        -alpha_m / (1.0 - alpha_m),
+        kappa,
+        gamma * step * kappa,
+        beta * squared * kappa,
+        (1.0 - gamma) * step,
+        gamma * step,
+        (0.5 - beta) * squared,
+        beta * squared,
+    )
+
+
+def _average_acceleration(
+    system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float
+) -> tuple[float, ...]:
+    return newmark_weights(step, alpha_m=0.0, alpha_f=0.0, beta=0.25, gamma=0.5)
+
+
+def _generalised_alpha(
+    system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float
+) -> tuple[float, ...]:
+    # Chung and Hulbert 1993, eqs. (17), (18), (25)
+    if not 0.0 <= rho_infinity <= 1.0:
+        raise UserError(
+            "rho_infinity", rho_infinity, "the spectral radius at infinite frequency lies between 0 and 1",
+            "Give 1 for no damping of the highest frequencies, 0 to extinguish them in one step",
+        )  # fmt: skip
+    alpha_m = (2.0 * rho_infinity - 1.0) / (rho_infinity + 1.0)
+    alpha_f = rho_infinity / (rho_infinity + 1.0)
+    surplus = 1.0 - alpha_m + alpha_f
+    return newmark_weights(step, alpha_m, alpha_f, beta=0.25 * surplus**2, gamma=0.5 - alpha_m + alpha_f)
+
+
+def _gauss(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> tuple[float]:
+    return (step,)
+
+
+def _exact_modal(
+    system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float
+) -> np.ndarray:
+    from kaneflex.integrate.modal import transition  # scipy.linalg only where it is used
+
+    return transition(system, row, step)
+
+
+_GAUSS_NODES = (0.0, 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+
+METHODS = {
+    method.name: method
+    for method in (
+        Method(
+            "newmark", 2, "Newmark, average acceleration (Newmark 1959): no damping of its own",
+            (0.0,), 2, "newmark", _average_acceleration,
+        ),
+        Method(
+            "generalised-alpha", 2, "generalised-alpha (Chung and Hulbert 1993): damps the highest frequencies",
+            (0.0,), 3, "newmark", _generalised_alpha,
+        ),
+        Method(
+            "gauss", 4, "two-stage Gauss-Legendre (Hairer and Wanner 1996): order 4, no damping of its own",
+            _GAUSS_NODES, 2, "gauss", _gauss,
+        ),
+        Method(
+            "exact-modal", 2, "decoupled modes, constant coefficients: exact for loads linear within a step",
+            (0.0,), 2, "exact_modal", _exact_modal,
+        ),
+        Method("scipy", None, "scipy.integrate.solve_ivp: slow, a second opinion", (0.0,), 2, None, None),
+    )
+}  # fmt: skip
+"""The methods by name."""
+
+
+def method_named(name: str) -> Method:
+    """The method called `name`; UserError where there is none."""
+    if name not in METHODS:
+        raise UserError("integrator", name, "there is no such integrator", nearest(name, METHODS))
+    return METHODS[name]

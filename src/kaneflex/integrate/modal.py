@@ -1,0 +1,67 @@
+"""Decoupled modes with constant coefficients, advanced exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.errors import UserError
+from kaneflex.integrate.system import AffineSystem, Packed
+
+
+def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray:
+    """Coefficients of one exact step of m z'' + c z' + k z = F, F linear within the step; shape (n, 11).
+
+    Columns: z_1 = (0) z_0 + (1) v_0 + (2) F_0 + (3) F_1, v_1 the same with (4) to (7), z'' = (8) F - (9) v - (10) z.
+
+    With F = F_0 + (F_1 - F_0) tau, tau = t / step, the vector (z, v / sigma, F, dF/dtau) obeys a linear equation
+    with constant matrix, whose exponential holds them all, whether a mode oscillates, creeps or is free (no case is
+    singled out, so none loses digits next to another). sigma = max(frequency, 1 / step) balances the matrix; the
+    relative error is about its norm, step * frequency, times the rounding unit, as that of any phase is.
+    """
+    from scipy.linalg import expm
+
+    mass, damping, stiffness = (_diagonal(system, name, row) for name in ("M", "C", "K"))
+    if not np.all(mass > 0.0):
+        raise _not_decoupled("a mode has no positive mass")
+    rate, square = damping / mass, stiffness / mass
+    sigma = np.maximum(np.sqrt(np.abs(square)), 1.0 / step)
+    matrix = np.zeros((system.n, 4, 4))
+    matrix[:, 0, 1] = sigma * step
+    matrix[:, 1, 0] = -square * step / sigma
+    matrix[:, 1, 1] = -rate * step
+    matrix[:, 1, 2] = 1.0
+    matrix[:, 2, 3] = 1.0
+    flow = expm(matrix)
+    force = step / (sigma * mass)  # left out of the matrix, so that its size does not spoil the balance
+    coefficients = np.empty((system.n, 11))
+    for first, scale, line in ((0, np.ones(system.n), 0), (4, sigma, 1)):
+        coefficients[:, first] = scale * flow[:, line, 0]
+        coefficients[:, first + 1] = scale * flow[:, line, 1] / sigma
+        coefficients[:, first + 2] = scale * force * (flow[:, line, 2] - flow[:, line, 3])
+        coefficients[:, first + 3] = scale * force * flow[:, line, 3]
+    coefficients[:, 8], coefficients[:, 9], coefficients[:, 10] = 1.0 / mass, rate, square
+    return coefficients
+
+
+def constants(system: AffineSystem) -> np.ndarray:
+    """Indices of the scalars that must not change in time: those of M, C and K."""
+    return np.unique(np.concatenate([system.scalars_of(name) for name in ("M", "C", "K")]))
+
+
+def forces_only(packed: Packed) -> Packed:
+    """The runs of F alone, counted from 0: all that the loop `exact_modal` reads."""
+    start = 3 * packed.layout.n_slots
+    runs = packed.runs[packed.runs[:, 1] >= start]
+    runs[:, 1] -= start
+    return packed._replace(layout=packed.layout._replace(n_slots=0), runs=runs)
+
+
+def _diagonal(system: AffineSystem, name: str, row: np.ndarray) -> np.ndarray:
+    matrix = system.dense(name, row)
+    if np.any(matrix != np.diag(np.diag(matrix))):
+        raise _not_decoupled(f"{name} couples its coordinates")
+    return np.diag(matrix).copy()
+
+
+def _not_decoupled(reason: str) -> UserError:
+    return UserError("integrator", "exact-modal", reason, "Use newmark, generalised-alpha or gauss")

@@ -1,0 +1,40 @@
+"""How a run ended, and what it gave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+
+class Outcome(Enum):
+    """How a run ended; the value is what a user reads."""
+
+    COMPLETED = "completed"
+    UNSTABLE = "unstable: the motion grows beyond all bounds"
+    SINGULAR = "singular step: the equations of the step have no unique solution"
+    NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Motion at the stored steps, in the units of the system.
+
+    times: shape (n_out,), s. z, v, a: shape (n_out, n), displacements, velocities and accelerations; they satisfy the
+    equation of motion at `times`. A run that stopped early holds what came before; where no periodic state could be
+    found it holds nothing.
+    outcome, message: how it ended; the message adds time and reason.
+    multipliers: complex, shape (2 n,), Floquet multipliers by decreasing modulus, of the *discrete* equations; None
+    where none were computed.
+    ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns.
+    """
+
+    times: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    outcome: Outcome
+    message: str
+    multipliers: np.ndarray | None
+    ns_per_step: float

@@ -1,0 +1,133 @@
+"""Integrate: from a system, the table of its scalars and a method to a trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.errors import UserError
+from kaneflex.integrate.crosscheck import solve_ivp_run
+from kaneflex.integrate.feed import Feed, Table
+from kaneflex.integrate.methods import method_named
+from kaneflex.integrate.modal import constants, forces_only
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.periodic import periodic_state
+from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
+from kaneflex.integrate.system import AffineSystem
+
+Start = str | tuple[np.ndarray, np.ndarray]
+
+
+def integrate(
+    system: AffineSystem,
+    table: Table,
+    t0: float,
+    step: float,
+    n_steps: int,
+    method: str = "newmark",
+    *,
+    start: Start = "zero",
+    period_steps: int | None = None,
+    every: int = 1,
+    rho_infinity: float = 0.8,
+    scipy_method: str = "DOP853",
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Integrate M z'' + C z' + K z = F from `t0` over `n_steps` steps.
+
+    Parameters
+    ----------
+    table: scalars of the motion, shape (n_times, n_scalars), at an array of times in s; asked once for a cycle if
+        `period_steps` is given, else for one piece of the run after the other.
+    step: in s. n_steps: at least 1.
+    method: a name in `methods.METHODS`.
+    start: "zero", a pair (z, v) of arrays of shape (n,), or "periodic": the motion that repeats itself after
+        `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one factorisation a
+        step), so that no transient has to die.
+    period_steps: steps of one cycle of the table.
+    every: store one step in so many, the first one included.
+    rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
+    scipy_method: of solve_ivp, for the method "scipy".
+    progress: called with the finished share of the work, first of the periodic start, then of the run.
+
+    A run that grows beyond all bounds or meets a singular step stops there with a named outcome; so does a periodic
+    start without a periodic state, or with one that repels its neighbours. Raises UserError for arguments that can't
+    be used, and for a table that holds a number that is not finite.
+    """
+    chosen = method_named(method)
+    _check(chosen.name, step, n_steps, start, period_steps, every)
+    exact = chosen.stepper == "exact_modal"
+    feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps, constants(system) if exact else None)
+    if chosen.coefficients is None:
+        return solve_ivp_run(system, feed, n_steps, every, _given(system, start), scipy_method)
+    setup = Setup(
+        system, chosen, feed, forces_only(system.packed) if exact else system.packed,
+        chosen.coefficients(system, feed.first_row(), step, rho_infinity),
+    )  # fmt: skip
+    if start == "periodic":
+        found = periodic_state(setup, period_steps, progress)
+        if found.state is None:
+            return _nothing(system, found.outcome, found.message, found.multipliers)
+        return _run(setup, found.state, n_steps, every, progress, found.message, found.multipliers)
+    z, v = _given(system, start)
+    state = State.zeros(1, system.n)
+    state.z[0], state.v[0] = z, v
+    if not setup.consistent(state, np.ones(1)):
+        outcome = Outcome.SINGULAR
+        return _nothing(system, outcome, f"{outcome.value}: M is singular at t = {t0:.9g} s", None)
+    state.a[:] = state.q
+    return _run(setup, state, n_steps, every, progress, "", None)
+
+
+def _run(
+    setup: Setup, state: State, n_steps: int, every: int, progress: Progress | None, remark: str,
+    multipliers: np.ndarray | None,
+) -> Trajectory:  # fmt: skip
+    rows = n_steps // every + 1
+    stored = Stored(*(np.zeros((rows, setup.system.n)) for _ in Stored._fields))
+    for out, now in zip(stored, (state.z, state.v, state.q), strict=True):
+        out[0] = now[0]
+    came = advance(setup, state, np.ones(1), n_steps, every, stored, True, progress)
+    t0, step = setup.feed.t0, setup.feed.step
+    complete = came.outcome is Outcome.COMPLETED
+    if complete:
+        message = "; ".join(filter(None, (came.outcome.value, remark)))
+    else:
+        message = f"{came.outcome.value}, at t = {t0 + came.steps * step:.9g} s (step {came.steps} of {n_steps})"
+        # the step that failed, and whatever is not a number just before it, is not shown
+        rows = (max(came.steps - 1, 0)) // every + 1
+        rows = int(np.logical_and.accumulate(np.isfinite(np.hstack(stored)[:rows]).all(axis=1)).sum())
+    times = t0 + step * (every * np.arange(rows))
+    return Trajectory(times, *(out[:rows] for out in stored), came.outcome, message, multipliers, came.ns_per_step)
+
+
+def _nothing(system: AffineSystem, outcome: Outcome, message: str, multipliers: np.ndarray | None) -> Trajectory:
+    empty = np.zeros((0, system.n))
+    return Trajectory(np.zeros(0), empty, empty, empty, outcome, message, multipliers, 0.0)
+
+
+def _given(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
+    if isinstance(start, str):
+        return np.zeros(system.n), np.zeros(system.n)
+    z, v = (np.asarray(part, dtype=float) for part in start)
+    for name, part in (("z", z), ("v", v)):
+        if part.shape != (system.n,) or not np.isfinite(part).all():
+            raise UserError(
+                f"start {name}", part, f"not {system.n} finite numbers", "Give one number for each coordinate"
+            )
+    return z, v
+
+
+def _check(
+    method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int
+) -> None:
+    if not (np.isfinite(step) and step > 0.0):
+        raise UserError("step", step, "a step must be a positive time", "Give the number of steps per cycle or per run")
+    for name, value in (("steps", n_steps), ("every", every), ("period_steps", period_steps)):
+        if value is not None and value < 1:
+            raise UserError(name, value, "there must be at least one step", "Give a whole number from 1 on")
+    if isinstance(start, str) and start not in ("zero", "periodic"):
+        raise UserError("start", start, "there is no such start", "Give zero, periodic or a state")
+    if start == "periodic" and period_steps is None:
+        raise UserError("start", start, "the motion has no cycle", "Give a drive with a constant speed and a cycle")
+    if start == "periodic" and method == "scipy":
+        raise UserError("start", start, "scipy finds no periodic start", "Start it from a state that gauss has found")

@@ -1,0 +1,140 @@
+"""Drive a compiled loop over a run, piece by piece, so that Python can show progress and be interrupted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.integrate import steppers
+from kaneflex.integrate.feed import Feed
+from kaneflex.integrate.methods import Method
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.system import AffineSystem, Packed
+
+Progress = Callable[[float], None]
+"""Called with the finished share of the work, 0 to 1, a few times a second."""
+
+_WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
+_RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
+_LARGEST = 1e150  # its square is still a number
+
+_OUTCOMES = {
+    steppers.COMPLETED: Outcome.COMPLETED,
+    steppers.SINGULAR: Outcome.SINGULAR,
+    steppers.UNBOUNDED: Outcome.UNSTABLE,
+}
+
+
+class State(NamedTuple):
+    """Columns of states, each array of shape (columns, n): displacements, velocities, the method's and true accelerations."""
+
+    z: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    q: np.ndarray
+
+    @classmethod
+    def zeros(cls, columns: int, n: int) -> State:
+        return cls(*(np.zeros((columns, n)) for _ in cls._fields))
+
+
+class Stored(NamedTuple):
+    """Stored steps of the first column, each array of shape (n_out, n)."""
+
+    z: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+class Advance(NamedTuple):
+    """How far the compiled loop came, how it ended, and the nanoseconds a step took in it."""
+
+    steps: int
+    outcome: Outcome
+    ns_per_step: float
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """All that does not change during a run. `packed` is what the method's loop reads of the system."""
+
+    system: AffineSystem
+    method: Method
+    feed: Feed
+    packed: Packed
+    coefficients: object
+
+    def consistent(self, state: State, load: np.ndarray) -> bool:
+        """Fill `state.q` with the true accelerations at the start; False where M is singular there."""
+        row = self.feed.first_row()[None, :].copy()
+        return steppers.accelerations(self.system.packed, row, 0, load, state.z, state.v, state.q)
+
+
+def advance(
+    setup: Setup, state: State, load: np.ndarray, n_steps: int, every: int, stored: Stored, bounded: bool,
+    progress: Progress | None,
+) -> Advance:  # fmt: skip
+    """Take `n_steps` steps with every column of `state`, in place; store the first column in `stored`.
+
+    load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free masses;
+    else only where its square is no longer a number.
+    """
+    loop = getattr(steppers, setup.method.stepper)
+    bound = _Bound(setup, state, n_steps) if bounded else None
+    most = _steps_of_a_call(setup.system, state.z.shape[0], len(setup.method.nodes))
+    done, spent, outcome = 0, 0.0, Outcome.COMPLETED
+    while done < n_steps and outcome is Outcome.COMPLETED:
+        scalars, position, steps = setup.feed.piece(done, min(most, n_steps - done))
+        limit = bound.square(scalars) if bound else _LARGEST**2
+        started = 0.0
+        for count in (0, steps) if done == 0 else (steps,):  # the call without a step compiles, outside the clock
+            started = time.perf_counter()
+            taken, status = loop(
+                setup.packed, scalars, position, count, setup.coefficients, load, *state, done, every, limit, *stored
+            )
+        spent += time.perf_counter() - started
+        done += taken
+        outcome = _OUTCOMES[status]
+        if progress:
+            progress(done / n_steps)
+    return Advance(done, outcome, 1e9 * spent / max(done, 1))
+
+
+class _Bound:
+    """A displacement that only a runaway motion reaches.
+
+    Free masses under the largest forces move by z_0 + v_0 T + F T^2 / m in the time T of the run; the springs and
+    dampers of a stable system only lower that, by orders of magnitude.
+    """
+
+    def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
+        self._system = setup.system
+        self._duration = n_steps * setup.feed.step
+        self._free = np.abs(state.z).max() + self._duration * np.abs(state.v).max()
+        self._acceleration = 0.0
+        self._seen: np.ndarray | None = None
+
+    def square(self, scalars: np.ndarray) -> float:
+        """Its square, for the forces met so far and those in this piece of the table."""
+        if scalars is not self._seen:
+            self._seen = scalars
+            width = self._system.half_bandwidth
+            mass = np.abs(self._system.M @ scalars[0])[width :: 2 * width + 1]
+            force = np.abs(self._system.F @ scalars.T).max(axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                largest = np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max()
+            self._acceleration = max(self._acceleration, largest)
+        reach = self._free + self._duration**2 * self._acceleration
+        return min(_RUNAWAY * reach, _LARGEST) ** 2 if reach > 0.0 else _LARGEST**2
+
+
+def _steps_of_a_call(system: AffineSystem, columns: int, nodes: int) -> int:
+    packed = system.packed
+    matrix = packed.pairs if nodes > 1 else packed.layout
+    factor = matrix.n_slots * min(matrix.n, 2 * system.half_bandwidth + 1)
+    work = nodes * packed.data.size + factor + columns * 4 * matrix.n_slots
+    return max(1, int(_WORK_OF_A_CALL / work))
