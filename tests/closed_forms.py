@@ -279,10 +279,10 @@ def frame_load(rhoA, L, x0, w, e, ax, ay):
 
 
 def slider_crank(r, L, phi, w, e=0.0):
-    """Rigid slider-crank with the slider on the crank's X axis; crank angle phi from top dead centre (rod along +X).
+    """Rigid slider-crank, slider on the crank's X axis, crank angle phi from top dead centre (rod along +X).
 
-    Numbers or arrays. phi2, omega2, epsilon2 of the rod and position, velocity, acceleration of the piston, by
-    differentiating L sin phi2 = -r sin phi and x = r cos phi + L cos phi2 by hand; paper (77) at the piston.
+    For numbers or arrays; angle, speed and acceleration of the rod and of the piston, by differentiating
+    L sin phi2 = -r sin phi and x = r cos phi + L cos phi2 by hand; paper (77) at the piston.
     """
     s1, c1 = np.sin(phi), np.cos(phi)
     s2 = -r / L * s1
@@ -302,9 +302,9 @@ def slider_crank(r, L, phi, w, e=0.0):
 def slider_crank_forces(r, L, crank, rod, m_piston, phi, w, F_gas, e=0.0):
     """Newton-Euler by hand, from the piston to the shaft; gas force F_gas along -X on the piston, no gravity.
 
-    crank, rod: (mass, distance of its centre from the first joint, inertia about its centre). The force of the
-    crank on the rod (crank_pin_force_*), of the ground on the crank (main_bearing_force_*), of the guide on the
-    piston (piston_side_force), the rod's tension at the piston pin (rod_force_piston), the drive's torque.
+    crank, rod: (mass, distance of its centre from the first joint, inertia about its centre). The forces are
+    those of the crank on the rod (crank_pin_*), of the ground on the crank (main_bearing_*), of the guide on
+    the piston (piston_side_force), the rod's tension at the piston pin and the drive's torque.
     """
     (m1, d1, J1), (m2, d2, J2) = crank, rod
     motion = slider_crank(r, L, phi, w, e)

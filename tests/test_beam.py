@@ -1,0 +1,340 @@
+"""The derived element equals the hand-written closed forms, symbolically and with the offset x_0."""
+
+import os
+import subprocess
+import sys
+
+import closed_forms as by_hand
+import pytest
+from kaneflex.derive import beam
+from kaneflex.derive.beam import E_A, E_I, P_0, a_x, a_y, epsilon, length, omega, rho_A, x, x_0
+from sympy import Function, Matrix, Symbol, cos, diff, integrate, sin, symbols
+from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+
+S_HAT = Matrix(by_hand.S_HAT)
+# Group, matrix and scalar of each term, by its name.
+EXPECTED_TERMS = {
+    "mass": ("inertia", "M", 1),
+    "gyroscopic": ("gyroscopic", "C", omega),
+    "spin": ("spin", "K", omega**2),
+    "euler": ("euler", "K", epsilon),
+    "centrifugal_load": ("load", "F", omega**2),
+    "euler_load": ("load", "F", epsilon),
+    "load_x": ("load", "F", a_x),
+    "load_y": ("load", "F", a_y),
+    "axial_stiffness": ("elastic", "K", 1),
+    "bending_stiffness": ("elastic", "K", 1),
+    "tension_origin": ("geometric", "K", P_0),
+    "tension_acceleration": ("geometric", "K", a_x),
+    "tension_spin": ("geometric", "K", omega**2),
+    "viscous": ("damping", "C", 1),
+}
+
+
+@pytest.fixture(scope="module")
+def element():
+    return beam.euler_bernoulli()
+
+
+@pytest.fixture(scope="module")
+def matrices(element):
+    """Constant matrices by term name."""
+    return {term.name: term.matrix for term in element.terms + element.frame_terms}
+
+
+def equal(derived, expected) -> bool:
+    """Exact equality of two matrices; expected may be an array of numbers and SymPy expressions."""
+    return (Matrix(derived) - Matrix(expected)).expand().is_zero_matrix
+
+
+def K_g_in_link(P_0, P_1, P_2, L, x0):
+    """K_g of the tension P_0 + P_1 X + P_2 X^2 in the link's X = x0 + s, by the element-local closed form."""
+    return by_hand.geometric(P_0 + P_1 * x0 + P_2 * x0**2, P_1 + 2 * P_2 * x0, P_2, L)
+
+
+def test_terms_are_the_affine_form_and_nothing_else(element):
+    assert {t.name: (t.group, t.target, t.scalar) for t in element.terms} == EXPECTED_TERMS
+    assert [name for name, *_ in element.parameters] == ["rho_A", "E_A", "E_I", "length", "x_0"]
+    assert [name for name, *_ in element.scalars] == ["omega", "epsilon", "a_x", "a_y", "P_0"]
+    names = [term.name for term in element.terms + element.frame_terms]
+    assert len(names) == len(set(names))
+
+
+def test_matrices_hold_parameters_only_and_scalars_hold_the_motion_only(element):
+    parameters = {symbol for _, symbol, *_ in element.parameters}
+    scalars = {symbol for _, symbol, *_ in element.scalars}
+    for term in element.terms + element.frame_terms:
+        assert term.matrix.free_symbols <= parameters, term.name
+        assert getattr(term.scalar, "free_symbols", set()) <= scalars, term.name
+
+
+def test_shape_functions_interpolate_the_nodes(element):
+    """N and v' at both ends give back q, which the printed (55) would not at x = l."""
+    u, v = element.shape[0, :], element.shape[1, :]
+    rows = Matrix.vstack(u, v, diff(v, x))
+    assert equal(Matrix.vstack(rows.subs(x, 0), rows.subs(x, length)), Matrix.eye(6))
+
+
+CLOSED_FORMS = {
+    "mass": lambda: by_hand.mass(rho_A, length),
+    "gyroscopic": lambda: by_hand.gyroscopic(rho_A, length, 1),
+    "spin": lambda: by_hand.dynamic_stiffness(rho_A, length, 1, 0),
+    "euler": lambda: by_hand.dynamic_stiffness(rho_A, length, 0, 1),
+    "centrifugal_load": lambda: by_hand.load_centrifugal(rho_A, length, x_0, 1),
+    "euler_load": lambda: by_hand.load_euler(rho_A, length, x_0, 1),
+    "load_x": lambda: by_hand.load_acceleration(rho_A, length, 1, 0),
+    "load_y": lambda: by_hand.load_acceleration(rho_A, length, 0, 1),
+    "axial_stiffness": lambda: by_hand.axial_stiffness(E_A, length),
+    "bending_stiffness": lambda: by_hand.bending_stiffness(E_I, length),
+    "tension_origin": lambda: K_g_in_link(1, 0, 0, length, x_0),
+    "tension_acceleration": lambda: K_g_in_link(0, rho_A, 0, length, x_0),
+    "tension_spin": lambda: K_g_in_link(0, 0, -rho_A / 2, length, x_0),
+    "viscous": lambda: by_hand.viscous(1, length),
+    "frame_mass": lambda: by_hand.frame_mass(rho_A, length, x_0),
+    "frame_gyroscopic": lambda: by_hand.frame_gyroscopic(rho_A, length, x_0, 1),
+    "frame_spin": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 1, 0, 0, 0),
+    "frame_euler": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 0, 1, 0, 0),
+    "frame_displaced_load_x": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 0, 0, 1, 0),
+    "frame_displaced_load_y": lambda: by_hand.frame_stiffness(rho_A, length, x_0, 0, 0, 0, 1),
+    "frame_centrifugal_load": lambda: by_hand.frame_load(rho_A, length, x_0, 1, 0, 0, 0),
+    "frame_euler_load": lambda: by_hand.frame_load(rho_A, length, x_0, 0, 1, 0, 0),
+    "frame_load_x": lambda: by_hand.frame_load(rho_A, length, x_0, 0, 0, 1, 0),
+    "frame_load_y": lambda: by_hand.frame_load(rho_A, length, x_0, 0, 0, 0, 1),
+}
+
+
+def test_every_term_has_a_closed_form(matrices):
+    assert set(CLOSED_FORMS) == set(matrices)
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_derived_equals_closed_form(matrices, name):
+    assert equal(matrices[name], CLOSED_FORMS[name]())
+
+
+def test_whole_equations_equal_the_closed_forms(element):
+    """M, C, K, F with all scalars together, and the load of gravity through a - g."""
+    K_g = K_g_in_link(P_0, rho_A * a_x, -rho_A * omega**2 / 2, length, x_0)
+    K_d = by_hand.dynamic_stiffness(rho_A, length, omega, epsilon)
+    K = by_hand.stiffness(E_A, E_I, length) + K_d + K_g
+    g_x, g_y = symbols("g_x g_y")
+    F = (
+        by_hand.load_acceleration(rho_A, length, a_x, a_y)
+        + by_hand.load_gravity(rho_A, length, g_x, g_y)
+        + by_hand.load_centrifugal(rho_A, length, x_0, omega)
+        + by_hand.load_euler(rho_A, length, x_0, epsilon)
+    )
+    assert equal(element.matrix("C"), by_hand.gyroscopic(rho_A, length, omega))
+    assert equal(element.matrix("K"), K)
+    assert equal(element.matrix("F").xreplace({a_x: a_x - g_x, a_y: a_y - g_y}), F)
+
+
+def test_tension_from_the_far_end_is_the_tension_from_the_origin(element):
+    """The closed form N(s) counted from the tension at the element's far end gives the same K_g."""
+    N_end, g_x = symbols("N_end g_x")
+    c0, c1, c2 = by_hand.tension_from_end(N_end, rho_A, length, x_0, omega, a_x, g_x)
+    X_end = x_0 + length
+    origin = N_end - rho_A * (a_x - g_x) * X_end + rho_A * omega**2 * X_end**2 / 2
+    K_g = sum((t.scalar * t.matrix for t in element.terms if t.group == "geometric"), Matrix.zeros(6))
+    derived = K_g.subs({P_0: origin, a_x: a_x - g_x}, simultaneous=True)
+    assert equal(derived, by_hand.geometric(c0, c1, c2, length))
+
+
+def test_centrifugal_only_geometric_stiffness(matrices):
+    free_tip = rho_A * length**2 / 2
+    derived = (free_tip * matrices["tension_origin"] + matrices["tension_spin"]).subs(x_0, 0)
+    assert equal(derived, by_hand.geometric_centrifugal(rho_A, length, 1))
+
+
+def test_symmetry_and_rigid_motion(matrices):
+    """What must hold for any shape functions: symmetry, no force for rigid motion, Kane's reciprocity."""
+    square = {name for name, (_, target, _) in EXPECTED_TERMS.items() if target in "MCK"}
+    for name in square:
+        sign = -1 if name in ("gyroscopic", "euler") else 1
+        assert equal(matrices[name], sign * matrices[name].T), name
+    shift_x, shift_y = Matrix([1, 0, 0, 1, 0, 0]), Matrix([0, 1, 0, 0, 1, 0])
+    turn = Matrix([0, x_0, 1, 0, x_0 + length, 1])
+    stiffness = matrices["axial_stiffness"] + matrices["bending_stiffness"]
+    assert (stiffness * Matrix.hstack(shift_x, shift_y, turn)).expand().is_zero_matrix
+    accelerations = ("load_x", "load_y", "euler_load")
+    frame_inertia = -Matrix.hstack(*(matrices[f"frame_{name}"] for name in accelerations))
+    assert equal(matrices["frame_mass"] * Matrix.hstack(shift_x, shift_y, turn), frame_inertia)
+    loads = Matrix.hstack(*(matrices[name] for name in accelerations))
+    assert equal(loads, -matrices["frame_mass"].T)
+
+
+def test_elastic_rows_are_exactly_linear_in_the_coordinates():
+    """affine_terms leaves out products of coordinates; in the elastic rows there are none to leave out."""
+    equations = beam.particle_equations(beam.hermite_shape().displacement)
+    elastic = equations.q + equations.q_d + equations.q_dd
+    for row in equations.rows[3:]:
+        assert row.as_poly(*elastic).total_degree() == 1
+    assert equations.rows[2].as_poly(*elastic).total_degree() == 2
+
+
+def test_section_and_length_scale_nothing_else(matrices):
+    """Each stiffness holds its own rigidity, each inertia its own mass: nothing leaks into a neighbour."""
+    for name, own in (("axial_stiffness", E_A), ("bending_stiffness", E_I)):
+        assert matrices[name].free_symbols == {own, length}
+    for name in ("mass", "gyroscopic", "spin", "euler"):
+        assert matrices[name].free_symbols == {rho_A, length}
+
+
+# --- global components, paper (57), (93), (100), (104), (105) corrected ---
+
+
+@pytest.fixture(scope="module")
+def transformation():
+    """(T, T', T'') of q = T Q with the frame's angle phi(t), differentiated by SymPy."""
+    t = Symbol("t")
+    phi = Function("phi")(t)
+    T = Matrix(by_hand.rotation_to_local(cos(phi), sin(phi)))
+    motion = {diff(phi, t, 2): epsilon, diff(phi, t): omega, phi: Symbol("phi")}
+    return [diff(T, t, order).subs(motion) for order in range(3)]
+
+
+def test_derivatives_of_the_transformation(transformation):
+    T, T_d, T_dd = transformation
+    assert equal(T_d, -omega * S_HAT * T)
+    assert equal(T_dd, (-epsilon * S_HAT + omega**2 * S_HAT * S_HAT) * T)
+
+
+def test_global_component_forms(element, transformation):
+    """T^T (M T'' + C T' + K T) and T^T (2 M T' + C T): the w^2 and e brackets, typed by hand."""
+    T, T_d, T_dd = transformation
+    M, C = element.matrix("M"), element.matrix("C")
+    K_d = sum((t.scalar * t.matrix for t in element.terms if t.group in ("spin", "euler")), Matrix.zeros(6))
+    spin = Matrix(by_hand.spin_bracket(rho_A, length))
+    euler = Matrix(by_hand.euler_bracket(rho_A, length))
+    assert equal(M * T_dd + C * T_d + K_d * T, (omega**2 * spin + epsilon * euler) * T)
+    assert equal(2 * M * T_d + C * T, 2 * omega * euler * T)
+    G = element.matrix("C").xreplace({omega: 1}) / 2
+    assert equal(G - M * S_HAT, euler)
+    assert equal(-M + M * S_HAT * S_HAT - 2 * G * S_HAT, spin)
+
+
+def test_global_brackets_vanish_for_pure_translation():
+    """A translation of the whole element in global axes does not notice that the frame turns."""
+    for bracket in (by_hand.spin_bracket(rho_A, length), by_hand.euler_bracket(rho_A, length)):
+        for shift in ([1, 0, 0, 1, 0, 0], [0, 1, 0, 0, 1, 0]):
+            assert equal(Matrix(bracket) * Matrix(shift), Matrix.zeros(6, 1))
+
+
+def test_isotropic_inertia_has_no_gyroscopic_or_spin_effect_in_global_components(transformation):
+    """A point mass: M T'' + 2 w G T' + K_d T and 2 M T' + 2 w G T are exactly zero."""
+    T, T_d, T_dd = transformation
+    m = Symbol("m")
+    M, G = Matrix(by_hand.lumped_mass(m)), Matrix(by_hand.lumped_gyration(m))
+    K_d = -(omega**2) * M + epsilon * G
+    assert equal(M * T_dd + 2 * omega * G * T_d + K_d * T, Matrix.zeros(6))
+    assert equal(2 * M * T_d + 2 * omega * G * T, Matrix.zeros(6))
+
+
+# --- Kane alone ---
+
+
+def kane_rows(position, speeds, coordinates, mass, motion):
+    """fr* of a point mass at `position` (link axes) in a frame whose motion is prescribed."""
+    inertial, link = ReferenceFrame("inertial"), ReferenceFrame("link")
+    origin, point = Point("origin"), Point("point")
+    link.set_ang_vel(inertial, motion["w"] * link.z)
+    origin.set_vel(inertial, motion["v_x"] * link.x + motion["v_y"] * link.y)
+    time = dynamicsymbols._t
+    kinematics = [q.diff(time) - u for q, u in zip(coordinates, speeds, strict=True)]
+    rates = dict(zip([q.diff(time) for q in coordinates], speeds, strict=True))
+    point.set_pos(origin, position[0] * link.x + position[1] * link.y)
+    velocity = [part.diff(time).xreplace(rates) for part in position]
+    point.set_vel(link, velocity[0] * link.x + velocity[1] * link.y)
+    point.v1pt_theory(origin, inertial, link)
+    kane = KanesMethod(inertial, q_ind=coordinates, u_ind=speeds, kd_eqs=kinematics)
+    return kane.kanes_equations([Particle("particle", point, mass)])[1]
+
+
+def test_lumped_mass_in_local_axes():
+    """Kane's equations of a point mass at the second node equal the hand-written M, G and load."""
+    time = dynamicsymbols._t
+    q, u = dynamicsymbols("q_1:7"), dynamicsymbols("u_1:7")
+    v_x, v_y, w = dynamicsymbols("v_x v_y w")
+    m, X = symbols("m X")
+    row = kane_rows((X + q[3], q[4]), u, q, m, {"v_x": v_x, "v_y": v_y, "w": w})
+    a_origin = {v_x.diff(time): a_x + w * v_y, v_y.diff(time): a_y - w * v_x}
+    inertia_force = row.xreplace(a_origin).xreplace({w.diff(time): epsilon, w: omega})
+    M, G = Matrix(by_hand.lumped_mass(m)), Matrix(by_hand.lumped_gyration(m))
+    q, u, a = Matrix(q), Matrix(u), Matrix(u).diff(time)
+    F = Matrix(by_hand.lumped_load(m, X, omega, epsilon, a_x, a_y))
+    assert equal(inertia_force, F - M * a - 2 * omega * G * u - (-(omega**2) * M + epsilon * G) * q)
+
+
+def foreshortened_free_tip() -> Matrix:
+    """K_g on (v1, th1, v2, th2) of a one-element link with a free tip, from Kane alone.
+
+    The foreshortening -1/2 int_0^x v'^2 = -1/2 q^T H q stays in the position of the particle at x, and the
+    equations are linearised only after the partial velocities are formed (Kane, Ryan and Banerjee 1987, J.
+    Guidance 10, 139-151). What they then hold beside those of the straight position is K_g q.
+    """
+    time = dynamicsymbols._t
+    q, u = Matrix(dynamicsymbols("q_1:5")), Matrix(dynamicsymbols("u_1:5"))
+    v_x, v_y, w = dynamicsymbols("v_x v_y w")
+    motion = {"v_x": v_x, "v_y": v_y, "w": w}
+    N = Matrix(symbols("N_1:5")).T
+    H = Matrix(4, 4, lambda i, j: Symbol(f"H_{min(i, j)}{max(i, j)}"))
+    straight = kane_rows((x, (N * q)[0]), list(u), list(q), rho_A, motion)
+    bent = kane_rows((x - (q.T * H * q)[0] / 2, (N * q)[0]), list(u), list(q), rho_A, motion)
+
+    difference = (straight - bent).xreplace({v_x.diff(time): a_x + w * v_y, v_y.diff(time): a_y - w * v_x})
+    difference = difference.xreplace({w.diff(time): epsilon, w: omega})
+    at_rest = dict.fromkeys([*q, *u, *u.diff(time)], 0)
+    assert difference.jacobian(u.col_join(u.diff(time))).xreplace(at_rest).is_zero_matrix
+    slope = beam.hermite_shape().slope[:, by_hand.BENDING]
+    shortening = (slope.T * slope).applyfunc(lambda entry: integrate(entry.expand(), (x, 0, x)))
+    per_length = difference.jacobian(q).xreplace(at_rest).xreplace(dict(zip(H, shortening, strict=True)))
+    return per_length.applyfunc(beam.integral)
+
+
+def test_foreshortening_in_kane_gives_the_geometric_stiffness(matrices):
+    """The free tip: P_0 = -rho_A a_x l + rho_A omega^2 l^2/2, x_0 = 0."""
+    P_0_free_tip = -rho_A * a_x * length + rho_A * omega**2 * length**2 / 2
+    K_g = (
+        P_0_free_tip * matrices["tension_origin"]
+        + a_x * matrices["tension_acceleration"]
+        + omega**2 * matrices["tension_spin"]
+    )
+    bending = by_hand.BENDING
+    assert equal(foreshortened_free_tip(), K_g.extract(bending, bending).subs(x_0, 0))
+
+
+def test_two_elements_carry_the_tension_of_one_link(matrices):
+    """K_g does work int P v'^2 over the link: the second element's x_0 continues where the first one ends."""
+    X = Symbol("X")
+    P = P_0 + rho_A * a_x * X - rho_A * omega**2 * X**2 / 2
+    K_g = (
+        P_0 * matrices["tension_origin"]
+        + a_x * matrices["tension_acceleration"]
+        + omega**2 * matrices["tension_spin"]
+    )
+    slope = 1 + X - X**2  # of v = X + X^2/2 - X^3/3, which the Hermite shape functions hold exactly
+    v = integrate(slope, X)
+    work = 0
+    for start in (0, length):
+        end = start + length
+        q = Matrix([0, v.subs(X, start), slope.subs(X, start), 0, v.subs(X, end), slope.subs(X, end)])
+        work += (q.T * K_g.subs(x_0, start) * q)[0]
+    assert (work - integrate((P * slope**2).expand(), (X, 0, 2 * length))).expand() == 0
+
+
+def test_derivation_is_the_same_for_every_hash_seed():
+    code = (
+        "from sympy import srepr; from kaneflex.derive.beam import euler_bernoulli; e = euler_bernoulli();"
+        "print([(t.name, srepr(t.scalar), srepr(t.matrix)) for t in e.terms + e.frame_terms])"
+    )
+    texts = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for seed in ("0", "1", "424242")
+    ]
+    assert len(texts[0]) > 1000 and texts[0] == texts[1] == texts[2]
