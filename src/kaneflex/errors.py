@@ -1,7 +1,7 @@
 """Errors that a user can cause, each naming the thing, its value, the reason and the cure.
 
-`Fault` is raised deep inside, where only reason and cure are known; the boundary that knows the key turns it into a
-`Problem`, and all problems of one file are raised together as one `SceneError`.
+`Fault` is raised deep inside, where only reason and cure are known; the boundary that knows the key turns it
+into a `Problem`, and all problems of one file are raised together as one `SceneError`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ _LONGEST_VALUE = 80  # characters of a value that a message repeats
 
 
 class Fault(ValueError):
-    """Something wrong with a value whose key is not known here: `reason` and `cure`, both without a full stop.
+    """Something wrong with a value whose key is not known here: `reason` and `cure`, both without a full
+    stop.
 
     `below` is a path, relative to the key that the boundary knows, where it can be told more precisely.
     """
@@ -41,7 +42,7 @@ class Problem:
 
 
 class UserError(ValueError):
-    """Base of the errors that a user can cure; `key`, `value`, `reason` and `cure` are those of the first problem."""
+    """Base of the errors that a user can cure; its attributes are those of the first of its `problems`."""
 
     def __init__(self, key: str, value: object, reason: str, cure: str) -> None:
         self._set((Problem(key, value, reason, cure),))

@@ -1,7 +1,7 @@
 """Laws: a user's expression for a load in the time, the drives' angles and speeds.
 
-Parsed by Python's `ast` and checked against a whitelist; nothing is ever evaluated as Python code. `Law.to` walks the
-checked tree and builds the expression from any kind of number: SymPy's, NumPy's or plain floats.
+Parsed by Python's `ast` and checked against a whitelist; nothing is ever evaluated as Python code. `Law.to`
+walks the checked tree and builds the expression from any kind of number: SymPy's, NumPy's or plain floats.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ _LONGEST = 1000  # characters; Python's own parser may overflow its stack far be
 
 @dataclass(frozen=True)
 class Law:
-    """A checked law: its canonical text (equal laws, however spaced, have equal texts) and its syntax tree."""
+    """A checked law: its canonical text (the same however the law was spaced) and its syntax tree."""
 
     text: str
     tree: ast.expr
 
-    def to(self, functions: Mapping[str, Callable], names: Mapping[str, Any], number: Callable[[float], Any]) -> Any:
+    def to(
+        self, functions: Mapping[str, Callable], names: Mapping[str, Any], number: Callable[[float], Any]
+    ) -> Any:
         """The law built from other objects.
 
         functions: for each of FUNCTIONS that it calls; names: what stands for each name, `pi` included;
@@ -61,7 +63,8 @@ class Law:
 def parse_law(text: str, names: Collection[str]) -> Law:
     """The law of `text`, which may use `names` (t, drives' names and NAME_speed) and pi.
 
-    Raises Fault: not an expression, an unknown name, a call of anything but FUNCTIONS, anything else Python has.
+    Raises Fault: not an expression, an unknown name, a call of anything but FUNCTIONS, anything else Python
+    has.
     """
     if len(text) > _LONGEST:
         raise Fault(f"longer than {_LONGEST} characters", "Give such a course as a table")

@@ -12,14 +12,15 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from kaneflex.errors import Fault, nearest
-from kaneflex.scene.units import ANGLE, FORCE, TIME, scaled
+from kaneflex.units import ANGLE, FORCE, TIME, scaled
 
-_FEWEST_ROWS = 4  # below, a not-a-knot cubic is not defined
+_FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
 _SPAN = 1e-6  # relative; the table covers its period this exactly
 
 
@@ -31,7 +32,7 @@ class Table:
     y: np.ndarray
 
     def check_period(self, period: float, closing: float) -> None:
-        """Raise Fault unless the table covers `period` once and its ends agree within `closing` of its largest |y|."""
+        """Raise Fault unless the table covers `period` once and its ends differ by at most `closing` max |y|."""
         span = self.x[-1] - self.x[0]
         if abs(span - period) > _SPAN * period:
             reason = f"the table covers {span / period:.6g} of its period"
@@ -39,26 +40,66 @@ class Table:
         largest = np.abs(self.y).max()
         gap = abs(self.y[-1] - self.y[0])
         if gap > closing * largest:
-            reason = f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
+            reason = (
+                f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
+            )
             raise Fault(reason, f"Correct the table, or raise closing from {closing:g}")
 
     def coefficients(self, period: float | None = None) -> np.ndarray:
         """The block of this table's interpolating cubic spline, twice continuously differentiable.
 
-        With a period it closes smoothly through the mean of the first and the last ordinate. Without one it is
-        not-a-knot, and keeps its end values outside: one interval more at each end says so.
+        With a period it closes smoothly through the mean of the first and the last ordinate. Without one its
+        ends are straight (natural spline) and it keeps its end values outside: one interval more at each end
+        says so.
         """
-        from scipy.interpolate import CubicSpline
-
         x, y = self.x, self.y.copy()
         if period:
             y[0] = y[-1] = (y[0] + y[-1]) / 2
-            cubics = CubicSpline(x, y, bc_type="periodic").c[::-1].T
+            cubics = _cubics(x, y, _curvatures_periodic(x, y))
         else:
-            inner = CubicSpline(x, y, bc_type="not-a-knot").c[::-1].T
+            inner = _cubics(x, y, _curvatures_natural(x, y))
             cubics = np.vstack([[y[0], 0, 0, 0], inner, [y[-1], 0, 0, 0]])
             x = np.concatenate([[x[0] - 1], x, [x[-1] + 1]])
         return np.concatenate([[len(x) - 1, period or 0.0], x, cubics.ravel()])
+
+
+def _cubics(x: np.ndarray, y: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """c0 .. c3 of every interval, (n, 4), from the curvatures m at the knots (de Boor 1978, ch. IV)."""
+    h = np.diff(x)
+    slopes = np.diff(y) / h - h * (2 * m[:-1] + m[1:]) / 6
+    return np.column_stack([y[:-1], slopes, m[:-1] / 2, np.diff(m) / (6 * h)])
+
+
+def _curvatures_natural(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Curvatures, none at the ends: h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (jump of slope)."""
+    h = np.diff(x)
+    jumps = 6 * np.diff(np.diff(y) / h)
+    inner = _solve_tridiagonal(h[1:-1], 2 * (h[:-1] + h[1:]), jumps)
+    return np.concatenate([[0.0], inner, [0.0]])
+
+
+def _curvatures_periodic(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The same with the last knot on the first: the two corner entries h_n-1 as a rank-one change.
+
+    A = T + g w w^T with w = (1, 0 .. 0, 1), g = h_n-1; Sherman and Morrison 1950.
+    """
+    h = np.diff(x)
+    slopes = np.diff(y) / h
+    jumps = 6 * (slopes - np.roll(slopes, 1))
+    diagonal = 2 * (h + np.roll(h, 1))
+    diagonal[[0, -1]] -= h[-1]
+    w = np.zeros(len(h))
+    w[[0, -1]] = 1.0
+    m, v = _solve_tridiagonal(h[:-1], diagonal, np.column_stack([jumps, w])).T
+    m = m - v * h[-1] * (m[0] + m[-1]) / (1 + h[-1] * (v[0] + v[-1]))
+    return np.append(m, m[0])
+
+
+def _solve_tridiagonal(beside: np.ndarray, diagonal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solution for a symmetric tridiagonal matrix; scipy.interpolate would take 0.25 s more to import."""
+    from scipy.linalg import solveh_banded
+
+    return solveh_banded(np.vstack([np.append(0.0, beside), diagonal]), right)
 
 
 def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
@@ -76,17 +117,23 @@ def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
 
 
 def read_table(path: str | Path, column: str | None, unit: str, x_unit: str) -> Table:
-    """The first column (in `x_unit`, deg or s) and `column` (in `unit`, a force; default: the second) of a CSV file.
+    """The first column (in `x_unit`, deg or s) and `column` (in `unit`, a force; default: the second) of a
+    CSV file.
 
-    The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the scene's key:
-    file missing or empty, no header, no such column, cells that are no finite numbers, abscissae that do not rise.
+    The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the
+    scene's key: file missing or empty, no header, no such column, cells that are no finite numbers, abscissae
+    that do not rise.
     """
     rows = _rows(Path(path))
     header = [cell.strip() for cell in rows[0][1]]
     if _number(header[0]) is not None:
-        raise Fault(f"{Path(path).name} has no header line", "Name the columns in its first line", below="table")
+        raise Fault(
+            f"{Path(path).name} has no header line", "Name the columns in its first line", below="table"
+        )
     if len(header) < 2:
-        raise Fault(f"{Path(path).name} has one column", "Give two columns separated by commas", below="table")
+        raise Fault(
+            f"{Path(path).name} has one column", "Give two columns separated by commas", below="table"
+        )
     if column is not None and column not in header:
         raise Fault(f"{Path(path).name} has no such column", nearest(column, header), below="column")
     at = 1 if column is None else header.index(column)
@@ -99,7 +146,7 @@ def read_table(path: str | Path, column: str | None, unit: str, x_unit: str) -> 
     except Fault as fault:
         raise Fault(fault.reason, fault.cure, below="unit") from None
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
-    for (_, before, _), (line, x, _) in zip(cells, cells[1:], strict=False):
+    for (_, before, _), (line, x, _) in pairwise(cells):
         if x <= before:
             reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"
             raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
@@ -113,7 +160,9 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = [(line, text) for line, text in enumerate(file, 1) if text.strip() and text[0] != "#"]
     except FileNotFoundError:
-        raise Fault("no such file", "Give the path of a CSV file, relative to the scene", below="table") from None
+        raise Fault(
+            "no such file", "Give the path of a CSV file, relative to the scene", below="table"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise Fault(f"cannot be read: {error}", "Give a readable UTF-8 file", below="table") from None
     if not lines:

@@ -68,7 +68,9 @@ class Beam(SceneTable):
         if self.material is not None and self.material not in MATERIALS:
             raise Fault("unknown material", nearest(self.material, MATERIALS), below="material")
         if self.E is None or self.rho is None:
-            raise Fault("neither a material nor both E and rho", f"Give material, one of {', '.join(MATERIALS)}")
+            raise Fault(
+                "neither a material nor both E and rho", f"Give material, one of {', '.join(MATERIALS)}"
+            )
         return self
 
 
@@ -88,8 +90,9 @@ def _default_inertia(data: dict) -> float:
 class Body(SceneTable):
     """A body; rigid unless it has a `beam`. Its frame starts at `start`, with `end` on its x axis.
 
-    length in m; mass in kg (left out: massless, or rho A length of its beam); centre of mass in m in the body's axes
-    (half the length); inertia in kg m^2 about the centre of mass (uniform bar); further named points in m.
+    length in m; mass in kg (left out: massless, or rho A length of its beam); centre of mass in m in the
+    body's axes (half the length); inertia in kg m^2 about the centre of mass (uniform bar); further named
+    points in m.
     """
 
     like: str | None = Field(default=None, description="another body of this scene to start from")
@@ -104,7 +107,9 @@ class Body(SceneTable):
     def _beam_fits(self) -> Body:
         for name in self.points:
             if name in self._own_points():
-                raise Fault("every body has this point already", "Choose another name", below=f"points.{name}")
+                raise Fault(
+                    "every body has this point already", "Choose another name", below=f"points.{name}"
+                )
         if self.beam is None:
             return self
         if self.length is None:
@@ -151,5 +156,3 @@ class Body(SceneTable):
     def E_I(self) -> float:
         """Bending stiffness in N m^2; elastic bodies only."""
         return self.beam.E * self.beam.I
-
-

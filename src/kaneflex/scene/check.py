@@ -38,7 +38,9 @@ def _names(scene: Scene) -> Iterator[Problem]:
         for point in body.points:
             if not point.isidentifier():
                 reason = "not a name"
-                yield Problem(f"bodies.{name}.points.{point}", None, reason, "Use letters, digits and underscores")
+                yield Problem(
+                    f"bodies.{name}.points.{point}", None, reason, "Use letters, digits and underscores"
+                )
 
 
 def _address(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:
@@ -47,13 +49,20 @@ def _address(scene: Scene, key: str, address: Address, ground: bool) -> Iterator
         if not ground:
             yield Problem(key, str(address), "the ground cannot have it", "Name a body's point")
         elif address.point != "origin" and address.point not in scene.ground:
-            yield Problem(key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground]))
+            yield Problem(
+                key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground])
+            )
     elif address.body not in scene.bodies:
         cure = nearest(address.body, [*scene.bodies, *(["ground"] if ground else [])])
         yield Problem(key, str(address), f"there is no body {address.body!r}", cure)
     elif address.point not in scene.bodies[address.body].points_all:
         points = scene.bodies[address.body].points_all
-        yield Problem(key, str(address), f"{address.body} has no point {address.point!r}", nearest(address.point, points))
+        yield Problem(
+            key,
+            str(address),
+            f"{address.body} has no point {address.point!r}",
+            nearest(address.point, points),
+        )
 
 
 def _joints(scene: Scene) -> Iterator[Problem]:
@@ -75,7 +84,9 @@ def _joints(scene: Scene) -> Iterator[Problem]:
 def _drives(scene: Scene) -> Iterator[Problem]:
     for name in scene.drives:
         if name not in scene.joints:
-            yield Problem(f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints))
+            yield Problem(
+                f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
+            )
         elif scene.joints[name].kind != "revolute":
             reason = f"a {scene.joints[name].kind} joint cannot be driven in this version"
             yield Problem(f"drives.{name}", None, reason, "Drive a revolute joint")
@@ -118,16 +129,22 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if sensor.kind == "position" and address.body in scene.joints:
         component = "angle" if scene.joints[address.body].kind == "revolute" else "x"
         if sensor.component != component:
-            yield Problem(f"{key}.component", sensor.component, "not that joint's coordinate", f"Give {component!r}")
+            yield Problem(
+                f"{key}.component", sensor.component, "not that joint's coordinate", f"Give {component!r}"
+            )
         return
     yield from _address(scene, f"{key}.{sensor.kind}", address, ground=False)
     body = scene.bodies.get(address.body)
     if body is None or body.elastic:
         return
     if sensor.kind not in ("position", "displacement", "velocity", "acceleration", "axial_force"):
-        yield Problem(f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam")
+        yield Problem(
+            f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam"
+        )
     if sensor.relative_to == "chord" and body.length is None:
-        yield Problem(f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length")
+        yield Problem(
+            f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"
+        )
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
@@ -138,7 +155,9 @@ def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         return
     bodies = [address.body for address in joint.addresses]
     if sensor.body is not None and sensor.body not in bodies:
-        yield Problem(f"{key}.body", sensor.body, f"{sensor.target} joins {' and '.join(bodies)}", "Name one of them")
+        yield Problem(
+            f"{key}.body", sensor.body, f"{sensor.target} joins {' and '.join(bodies)}", "Name one of them"
+        )
 
 
 def _horizon(scene: Scene) -> Iterator[Problem]:

@@ -14,7 +14,7 @@ ANY_NAME = "*"
 
 
 def known_keys(path: typing.Sequence[str]) -> tuple[str, ...]:
-    """Keys of the table at `path`: its fields' names, ("*",) where users give the names, () where it is no table."""
+    """Keys of the table at `path`: ("*",) where users give the names, none where it is no table."""
     kind: object = Scene
     for key in path:
         kind = _entry(kind, key)

@@ -7,13 +7,13 @@ from typing import Any
 from kaneflex.errors import SceneError, nearest
 
 REMOVED = "none"
-_OWN_WORD = ("reduction",)  # entries that have "none" as a word of their own
+_OWN_WORD = ("reduction",)  # its "none" is a word of its own
 
 
 def merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """`base` with `changes` put over it, table by table; the order is that of `base`, what is new comes last.
 
-    "none" removes what the base has. Assumptions add up; every other list is replaced.
+    "none" removes what the base has.
     """
     result = dict(base)
     for key, value in changes.items():
@@ -22,8 +22,6 @@ def merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
             del result[key]
         elif isinstance(old, dict) and isinstance(value, dict):
             result[key] = merged(old, value)
-        elif key == "assumptions" and isinstance(old, list) and isinstance(value, list):
-            result[key] = old + value
         else:
             result[key] = value
     return result

@@ -26,8 +26,8 @@ from kaneflex.scene.quantities import (
     Ratios,
     WholeNumber,
 )
-from kaneflex.scene.units import ANGLE, TIME, to_si
 from kaneflex.tables import Table, read_table
+from kaneflex.units import ANGLE, TIME, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "axial", "gravity", "damping", "dynamics")
@@ -37,16 +37,20 @@ def the_one_given(table: SceneTable, names: tuple[str, ...]) -> str:
     """Which of `names` is given, if it is exactly one."""
     given = [name for name in names if getattr(table, name) is not None]
     if len(given) != 1:
-        reason = f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
+        reason = (
+            f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
+        )
         raise Fault(reason, f"Give exactly one of {', '.join(names)}")
     return given[0]
 
 
 class Joint(SceneTable):
-    """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or `weld`.
+    """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or
+    `weld`.
 
-    `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it. `rotation` is
-    that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the paper's welded pin).
+    `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it.
+    `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
+    paper's welded pin).
     """
 
     revolute: AddressPair | None = None
@@ -79,8 +83,8 @@ class Joint(SceneTable):
 class Drive(SceneTable):
     """Prescribed motion of the joint of the same name: constant `speed` (rad/s) from `angle` (rad) at t = 0.
 
-    `cycle` (rad) is the drive's angle in which everything repeats. `rotation` is the elastic rotation at the driven
-    joint: held by the drive, or free.
+    `cycle` (rad) is the drive's angle in which everything repeats. `rotation` is the elastic rotation at the
+    driven joint: held by the drive, or free.
     """
 
     speed: AngularSpeed
@@ -97,9 +101,10 @@ class Drive(SceneTable):
 class Load(SceneTable):
     """A point force along `direction`, in fixed (`global`) or `body` axes, in N.
 
-    Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a `table` (CSV)
-    of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in seconds). The table is
-    read at x - `offset`; with a `period` it repeats, and its ends may differ by `closing` of its largest value.
+    Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
+    `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
+    seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by
+    `closing` of its largest value.
     """
 
     force_on: AddressField
@@ -140,7 +145,7 @@ class Load(SceneTable):
         return the_one_given(self, ("value", "law", "table"))
 
     def read_table(self) -> Table:
-        """The table of a load that has one, in N over rad or s. Raises Fault (see `kaneflex.tables.read_table`)."""
+        """The load's table, in N over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
         table = read_table(self.table, self.column, self.unit, "s" if self.against == "t" else "deg")
         if self.period is not None:
             table.check_period(self.period, self.closing)
@@ -188,14 +193,18 @@ class Solve(SceneTable):
 
     preset: str = "stiffened"
     start: Literal["zero", "quasistatic", "periodic"] = "zero"
-    steps: WholeNumber | None = Field(default=None, description="per cycle, or per run where there is no cycle")
+    steps: WholeNumber | None = Field(
+        default=None, description="per cycle, or per run where there is no cycle"
+    )
     integrator: Literal["newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None = None
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: Angle = 0.0
     terms: dict[str, bool] = Field(default={})
-    rho_infinity: NonNegativeRatio = Field(default=0.8, description="generalised-alpha's spectral radius, 0 to 1")
+    rho_infinity: NonNegativeRatio = Field(
+        default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
+    )
 
     @field_validator("preset")
     @classmethod

@@ -1,6 +1,7 @@
 """The field types of a scene file: quantities, vectors, names and addresses, as pydantic annotations.
 
-Every validator raises `kaneflex.errors.Fault`; `scene/read.py` adds the key and the value as the user wrote it.
+Every validator raises `kaneflex.errors.Fault`; `scene/read.py` adds the key and the value as the user wrote
+it.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, WithJsonSchema
 
+from kaneflex import units
 from kaneflex.errors import Fault
-from kaneflex.scene import units
-from kaneflex.scene.units import Dimension, to_si
+from kaneflex.units import Dimension, to_si
 
 RESERVED_NAMES = frozenset(
     "t time ground origin none true false pi e start end mid chord frame global body x y angle all".split()
@@ -55,7 +56,13 @@ def _vector(dimension: Dimension) -> Any:
         return to_si(value[0], dimension), to_si(value[1], dimension)
 
     item = {"type": ["number", "string"]}
-    schema = {"type": "array", "items": item, "minItems": 2, "maxItems": 2, "description": f"in {dimension.unit}"}
+    schema = {
+        "type": "array",
+        "items": item,
+        "minItems": 2,
+        "maxItems": 2,
+        "description": f"in {dimension.unit}",
+    }
     return Annotated[tuple[float, float], BeforeValidator(convert), WithJsonSchema(schema)]
 
 
@@ -140,7 +147,9 @@ AngularSpeed = _quantity(units.ANGULAR_SPEED)
 PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
-AngleOrTime = Annotated[float, WithJsonSchema({"type": ["number", "string"], "description": "an angle or a time"})]
+AngleOrTime = Annotated[
+    float, WithJsonSchema({"type": ["number", "string"], "description": "an angle or a time"})
+]
 Point = _vector(units.LENGTH)
 Acceleration = _vector(units.ACCELERATION)
 Force = _quantity(units.FORCE)
@@ -151,7 +160,9 @@ AddressField = Annotated[Address, BeforeValidator(_address), _text_schema("'body
 AddressPair = Annotated[
     tuple[Address, Address], BeforeValidator(_pair), _list_schema("string", 2, "two addresses, 'body.point'")
 ]
-WholeNumber = Annotated[int, BeforeValidator(_whole_number), WithJsonSchema({"type": "integer", "minimum": 1})]
+WholeNumber = Annotated[
+    int, BeforeValidator(_whole_number), WithJsonSchema({"type": "integer", "minimum": 1})
+]
 CountOrAll = Annotated[
     int | str,
     BeforeValidator(_count_or_all),
@@ -159,5 +170,7 @@ CountOrAll = Annotated[
 ]
 Ratios = Annotated[tuple[float, ...], BeforeValidator(_ratios), WithJsonSchema({"type": ["number", "array"]})]
 FrequencyPair = Annotated[
-    tuple[float, float], BeforeValidator(_two_frequencies), _list_schema(["number", "string"], 2, "two frequencies")
+    tuple[float, float],
+    BeforeValidator(_two_frequencies),
+    _list_schema(["number", "string"], 2, "two frequencies"),
 ]

@@ -43,7 +43,7 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of a scene file, for editors. Nothing is required there, since `like` may give any of it."""
+    """JSON Schema of a scene file, for editors. Nothing is required: `like` may give any of it."""
     schema = Scene.model_json_schema(by_alias=True)
     for table in (schema, *schema["$defs"].values()):
         table.pop("required", None)
@@ -59,11 +59,13 @@ def _located(name_or_path: str | Path, folder: Path) -> Path:
         return path
     if path.suffix == ".toml":
         raise SceneError("scene", text, "no such file", f"Shipped scenes: {', '.join(shipped_scenes())}")
-    raise SceneError("scene", text, "no shipped scene and no file of that name", nearest(text, shipped_scenes()))
+    raise SceneError(
+        "scene", text, "no shipped scene and no file of that name", nearest(text, shipped_scenes())
+    )
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
-    """The file's tables, with what `like` names merged under them and the paths of CSV tables made absolute."""
+    """The file's tables over those that `like` names; the paths of CSV tables are absolute."""
     path = path.resolve()
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
@@ -73,7 +75,9 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SceneError("scene", path.name, f"not TOML: {error}", "Correct that line") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError("scene", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file") from None
+        raise SceneError(
+            "scene", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file"
+        ) from None
     raw.setdefault("name", path.stem)
     for load in _tables(raw.get("loads")):
         if isinstance(load.get("table"), str) and load["table"] != "none":

@@ -19,10 +19,12 @@ class Scene(SceneTable):
     """
 
     schema_version: Literal[1] = Field(alias="schema")
-    like: str | None = Field(default=None, description="a shipped scene, or a file beside this one, to start from")
+    like: str | None = Field(
+        default=None, description="a shipped scene, or a file beside this one, to start from"
+    )
     name: str = ""
     description: str = ""
-    assumptions: tuple[str, ...] = ()
+    assumptions: dict[str, str] = Field(default={}, description="what is assumed, by topic")
     gravity: Acceleration = (0.0, 0.0)
     ground: dict[str, Point] = Field(default={})
     bodies: dict[str, Body] = Field(min_length=1)
@@ -37,7 +39,7 @@ class Scene(SceneTable):
 
     @property
     def raw(self) -> dict[str, Any]:
-        """What the file says, after `like`, before units; what `with_settings` starts from. Not to be changed."""
+        """What the file says, after `like`, before units: where `with_settings` starts. Read only."""
         return self._raw
 
     def point(self, address: Address) -> tuple[float, float]:

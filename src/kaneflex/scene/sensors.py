@@ -23,7 +23,8 @@ _UNITS = {
     "bending_moment": "N m", "shear_force": "N", "strain": "1", "joint_force": "N", "drive_torque": "N m",
 }  # fmt: skip
 _UNITS_OF_ANGLE = {
-    "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad", "joint_force": "N m",
+    "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad",
+    "joint_force": "N m",
 }  # fmt: skip
 
 
@@ -39,13 +40,13 @@ def _default_reading(data: dict) -> str:
 class Sensor(SceneTable):
     """One measured quantity: exactly one kind, with the address it is measured at.
 
-    displacement, velocity, acceleration, position: of a body's point; `component` x, y or angle, in `body` axes (the
-    default; global for a position) or `global` ones. A displacement is relative to the body's rigid `frame`, to the
-    `chord` through its displaced ends or to its `start`. An acceleration reads as an accelerometer would (a - g) in
-    body axes, or `kinematic` (a), the default in global axes. A position may name a joint: its coordinate.
-    axial_force (tension positive), bending_moment, shear_force, strain (at the height `fibre` above the axis).
-    joint_force: the force (component angle: moment) of a joint on `body`, by default the joint's second one.
-    drive_torque: what a drive must apply.
+    displacement, velocity, acceleration, position: of a body's point; `component` x, y or angle, in `body`
+    axes (the default; global for a position) or `global` ones. A displacement is relative to the body's rigid
+    `frame`, to the `chord` through its displaced ends or to its `start`. An acceleration reads as an
+    accelerometer would (a - g) in body axes, or `kinematic` (a), the default in global axes. A position may
+    name a joint: its coordinate. axial_force (tension positive), bending_moment, shear_force, strain (at the
+    height `fibre` above the axis). joint_force: the force (component angle: moment) of a joint on `body`, by
+    default the joint's second one. drive_torque: what a drive must apply.
     """
 
     displacement: AddressField | None = None
@@ -80,7 +81,9 @@ class Sensor(SceneTable):
             if field in self.model_fields_set and kind not in kinds:
                 raise Fault(f"has no meaning for {kind}", "Leave it out", below=field)
         if kind == "strain" and self.fibre is None:
-            raise Fault("a strain without the fibre it is measured at", "Give fibre, its height above the axis")
+            raise Fault(
+                "a strain without the fibre it is measured at", "Give fibre, its height above the axis"
+            )
         return self
 
     @property

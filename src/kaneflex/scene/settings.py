@@ -43,7 +43,9 @@ def _resolved(raw: Mapping[str, Any], path: str, text: str) -> list[str]:
     places = [[table, *keys] for table in _NAMED if keys[0] in raw.get(table, {})]
     if not places:
         names = [name for table in _NAMED for name in raw.get(table, {})]
-        raise SceneError(path, text, f"the scene has no {keys[0]!r}", nearest(keys[0], [*names, *known_keys(())]))
+        raise SceneError(
+            path, text, f"the scene has no {keys[0]!r}", nearest(keys[0], [*names, *known_keys(())])
+        )
     places += [[*place[:2], "beam", *keys[1:]] for place in places if place[0] == "bodies"]
     fitting = [place for place in places if len(keys) > 1 and has_entry(place)]
     if len(fitting) > 1:

@@ -1,4 +1,5 @@
-"""What of a scene its equations depend on: topology, and which numbers are exactly zero (or a direction's +-1).
+"""What of a scene its equations depend on: topology, and which numbers are exactly zero (or a direction's
++-1).
 
 Lengths, masses, tables, numbers of elements or modes, integrators, sensors and damping are run-time matters.
 """
@@ -49,7 +50,9 @@ def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
     used = {address for joint in scene.joints.values() for address in joint.addresses}
     used |= {load.force_on for load in scene.loads.values()}
-    return {str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)}
+    return {
+        str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)
+    }
 
 
 def _is_named(scene: Scene, address: Address) -> bool:

@@ -1,7 +1,7 @@
 """Numbers and strings with units ("137 mm", "6000 rpm") to SI floats.
 
-pint knows the units; the ones that scenes use all the time stand in a table here, because importing pint takes 0.3 s
-(a test compares the table with pint).
+pint knows the units; the ones that scenes use all the time stand in a table here, because importing pint
+takes 0.3 s (a test compares the table with pint).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from tokenize import TokenError
 
 from kaneflex.errors import Fault, nearest
@@ -20,7 +20,7 @@ _UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
 
 @dataclass(frozen=True)
 class Dimension:
-    """A physical quantity: its name with article, its SI unit (in pint's spelling) and an example for messages."""
+    """A physical quantity: its name with article, its SI unit and an example for messages."""
 
     name: str
     unit: str
@@ -76,13 +76,17 @@ def to_si(value: object, dimension: Dimension) -> float:
 
 
 def scaled(number: float, unit: str, dimension: Dimension) -> float:
-    """`number` in `unit`, in SI. Divides where the factor is a reciprocal, so that 137 mm is exactly 0.137 m."""
+    """`number` in `unit`, in SI; divides by a reciprocal factor, so that 137 mm is exactly 0.137 m."""
     factor = unit_factor(unit, dimension)
     inverse = round(1 / factor) if factor else 0
-    return number / inverse if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15) else number * factor
+    return (
+        number / inverse
+        if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15)
+        else number * factor
+    )
 
 
-@lru_cache(maxsize=None)
+@cache
 def unit_factor(unit: str, dimension: Dimension) -> float:
     """The factor from `unit` to the SI unit of `dimension`. Raises Fault: unknown unit, wrong dimension."""
     if unit in _SI_OF_COMMON:
@@ -114,7 +118,7 @@ def _factor_by_pint(unit: str, dimension: Dimension) -> float:
     return float(factor / si_factor)
 
 
-@lru_cache(maxsize=1)
+@cache
 def _registry():
     from pint import UnitRegistry
 
