@@ -32,7 +32,7 @@ class Table:
     y: np.ndarray
 
     def check_period(self, period: float, closing: float) -> None:
-        """Raise Fault unless the table covers `period` once and its ends differ by at most `closing` max |y|."""
+        """Raise Fault unless the table covers `period` once and its ends agree to `closing` of max |y|."""
         span = self.x[-1] - self.x[0]
         if abs(span - period) > _SPAN * period:
             reason = f"the table covers {span / period:.6g} of its period"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.laws import parse_law
 from kaneflex.scene.quantities import RESERVED_NAMES, Address
-from kaneflex.scene.scene import Scene
-from kaneflex.scene.sensors import POINT_KINDS, RIGID_COMPANIONS, Sensor
+from kaneflex.scene.scene import Scene, written
+from kaneflex.scene.sensors import MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
 
 
 def problems_of(scene: Scene) -> list[Problem]:
@@ -20,6 +21,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_loads(scene),
         *_sensors(scene),
         *_horizon(scene),
+        *_periods(scene),
     ]
 
 
@@ -137,7 +139,7 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     body = scene.bodies.get(address.body)
     if body is None or body.elastic:
         return
-    if sensor.kind not in ("position", "displacement", "velocity", "acceleration", "axial_force"):
+    if sensor.kind not in MOTION_KINDS:
         yield Problem(
             f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam"
         )
@@ -166,3 +168,35 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
         yield Problem("solve.duration", None, reason, "Give solve.duration, or a cycle to the drive")
     if scene.solve.start == "periodic" and scene.period is None:
         yield Problem("solve.start", "periodic", "no drive that turns has a cycle", "Give the drive a cycle")
+    for name, drive in scene.drives.items():
+        if drive.period is None:
+            continue
+        key, wrote = f"drives.{name}.cycle", written(scene.raw, ("drives", name, "cycle"))
+        if not _is_multiple(drive.cycle, math.tau):
+            reason = "the mechanism repeats after whole turns only"
+            yield Problem(key, wrote, reason, "Give a multiple of 360 deg")
+        if not math.isclose(drive.period, scene.period, rel_tol=1e-9):
+            reason = f"this cycle takes {drive.period:.6g} s, another drive's {scene.period:.6g} s"
+            yield Problem(key, wrote, reason, "Give cycles that take the same time")
+
+
+def _periods(scene: Scene) -> Iterator[Problem]:
+    """A periodic start needs every table to repeat in a cycle."""
+    if scene.solve.start != "periodic" or scene.period is None:
+        return
+    for name, load in scene.loads.items():
+        if load.kind != "table" or load.against not in ("t", *scene.drives):
+            continue
+        key, wrote = f"loads.{name}.period", written(scene.raw, ("loads", name, "period"))
+        if load.period is None:
+            yield Problem(key, None, "a periodic start needs tables that repeat", "Give the table's period")
+            continue
+        cycle = scene.period if load.against == "t" else scene.period * abs(scene.drives[load.against].speed)
+        if not _is_multiple(cycle, load.period):
+            reason = "the cycle is no multiple of it, so a periodic start has no period"
+            yield Problem(key, wrote, reason, "Give a period that the cycle is a multiple of")
+
+
+def _is_multiple(whole: float, part: float) -> bool:
+    count = round(whole / part)
+    return count >= 1 and math.isclose(count * part, whole, rel_tol=1e-9)

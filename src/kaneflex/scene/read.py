@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from kaneflex.errors import Fault, Problem, SceneError, nearest
 from kaneflex.scene.check import problems_of
 from kaneflex.scene.fields import known_keys
-from kaneflex.scene.merge import merged, reuse_bodies
-from kaneflex.scene.scene import Scene
+from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
+from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.settings import nested
 
 _SHIPPED = Path(__file__).parent.parent / "scenes"
@@ -44,10 +44,21 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of a scene file, for editors. Nothing is required: `like` may give any of it."""
-    schema = Scene.model_json_schema(by_alias=True)
+    schema = _removable(Scene.model_json_schema(by_alias=True))
     for table in (schema, *schema["$defs"].values()):
         table.pop("required", None)
     return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+
+
+def _removable(schema: Any) -> Any:
+    """The schema with "none" allowed for every named table."""
+    if isinstance(schema, list):
+        return [_removable(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if "$ref" in schema:
+        return {"anyOf": [schema, {"const": REMOVED}]}
+    return {key: _removable(value) for key, value in schema.items()}
 
 
 def _located(name_or_path: str | Path, folder: Path) -> Path:
@@ -120,15 +131,4 @@ def _problem(error: dict[str, Any], raw: dict[str, Any]) -> Problem:
         reason, cure = f"not one of {error['ctx']['expected']}", "Choose one of them"
     else:
         reason, cure = error["msg"][:1].lower() + error["msg"][1:], "Correct the value"
-    return Problem(".".join(path), _at(raw, path), reason, cure)
-
-
-def _at(raw: object, path: list[str]) -> object:
-    for part in path:
-        if isinstance(raw, list) and part.isdigit():
-            raw = raw[int(part)]
-        elif isinstance(raw, dict):
-            raw = raw.get(part)
-        else:
-            return None
-    return None if isinstance(raw, dict) else raw
+    return Problem(".".join(path), written(raw, path), reason, cure)

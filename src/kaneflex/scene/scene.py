@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
@@ -10,6 +11,18 @@ from kaneflex.scene.bodies import Body, SceneTable
 from kaneflex.scene.parts import Damping, Drive, Joint, Load, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
+
+
+def written(raw: object, path: Sequence[str]) -> object:
+    """What a user wrote at a path of keys; None for a table, or where nothing is written."""
+    for part in path:
+        if isinstance(raw, list) and part.isdigit():
+            raw = raw[int(part)]
+        elif isinstance(raw, dict):
+            raw = raw.get(part)
+        else:
+            return None
+    return None if isinstance(raw, dict) else raw
 
 
 class Scene(SceneTable):
