@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 import math
 from collections.abc import Iterator
 
@@ -14,22 +15,22 @@ from kaneflex.scene.sensors import MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, 
 
 def problems_of(scene: Scene) -> list[Problem]:
     """Everything that is wrong between the tables of a scene, in the file's order."""
-    return [
+    found = [
         *_names(scene),
         *_joints(scene),
         *_drives(scene),
         *_loads(scene),
         *_sensors(scene),
         *_horizon(scene),
-        *_periods(scene),
     ]
+    return found or list(_periods(scene))
 
 
 def _names(scene: Scene) -> Iterator[Problem]:
     for table in ("ground", "bodies", "joints", "drives", "loads", "sensors"):
         for name in getattr(scene, table):
             key = f"{table}.{name}"
-            if not name.isidentifier() or not name.isascii():
+            if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
             elif name in RESERVED_NAMES:
                 yield Problem(key, None, "a reserved name", "Choose another name")
@@ -49,7 +50,7 @@ def _address(scene: Scene, key: str, address: Address, ground: bool) -> Iterator
     """The problems of an address of a body's point, or of a fixed one where `ground` is allowed."""
     if address.body == "ground":
         if not ground:
-            yield Problem(key, str(address), "the ground cannot have it", "Name a body's point")
+            yield Problem(key, str(address), "the ground does not move", "Name a body's point")
         elif address.point != "origin" and address.point not in scene.ground:
             yield Problem(
                 key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground])
@@ -89,6 +90,9 @@ def _drives(scene: Scene) -> Iterator[Problem]:
             yield Problem(
                 f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
             )
+        elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
+            reason = "in a law this is the speed of another drive"
+            yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
         elif scene.joints[name].kind != "revolute":
             reason = f"a {scene.joints[name].kind} joint cannot be driven in this version"
             yield Problem(f"drives.{name}", None, reason, "Drive a revolute joint")
@@ -128,7 +132,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
 
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     address = sensor.target
-    if sensor.kind == "position" and address.body in scene.joints:
+    if sensor.kind == "position" and address.body in scene.joints and address.point == "start":
         component = "angle" if scene.joints[address.body].kind == "revolute" else "x"
         if sensor.component != component:
             yield Problem(

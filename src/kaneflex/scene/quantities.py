@@ -13,10 +13,16 @@ from pydantic import BeforeValidator, WithJsonSchema
 
 from kaneflex import units
 from kaneflex.errors import Fault
+from kaneflex.laws import FUNCTIONS
 from kaneflex.units import Dimension, to_si
 
 RESERVED_NAMES = frozenset(
-    "t time ground origin none true false pi e start end mid chord frame global body x y angle all".split()
+    {
+        *("t", "time", "pi", "e", *FUNCTIONS),  # laws and results
+        *("ground", "origin", "start", "end", "mid", "chord", "frame"),  # addresses and references
+        *("global", "body", "x", "y", "angle", "all", "none", "true", "false"),  # words of the scene file
+        *("p", "s", "k", "out", "math", "njit", "table", "motion", "terms"),  # names in generated modules
+    }
 )
 
 
@@ -34,10 +40,8 @@ def _quantity(dimension: Dimension, lowest: float = -math.inf, zero: bool = True
     def convert(value: object) -> float:
         number = to_si(value, dimension)
         if number < lowest or (number == 0 and not zero):
-            what = dimension.name.split(" ", 1)[1]
-            if zero:
-                raise Fault("negative", f"Give {dimension.name} of zero or more")
-            raise Fault("negative" if number < 0 else "zero", f"Give a positive {what}")
+            must = "must not be negative" if zero else "must be above zero"
+            raise Fault(f"{dimension.name} {must}", f"Write one like '{dimension.example}'")
         return number
 
     written = f"{dimension.name}, {dimension.unit or 'a plain number'}"

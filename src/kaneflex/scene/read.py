@@ -26,7 +26,7 @@ def shipped_scenes() -> dict[str, Path]:
 
 def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
-    path = _located(name_or_path, Path.cwd())
+    path = _located(name_or_path, Path.cwd(), "scene")
     return _validated(_read_raw(path, ()), str(name_or_path))
 
 
@@ -61,18 +61,17 @@ def _removable(schema: Any) -> Any:
     return {key: _removable(value) for key, value in schema.items()}
 
 
-def _located(name_or_path: str | Path, folder: Path) -> Path:
-    text = str(name_or_path)
-    if text in shipped_scenes():
-        return shipped_scenes()[text]
+def _located(name_or_path: str | Path, folder: Path, key: str) -> Path:
+    """The file of a shipped scene or of a path relative to `folder`; `key` is where it was named."""
+    text, shipped = str(name_or_path), shipped_scenes()
+    if text in shipped:
+        return shipped[text]
     path = folder / text
     if path.is_file():
         return path
     if path.suffix == ".toml":
-        raise SceneError("scene", text, "no such file", f"Shipped scenes: {', '.join(shipped_scenes())}")
-    raise SceneError(
-        "scene", text, "no shipped scene and no file of that name", nearest(text, shipped_scenes())
-    )
+        raise SceneError(key, text, "no such file", f"Shipped scenes: {', '.join(sorted(shipped))}")
+    raise SceneError(key, text, "no shipped scene and no file of that name", nearest(text, shipped))
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
@@ -94,7 +93,7 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
         if isinstance(load.get("table"), str) and load["table"] != "none":
             load["table"] = str((path.parent / load["table"]).resolve())
     if isinstance(raw.get("like"), str):
-        raw = merged(_read_raw(_located(raw["like"], path.parent), (*readers, path)), raw)
+        raw = merged(_read_raw(_located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)
 
 
@@ -128,7 +127,11 @@ def _problem(error: dict[str, Any], raw: dict[str, Any]) -> Problem:
     elif error["type"] == "missing":
         reason, cure = "missing", f"Give {path[-1]}"
     elif error["type"] == "literal_error":
-        reason, cure = f"not one of {error['ctx']['expected']}", "Choose one of them"
+        reason, cure = f"must be {error['ctx']['expected']}", "Correct it"
+    elif error["type"] in ("dict_type", "model_type"):
+        reason, cure = "not a table", "Write a table, like {key = value}"
+    elif error["type"] == "string_type":
+        reason, cure = "not a text", "Write it in quotes"
     else:
         reason, cure = error["msg"][:1].lower() + error["msg"][1:], "Correct the value"
     return Problem(".".join(path), written(raw, path), reason, cure)
