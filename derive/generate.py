@@ -151,7 +151,7 @@ def print_module(
 ) -> str:
     counts = emit.operations(kernels)
     blocks = [emit.TABLE_LOOKUP] if any(load.kind == "table" for load in equations.mechanism.loads.values()) else []
-    blocks += [emit.print_kernel(kernel) for kernel, _ in kernels]
+    blocks += [emit.print_kernel(kernel) for kernel, _ in kernels] + [TABULATE]
     if equations.element is not None:
         blocks.append(_print_dispatch(equations.element))
     return emit.MODULE.format(
@@ -193,7 +193,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     if equations.element is not None:
         for link in motion.links:
             parameters += [(f"{link}.element.{name}", unit) for name, unit, _ in ELEMENT_PARAMETERS]
-        rows = [(term.name, term.group, term.target, str(term.scalar)) for term in equations.element.terms]
+        rows = [(term.name, term.group, term.target, _monomial(term.scalar)) for term in equations.element.terms]
     width = len(LINK_SCALARS)
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
@@ -203,9 +203,23 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         emit.literal("LINKS", {link: k * width for k, link in enumerate(motion.links)}, "elastic link -> first of its LINK_SCALARS in s"),
         emit.literal("LINK_SCALARS", LINK_SCALARS if motion.links else (), "s of the element kernels"),
         emit.literal("ELEMENT_PARAMETERS", ELEMENT_PARAMETERS if motion.links else (), "p of the element kernels"),
-        emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, scalar before it"),
+        emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
         emit.literal("OPERATIONS", counts, "kernel -> operations written out, operations with shared subexpressions"),
     ]  # fmt: skip
+
+
+def _monomial(scalar: sm.Expr) -> tuple[str, ...]:
+    """Factors of a term's scalar, repeated for powers: omega**2 -> ("omega", "omega")."""
+    powers = sorted(scalar.as_powers_dict().items(), key=str)
+    return tuple(str(base) for base, power in powers if base != 1 for _ in range(int(power)))
+
+
+TABULATE = '''@njit(**OPTIONS)
+def tabulate(times, p, out):
+    """The scalars of the motion at many times: row i of out is s at times[i] [s]."""
+    for i in range(times.shape[0]):
+        motion(times[i], p, out[i])
+'''
 
 
 def _print_dispatch(element: Element) -> str:

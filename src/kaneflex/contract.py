@@ -29,6 +29,6 @@ ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
 
 REQUIRED_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
-    "motion", "terms", "F_t", *ELEMENT_KERNELS,
+    "motion", "tabulate",
 )  # fmt: skip
-"""Attributes that :func:`kaneflex.load` demands of a generated module."""
+"""Attributes of every generated module; one with elastic links also holds the element kernels, ``terms`` and ``F_t``."""

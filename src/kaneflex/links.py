@@ -1,0 +1,174 @@
+"""Elastic links as chains of finite elements, in the axes of their own floating frame."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from kaneflex.affine import Affine, Monomial
+from kaneflex.scene import Scene
+
+MATRIX_OF_GROUP = {
+    "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
+    "damping": "C_s", "load": "F",
+}  # fmt: skip
+"""Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
+
+DOFS = ("u", "v", "theta")
+"""Coordinates of a node: axial and transverse displacement [m], rotation [rad]."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body of the elastic stage with its matrices in its own axes.
+
+    Attributes
+    ----------
+    name : str
+        The body's.
+    coordinates : tuple of str
+        Names of the local coordinates.
+    matrices : mapping
+        M, C_s, C_d, K_s, K_d, K_g (n x n) and F (n x 1), affine in the motion's scalars.
+    place : mapping of int to (int, int, int or None)
+        Node -> rows of u, v, theta; None where a reduction has absorbed the rotation.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    matrices: Mapping[str, Affine]
+    place: Mapping[int, tuple[int, int, int | None]]
+
+    @property
+    def size(self) -> int:
+        return len(self.coordinates)
+
+
+@dataclass(frozen=True)
+class Link:
+    """An elastic link: its mesh, its section and its finite-element matrices in link axes.
+
+    ``nodes`` holds the nodes' distances from the link's start [m]; ``part`` has coordinates u, v, theta of each
+    node in turn.
+    """
+
+    name: str
+    nodes: np.ndarray
+    rho_A: float
+    E_A: float
+    E_I: float
+    part: Part
+
+    @property
+    def length(self) -> float:
+        return float(self.nodes[-1])
+
+    def node_at(self, x: float) -> int | None:
+        """Index of the node at distance x [m] from the start, if there is one."""
+        index = int(np.argmin(abs(self.nodes - x)))
+        return index if abs(self.nodes[index] - x) <= 1e-9 * self.length else None
+
+
+def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
+    """Assemble the constant matrices of a link from the element kernels of its module.
+
+    Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
+    result has no more entries than the chain of elements, whatever its length.
+    """
+    body = scene.bodies[name]
+    nodes = np.linspace(0.0, body.length, elements + 1)
+    sums: dict[tuple[str, Monomial], list[np.ndarray]] = {}
+    for e in range(elements):
+        p = np.array([body.rho_A, body.E_A, body.E_I, nodes[e + 1] - nodes[e], nodes[e]])
+        for k, (_, group, target, factors) in enumerate(module.TERMS):
+            out = np.zeros((6, 1 if target == "F" else 6))
+            module.terms(k, p, out)
+            if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
+                out *= scene.damping.viscous.mu
+            elif group == "damping":
+                continue
+            key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
+            sums.setdefault(key, []).append(out)
+    size = 3 * (elements + 1)
+    matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
+    for (key, monomial), blocks in sums.items():
+        matrices[key] += Affine.term(monomial, _chain(blocks, size))
+    coordinates = tuple(f"{name}.{i}.{dof}" for i in range(elements + 1) for dof in DOFS)
+    place = {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(elements + 1)}
+    return Link(name, nodes, body.rho_A, body.E_A, body.E_I, Part(name, coordinates, matrices, place))
+
+
+def _scalar(link: str, factor: str) -> str:
+    """omega and epsilon of the link are those of the body; the others belong to the link's frame."""
+    return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
+
+
+def _chain(blocks: list[np.ndarray], size: int) -> csr_array:
+    """Overlap the element matrices along the chain."""
+    local = np.arange(6)
+    data = np.array(blocks)
+    first = 3 * np.arange(len(blocks))[:, None, None]
+    rows = np.broadcast_to(first + local[None, :, None], data.shape)
+    columns = np.broadcast_to(first + local[None, None, :], data.shape) if data.shape[2] == 6 else np.zeros_like(rows)
+    shape = (size, size if data.shape[2] == 6 else 1)
+    return csr_array(coo_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+
+
+def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
+    """Add C_s = alpha M + beta K_s, formed in the part's own axes (alpha [1/s], beta [s])."""
+    matrices = dict(part.matrices)
+    matrices["C_s"] = matrices["C_s"] + alpha * part.matrices["M"] + beta * part.matrices["K_s"]
+    return Part(part.name, part.coordinates, matrices, part.place)
+
+
+def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, np.ndarray]:
+    """Reduce a link to its interface coordinates and its lowest fixed-interface modes (Craig & Bampton 1968).
+
+    Parameters
+    ----------
+    part : Part
+        Unreduced link.
+    held : collection of int
+        Local rows that other bodies share or fix; they stay coordinates of their own. Their static shapes hold the
+        axial extension and the rotation of the chord.
+    modes : int
+        Fixed-interface modes to keep.
+
+    Returns
+    -------
+    Part, ndarray (size, reduced size)
+        The reduced link, and the basis B with q = B q_reduced.
+    """
+    from kaneflex.modes import lowest_modes
+
+    held = sorted(held)
+    free = np.setdiff1d(np.arange(part.size), held)
+    stiffness, mass = part.matrices["K_s"].at({}), part.matrices["M"].at({})
+    static = np.zeros((part.size, len(held)))
+    static[held, np.arange(len(held))] = 1.0
+    if held:
+        from scipy.sparse.linalg import splu
+
+        factor = splu(stiffness[free][:, free].tocsc())
+        static[free] = -factor.solve(stiffness[free][:, held].toarray())
+    _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
+    dynamic = np.zeros((part.size, shapes.shape[1]))
+    dynamic[free] = shapes
+    basis = np.hstack([static, dynamic])
+    matrices = {
+        key: affine.projected(basis) if key == "F" else affine.congruent(basis)
+        for key, affine in part.matrices.items()
+    }
+    names = [part.coordinates[row] for row in held]
+    names += [f"{part.name}.mode_{k + 1}" for k in range(shapes.shape[1])]
+    row_of = {row: k for k, row in enumerate(held)}
+    place = {
+        node: (row_of[u], row_of[v], row_of.get(theta))
+        for node, (u, v, theta) in part.place.items()
+        if u in row_of
+    }
+    return Part(part.name, tuple(names), matrices, place), basis

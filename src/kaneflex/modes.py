@@ -1,0 +1,54 @@
+"""Undamped natural modes of sparse mass and stiffness matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+_DENSE_UP_TO = 150
+
+
+def lowest_modes(stiffness: csr_array, mass: csr_array, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest modes of K phi = omega^2 M phi, paper (140).
+
+    Parameters
+    ----------
+    stiffness, mass : sparse (n, n)
+        Symmetric; mass positive definite.
+    count : int
+        Modes wanted, at most n.
+
+    Returns
+    -------
+    ndarray (count,), ndarray (n, count)
+        Angular frequencies [rad/s], ascending; mass-normalised shapes, Phi^T M Phi = 1, paper (135), with the sign
+        fixed so that each shape's largest entry is positive (the first of them, where several are as large).
+
+    Raises
+    ------
+    ValueError
+        If more modes are asked for than there are degrees of freedom.
+    """
+    size = stiffness.shape[0]
+    if count > size:
+        raise ValueError(f"{count} modes of {size} degrees of freedom")
+    if count == 0:
+        return np.zeros(0), np.zeros((size, 0))
+    if size <= _DENSE_UP_TO or count > size // 3:
+        from scipy.linalg import eigh
+
+        squares, shapes = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
+    else:
+        from scipy.sparse.linalg import eigsh
+
+        start = np.ones(size)  # a fixed start vector makes the iteration reproducible
+        squares, shapes = eigsh(csc_array(stiffness), k=count, M=csc_array(mass), sigma=0.0, v0=start)
+        order = np.argsort(squares)
+        squares, shapes = squares[order], shapes[:, order]
+    return np.sqrt(np.maximum(squares, 0.0)), shapes * _signs(shapes)
+
+
+def _signs(shapes: np.ndarray) -> np.ndarray:
+    largest = abs(shapes).max(axis=0)
+    decisive = np.argmax(abs(shapes) > (1 - 1e-6) * largest, axis=0)
+    return np.sign(shapes[decisive, np.arange(shapes.shape[1])])
