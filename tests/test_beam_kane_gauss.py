@@ -89,7 +89,7 @@ def derived():
 
 @pytest.fixture(scope="module", params=[1, 2, 3])
 def state(request):
-    """A random motion of the frame and of the element; its deformation may be large, for the model is linear."""
+    """A random motion of the frame and the element; the deformation may be large, for the model is linear."""
     random = np.random.default_rng(request.param)
     phi, omega, epsilon = random.uniform(-3, 3), random.uniform(-200, 200), random.uniform(-4e4, 4e4)
     acceleration = random.uniform(-1e4, 1e4, 2)
@@ -99,7 +99,7 @@ def state(request):
 
 @pytest.fixture
 def rows_at(lumped_rows, state):
-    """fr + fr* with the state's elastic part times `factor`: the frame's rows in link axes, the elastic rows."""
+    """fr + fr* with the elastic part times `factor`: the frame's rows in link axes, the elastic rows."""
     c, s = np.cos(state.phi), np.sin(state.phi)
 
     def evaluate(factor):
