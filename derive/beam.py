@@ -20,24 +20,12 @@ from functools import cache
 from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff, prod, symbols, zeros
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
-rho_A, E_A, E_I, length, x_0 = symbols("rho_A E_A E_I length x_0", positive=True)
-omega, epsilon, a_x, a_y, P_0 = symbols("omega epsilon a_x a_y P_0", real=True)
+from kaneflex.contract import ELEMENT_PARAMETERS, LINK_SCALARS
+
+rho_A, E_A, E_I, length, x_0 = symbols([name for name, *_ in ELEMENT_PARAMETERS], positive=True)
+omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
 x = Symbol("x", real=True)
 
-PARAMETERS = (
-    ("rho_A", rho_A, "kg/m", "mass per length"),
-    ("E_A", E_A, "N", "axial rigidity"),
-    ("E_I", E_I, "N m^2", "bending rigidity"),
-    ("length", length, "m", "length of the element"),
-    ("x_0", x_0, "m", "distance of the element's first node from the link's origin"),
-)
-SCALARS = (
-    ("omega", omega, "rad/s", "angular velocity of the link's frame"),
-    ("epsilon", epsilon, "rad/s^2", "angular acceleration of the link's frame"),
-    ("a_x", a_x, "m/s^2", "acceleration of the link's origin less gravity, along the link"),
-    ("a_y", a_y, "m/s^2", "acceleration of the link's origin less gravity, across the link"),
-    ("P_0", P_0, "N", "axial force at the link's origin, tension positive"),
-)
 MOTION = (omega, epsilon, a_x, a_y)
 
 # A term's name and group follow from where Kane's equations put it: (matrix, monomial of the motion).
@@ -56,6 +44,7 @@ KANE_TERMS = {
 }
 TENSION_TERMS = {P_0: "tension_origin", a_x: "tension_acceleration", omega**2: "tension_spin"}
 
+Quantity = tuple[str, Symbol, str, str]
 Affine = dict[tuple[str, Expr], ImmutableMatrix]
 
 
@@ -98,8 +87,8 @@ class Element:
     shape: N(x), 2 x 6, with x from the element's first node.
     """
 
-    parameters: tuple[tuple[str, Symbol, str, str], ...]
-    scalars: tuple[tuple[str, Symbol, str, str], ...]
+    parameters: tuple[Quantity, ...]
+    scalars: tuple[Quantity, ...]
     terms: tuple[Term, ...]
     frame_terms: tuple[Term, ...]
     shape: ImmutableMatrix
@@ -281,6 +270,15 @@ def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
     )
 
 
+def with_symbols(
+    entries: tuple[tuple[str, str, str], ...], found: tuple[Symbol, ...]
+) -> tuple[Quantity, ...]:
+    """(name, unit, meaning) of the contract as (name, symbol, unit, meaning)."""
+    return tuple(
+        (name, symbol, unit, meaning) for (name, unit, meaning), symbol in zip(entries, found, strict=True)
+    )
+
+
 def beam_element(shape: ShapeFunctions) -> Element:
     """The element of any shape functions: inertia by Kane's method, elastic, geometric and viscous terms.
 
@@ -291,7 +289,13 @@ def beam_element(shape: ShapeFunctions) -> Element:
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
     stiffness = elastic_terms(shape) + geometric_terms(shape, axial_tension(equations))
-    return Element(PARAMETERS, SCALARS, (*of_element, *stiffness, viscous), of_frame, N)
+    return Element(
+        parameters=with_symbols(ELEMENT_PARAMETERS, (rho_A, E_A, E_I, length, x_0)),
+        scalars=with_symbols(LINK_SCALARS, (omega, epsilon, a_x, a_y, P_0)),
+        terms=(*of_element, *stiffness, viscous),
+        frame_terms=of_frame,
+        shape=N,
+    )
 
 
 def euler_bernoulli() -> Element:
