@@ -1,0 +1,344 @@
+"""Bad scenes: one change of the reference engine each, and the exact message that a user gets."""
+
+import pytest
+
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene, shipped_scenes
+
+ENGINE = shipped_scenes()["engine"]
+GAS = (ENGINE.parent / "gas.csv").read_text()
+LENGTH = 'length = "137 mm"'
+CRANK_PIN = 'pin = {revolute = ["crank.end", "rod.start"]}'
+
+# key of the case: what is replaced (once), by what, and the message; {folder} is the scene's.
+BAD = {
+    "unknown key": (
+        LENGTH, 'lenght = "137 mm"',
+        "bodies.rod.lenght = '137 mm': unknown key. The nearest known one is 'length'."),
+    "unknown table": (
+        "[damping]", "[dampings]",
+        "dampings: unknown key. The nearest known one is 'damping'."),
+    "missing schema": (
+        "schema = 1\n", "\n",
+        "schema: missing. Give schema."),
+    "other schema": (
+        "schema = 1", "schema = 2",
+        "schema = 2: must be 1. Correct it."),
+    "wrong dimension": (
+        LENGTH, 'length = "137 kg"',
+        "bodies.rod.length = '137 kg': 'kg' is not a unit of length. "
+        "Write a length like '137 mm', or a plain number in m."),
+    "unknown unit": (
+        LENGTH, 'length = "137 mmm"',
+        "bodies.rod.length = '137 mmm': unknown unit 'mmm'. The nearest known one is 'mm'."),
+    "code for a unit": (
+        LENGTH, "length = \"1 __import__('os')\"",
+        "bodies.rod.length = \"1 __import__('os')\": unknown unit \"__import__('os')\". Known: %, GPa, Hz, "
+        "MPa, N, "
+        "N s/m^2, Pa, cm, deg, g, kHz, kN, kg, kg m^2, kg mm^2, kg/m^3, m, m/s, m/s^2, m^2, m^4, mm, mm^2, "
+        "mm^4, ms, "
+        "rad, rad/s, rpm, s, um."),
+    "no unit": (
+        LENGTH, 'length = "137"',
+        "bodies.rod.length = '137': no unit; a length is wanted. "
+        "Write a length like '137 mm', or a plain number in m."),
+    "not a number": (
+        LENGTH, "length = true",
+        "bodies.rod.length = True: a length is wanted. Write a length like '137 mm', or a plain number in "
+        "m."),
+    "infinite": (
+        LENGTH, "length = inf",
+        "bodies.rod.length = inf: not a finite number. Write a length like '137 mm', or a plain number in "
+        "m."),
+    "zero length": (
+        LENGTH, "length = 0",
+        "bodies.rod.length = 0: a length must be above zero. Write one like '137 mm'."),
+    "negative length": (
+        LENGTH, 'length = "-1 mm"',
+        "bodies.rod.length = '-1 mm': a length must be above zero. Write one like '137 mm'."),
+    "negative mass": (
+        'mass = "0.153 kg"', 'mass = "-0.153 kg"',
+        "bodies.rod.mass = '-0.153 kg': a mass must be above zero. Write one like '0.153 kg'."),
+    "zero mass": (
+        'mass = "0.214 kg"', "mass = 0",
+        "bodies.piston.mass = 0: a mass must be above zero. Write one like '0.153 kg'."),
+    "negative inertia": (
+        'mass = "0.214 kg"', "mass = 1, inertia = -1",
+        "bodies.piston.inertia = -1: a moment of inertia must not be negative. Write one like '120 kg "
+        "mm^2'."),
+    "zero E": (
+        "elements = 4", "E = 0",
+        "bodies.rod.beam.E = 0: a modulus must be above zero. Write one like '210 GPa'."),
+    "negative A": (
+        "elements = 4", "A = -2",
+        "bodies.rod.beam.A = -2: an area must be above zero. Write one like '142.3 mm^2'."),
+    "zero I": (
+        'I = "7008 mm^4"', "I = 0",
+        "bodies.rod.beam.I = 0: a second moment of area must be above zero. Write one like '7008 mm^4'."),
+    "missing I": (
+        'I = "7008 mm^4", ', "",
+        "bodies.rod.beam.I: missing. Give I."),
+    "no elements": (
+        "elements = 4", "elements = 0",
+        "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more."),
+    "half an element": (
+        "elements = 4", "elements = 1.5",
+        "bodies.rod.beam.elements = 1.5: not a whole number. Write a whole number of one or more."),
+    "unknown material": (
+        'material = "steel"', 'material = "steal"',
+        "bodies.rod.beam.material = 'steal': unknown material. The nearest known one is 'steel'."),
+    "no material": (
+        'material = "steel", ', "",
+        "bodies.rod.beam: neither a material nor both E and rho. Give material, one of steel, aluminium, "
+        "titanium."),
+    "mass against area": (
+        "elements = 4", 'A = "142 mm^2"',
+        "bodies.rod.mass = '0.153 kg': the beam's rho A length is 0.152714 kg. Give either mass or A."),
+    "neither mass nor area": (
+        'mass = "0.153 kg", ', "",
+        "bodies.rod.beam: neither the body's mass nor the beam's A. Give one of them."),
+    "beam without length": (
+        LENGTH + ", ", "",
+        "bodies.rod.length: an elastic body without length. Give its length."),
+    "centre of a beam": (
+        LENGTH, LENGTH + ", centre = [0, 0]",
+        "bodies.rod.centre = [0, 0]: a uniform beam has its own. Leave centre out."),
+    "own point again": (
+        LENGTH, LENGTH + ", points = {mid = [1, 0]}",
+        "bodies.rod.points.mid = [1, 0]: every body has this point already. Choose another name."),
+    "three components": (
+        LENGTH, LENGTH + ", points = {top = [1, 0, 0]}",
+        "bodies.rod.points.top = [1, 0, 0]: not a vector in the plane. Write two components, [x, y]."),
+    "reserved name": (
+        "[bodies]", "[bodies]\npi = {mass = 1}",
+        "bodies.pi: a reserved name. Choose another name."),
+    "no name": (
+        "[bodies]", '[bodies]\n"a b" = {mass = 1}',
+        "bodies.a b: not a name. Use letters, digits and underscores, a letter first."),
+    "body that is no table": (
+        "[bodies]", "[bodies]\nflywheel = 3",
+        "bodies.flywheel = 3: not a table. Write a table, like {key = value}."),
+    "like an unknown body": (
+        "[bodies]", '[bodies]\nlever = {like = "rodd"}',
+        "bodies.lever.like = 'rodd': no body of that name. The nearest known one is 'rod'."),
+    "like itself": (
+        "[bodies]", '[bodies]\nlever = {like = "lever"}',
+        "bodies.lever.like = 'lever': bodies start from each other. Break the circle."),
+    "unknown point": (
+        '"crank.end"', '"crank.ende"',
+        "joints.pin.revolute = 'crank.ende': crank has no point 'ende'. The nearest known one is 'end'."),
+    "unknown body": (
+        '"crank.end"', '"crnk.end"',
+        "joints.pin.revolute = 'crnk.end': there is no body 'crnk'. The nearest known one is 'crank'."),
+    "unknown fixed point": (
+        '["ground", "crank.start"]', '["ground.far", "crank.start"]',
+        "joints.main.revolute = 'ground.far': no such fixed point. Known: origin."),
+    "one side": (
+        '["crank.end", "rod.start"]', '["crank.end"]',
+        "joints.pin.revolute = ['crank.end']: a joint has two sides. "
+        "Write two addresses, like ['crank.end', 'rod.start']."),
+    "joint on itself": (
+        '["crank.end", "rod.start"]', '["crank.end", "crank.start"]',
+        "joints.pin.revolute = ['crank.end', 'crank.start']: both sides are on the same body. Join two "
+        "bodies."),
+    "two kinds of joint": (
+        CRANK_PIN, CRANK_PIN[:-1] + ', weld = ["rod", "piston"]}',
+        "joints.pin: revolute and weld exclude each other. Give exactly one of revolute, prismatic, weld."),
+    "no kind of joint": (
+        CRANK_PIN, 'pin = {rotation = "shared"}',
+        "joints.pin: none of revolute, prismatic, weld is given. Give exactly one of revolute, prismatic, "
+        "weld."),
+    "branch where no loop closes": (
+        CRANK_PIN, CRANK_PIN[:-1] + ', branch = "+"}',
+        "joints.pin.branch = '+': this joint closes no loop. Give branch at bore."),
+    "branch that is none": (
+        'branch = "+"', 'branch = "up"',
+        "joints.bore.branch = 'up': must be '+' or '-'. Correct it."),
+    "guide without direction": (
+        "direction = [1, 0], ", "",
+        "joints.bore: a prismatic joint slides along a direction. Give it, like direction = [1, 0]."),
+    "zero direction": (
+        "direction = [1, 0]", "direction = [0, 0]",
+        "joints.bore.direction = [0, 0]: a direction without length. Write two components, like [1, 0]."),
+    "joint with a body's name": (
+        "wrist = ", "rod = ",
+        "joints.rod: a body has this name already. Choose another name."),
+    "turns in Hz": (
+        'speed = "6000 rpm"', 'speed = "100 Hz"',
+        "drives.main.speed = '100 Hz': 'Hz' is not a unit of angular speed. "
+        "Write an angular speed like '6000 rpm', or a plain number in rad/s."),
+    "part of a turn": (
+        'cycle = "720 deg"', 'cycle = "700 deg"',
+        "drives.main.cycle = '700 deg': the mechanism repeats after whole turns only. Give a multiple of "
+        "360 deg."),
+    "cycle against table": (
+        'cycle = "720 deg"', 'cycle = "360 deg"',
+        "loads.gas.period = '720 deg': the cycle is no multiple of it, so a periodic start has no period. "
+        "Give a period that the cycle is a multiple of."),
+    "no horizon": (
+        ', cycle = "720 deg"', "",
+        "solve.duration: no drive that turns has a cycle, and there is no duration. "
+        "Give solve.duration, or a cycle to the drive.\n"
+        "solve.start = 'periodic': no drive that turns has a cycle. Give the drive a cycle."),
+    "drive of no joint": (
+        "[drives]", "[drives]\npins = {speed = 1}",
+        "drives.pins: no joint of that name to drive. The nearest known one is 'pin'."),
+    "force on the ground": (
+        'force_on = "piston"', 'force_on = "ground"',
+        "loads.gas.force_on = 'ground.origin': the ground does not move. Name a body's point."),
+    "no such column": (
+        '"F_gas_N"', '"F_gas"',
+        "loads.gas.column = 'F_gas': gas.csv has no such column. The nearest known one is 'F_gas_N'."),
+    "pressure for a force": (
+        'unit = "N"', 'unit = "bar"',
+        "loads.gas.unit = 'bar': 'bar' is not a unit of force. Write a force like '1.2 kN', or a plain "
+        "number in N."),
+    "against no drive": (
+        'against = "main"', 'against = "mian"',
+        "loads.gas.against = 'mian': no drive of that name. The nearest known one is 'main'."),
+    "against nothing": (
+        'against = "main"\n', "",
+        "loads.gas: a table without what it is read against. Give against, a drive's name or 't'."),
+    "half a table": (
+        'period = "720 deg"', 'period = "1440 deg"',
+        "loads.gas.table = '{folder}/gas.csv': the table covers 0.5 of its period. "
+        "Cover the period once, its first and last row both included."),
+    "period in seconds": (
+        'period = "720 deg"', 'period = "1 s"',
+        "loads.gas.period = '1 s': 's' is not a unit of angle. "
+        "Write an angle like '720 deg', or a plain number in rad."),
+    "no period": (
+        'period = "720 deg"\n', "",
+        "loads.gas.period: a periodic start needs tables that repeat. Give the table's period."),
+    "missing table": (
+        '"gas.csv"\n', '"gaz.csv"\n',
+        "loads.gas.table = '{folder}/gaz.csv': no such file. Give the path of a CSV file, relative to the "
+        "scene."),
+    "two sizes of a load": (
+        "[loads.gas]", "[loads.gas]\nvalue = 3",
+        "loads.gas: value and table exclude each other. Give exactly one of value, law, table."),
+    "law that calls": (
+        "[loads.gas]", "[loads.push]\nforce_on = \"rod.mid\"\ndirection = [0, 1]\nlaw = "
+        "\"open('x')\"\n[loads.gas]",
+        "loads.push.law = \"open('x')\": a law cannot call 'open'. "
+        "It can call abs, cos, exp, log, sin, sqrt, tan, tanh, each with one argument."),
+    "two dampings": (
+        "[damping]", "[damping]\nviscous = {mu = 1}",
+        "damping: rayleigh and viscous exclude each other. Give exactly one of rayleigh, modal, viscous."),
+    "falling frequencies": (
+        'at = ["3039 Hz", "4549 Hz"]', "at = [2, 1]",
+        "damping.rayleigh.at = [2, 1]: the frequencies are not positive and rising. "
+        "Write like at = ['3039 Hz', '4549 Hz']."),
+    "unknown sensor key": (
+        "[sensors]", '[sensors]\nlift = {displacment = "rod.mid"}',
+        "sensors.lift.displacment = 'rod.mid': unknown key. The nearest known one is 'displacement'."),
+    "unknown sensor point": (
+        'rod_mid_force = {axial_force = "rod.mid"', 'rod_mid_force = {axial_force = "rod.middle"',
+        "sensors.rod_mid_force.axial_force = 'rod.middle': rod has no point 'middle'. "
+        "The nearest known one is 'mid'."),
+    "strain of a rigid body": (
+        'strain = "rod.mid"', 'strain = "crank.mid"',
+        "sensors.rod_mid_strain.strain = 'crank.mid': crank is rigid. Give the body a beam."),
+    "strain without fibre": (
+        ', fibre = "10 mm"', "",
+        "sensors.rod_mid_strain: a strain without the fibre it is measured at. Give fibre, its height above "
+        "the axis."),
+    "force of no joint": (
+        'joint_force = "bore"', 'joint_force = "boer"',
+        "sensors.piston_side_force.joint_force = 'boer': no joint of that name. The nearest known one is "
+        "'bore'."),
+    "force on another body": (
+        'joint_force = "bore"', 'joint_force = "bore", body = "rod"',
+        "sensors.piston_side_force.body = 'rod': bore joins ground and piston. Name one of them."),
+    "torque of no drive": (
+        'drive_torque = "main"', 'drive_torque = "pin"',
+        "sensors.crank_torque.drive_torque = 'pin': no drive of that name. Known: main."),
+    "meaningless component": (
+        'axial_force = "rod.end"', 'axial_force = "rod.end", component = "y"',
+        "sensors.rod_force_piston.component = 'y': has no meaning for axial_force. Leave it out."),
+    "name of a rigid companion": (
+        "[sensors]", '[sensors]\ncrank_torque_rigid = {position = "rod"}',
+        "sensors.crank_torque_rigid: the rigid value of crank_torque has this name. Choose another name."),
+    "unknown preset": (
+        '"stiffened"', '"stiffend"',
+        "solve.preset = 'stiffend': unknown preset. The nearest known one is 'stiffened'."),
+    "coupled": (
+        '"stiffened"', '"coupled"',
+        "solve.preset = 'coupled': not available in this version. "
+        "Choose one of rigid, quasistatic, paper, linear, stiffened."),
+    "unknown term": (
+        "[solve]", "[solve]\nterms = {gyro = false}",
+        "solve.terms.gyro = False: unknown term. Known: axial, damping, dynamics, euler, geometric, gravity, "
+        "gyroscopic, spin."),
+    "no modes": (
+        "[solve]", "[solve]\nmodes = 0",
+        "solve.modes = 0: too few. Write a whole number of one or more."),
+    "unknown integrator": (
+        "[solve]", '[solve]\nintegrator = "rk4"',
+        "solve.integrator = 'rk4': must be 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' or "
+        "'scipy'. "
+        "Correct it."),
+    "gravity as a speed": (
+        "schema = 1", 'schema = 1\ngravity = [0, "9.81 m/s"]',
+        "gravity = [0, '9.81 m/s']: 'm/s' is not a unit of acceleration. "
+        "Write an acceleration like '9.81 m/s^2', or a plain number in m/s^2."),
+    "broken TOML": (
+        "schema = 1", "schema = ",
+        "scene = 'bad.toml': not TOML: Invalid value (at line 4, column 10). Correct that line."),
+    "like an unknown scene": (
+        "schema = 1", 'schema = 1\nlike = "engin"',
+        "like = 'engin': no shipped scene and no file of that name. The nearest known one is 'engine'."),
+    "like itself as a scene": (
+        "schema = 1", 'schema = 1\nlike = "bad.toml"',
+        "like = 'bad': scenes start from each other: bad.toml -> bad.toml. Break the circle."),
+    "two problems": (
+        'elements = 4}}\npiston = {mass = "0.214 kg"}', 'elements = 0}}\npiston = {mass = "1 m"}',
+        "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more.\n"
+        "bodies.piston.mass = '1 m': 'm' is not a unit of mass. "
+        "Write a mass like '0.153 kg', or a plain number in kg."),
+}  # fmt: skip
+
+
+def _read_changed(folder, old, new):
+    text = ENGINE.read_text()
+    assert text.count(old) >= 1, f"the engine's file no longer says {old!r}"
+    (folder / "bad.toml").write_text(text.replace(old, new, 1))
+    (folder / "gas.csv").write_text(GAS)
+    return read_scene(folder / "bad.toml")
+
+
+def test_the_engine_itself_is_good_in_another_folder(tmp_path):
+    assert _read_changed(tmp_path, "schema = 1", "schema = 1").bodies == read_scene("engine").bodies
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_scene(case, tmp_path):
+    old, new, message = BAD[case]
+    with pytest.raises(SceneError) as caught:
+        _read_changed(tmp_path, old, new)
+    assert str(caught.value) == message.replace("{folder}", str(tmp_path))
+
+
+@pytest.mark.parametrize(("change", "reason", "cure"), [
+    (lambda lines: [], "gas.csv is empty", "Give a header line and rows of numbers"),
+    (lambda lines: [*lines[:5], "4,nan,nan", *lines[6:]], "gas.csv, line 6: 'nan' is not a finite number",
+     "Correct or remove that line"),
+    (lambda lines: [*lines[:5], lines[6], lines[5], *lines[7:]], "gas.csv, line 7: 4 does not rise above 5",
+     "Sort the rows by their first column, each value once"),
+    (lambda lines: [*lines[:-1], "720,3,3000"],
+     "the table does not close: first and last value differ by 0.073 of the largest",
+     "Correct the table, or raise closing from 0.01"),
+])  # fmt: skip
+def test_bad_table(change, reason, cure, tmp_path):
+    (tmp_path / "bad.toml").write_text(ENGINE.read_text())
+    (tmp_path / "gas.csv").write_text("\n".join(change(GAS.splitlines())))
+    with pytest.raises(SceneError) as caught:
+        read_scene(tmp_path / "bad.toml")
+    assert (caught.value.key, caught.value.value) == ("loads.gas.table", str(tmp_path / "gas.csv"))
+    assert (caught.value.reason, caught.value.cure) == (reason, cure)
+
+
+@pytest.mark.parametrize("name", ["engin", "missing.toml", ""])
+def test_unknown_scene(name):
+    with pytest.raises(SceneError, match=r"^scene = .*[Ee]ngine"):
+        read_scene(name)
