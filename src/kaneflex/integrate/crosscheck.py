@@ -27,7 +27,8 @@ def solve_ivp_run(
     from scipy.integrate import solve_ivp  # 0.7 s: only where it is used
 
     if scipy_method not in _METHODS:
-        raise UserError("scipy_method", scipy_method, "unknown to solve_ivp", f"Use one of {', '.join(_METHODS)}")
+        cure = f"Use one of {', '.join(_METHODS)}"
+        raise UserError("scipy_method", scipy_method, "unknown to solve_ivp", cure)
     n = system.n
     times = feed.t0 + feed.step * (every * np.arange(n_steps // every + 1))
 
@@ -39,10 +40,9 @@ def solve_ivp_run(
     def slope(t: float, x: np.ndarray) -> np.ndarray:
         return np.concatenate((x[n:], accelerations(t, x[:n], x[n:])))
 
+    span, first = (times[0], times[-1]), np.concatenate(start)
     started = time.perf_counter()
-    found = solve_ivp(
-        slope, (times[0], times[-1]), np.concatenate(start), scipy_method, times, rtol=_RELATIVE, atol=_ABSOLUTE
-    )
+    found = solve_ivp(slope, span, first, scipy_method, times, rtol=_RELATIVE, atol=_ABSOLUTE)
     spent = time.perf_counter() - started
     z, v = found.y[:n].T, found.y[n:].T
     reached = np.arange(found.t.size)

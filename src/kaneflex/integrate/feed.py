@@ -19,9 +19,9 @@ _LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion withou
 class Feed:
     """Rows of the table for the steps of one run.
 
-    nodes: of the method, where a step reads the table. period_steps: steps of a cycle, whose table is made once and
-    read again; None where there is no cycle. constant: indices of scalars that must keep their first
-    values; None where all may change.
+    nodes: of the method, where a step reads the table
+    period_steps: steps of a cycle, whose table is made once and read again; None where there is no cycle
+    constant: indices of scalars that must keep their first values; None where all may change
     """
 
     table: Table
@@ -45,7 +45,7 @@ class Feed:
         return self._checked(np.array([t]))[0]
 
     def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int]:
-        """Table for at most `n_steps` steps after step `done`, its steps before that one, and how many steps it serves."""
+        """Table for at most `n_steps` steps after step `done`, its steps before that one, steps it serves."""
         if self.period_steps is not None:
             if self._cycle is None:
                 rows = self._rows(0, self.period_steps)
@@ -67,10 +67,8 @@ class Feed:
         finite = np.isfinite(rows)
         if not finite.all():
             row, scalar = np.argwhere(~finite)[0]
-            raise UserError(
-                f"scalar {scalar} of the motion", rows[row, scalar], f"not a finite number at t = {times[row]:.9g} s",
-                "Check the motion and the loads at this time",
-            )  # fmt: skip
+            key, reason = f"scalar {scalar} of the motion", f"not a finite number at t = {times[row]:.9g} s"
+            raise UserError(key, rows[row, scalar], reason, "Check the motion and the loads at this time")
         if self.constant is not None:
             self._check_constant(rows, times)
         return rows
@@ -79,7 +77,6 @@ class Feed:
         first = rows[0] if self._first is None else self._first
         changed = np.argwhere(rows[:, self.constant] != first[self.constant])
         if changed.size:
-            raise UserError(
-                "integrator", "exact-modal", f"the matrices change in time (at t = {times[changed[0][0]]:.9g} s)",
-                "Use newmark, generalised-alpha or gauss, or a model that freezes the matrices",
-            )  # fmt: skip
+            reason = f"the matrices change in time (at t = {times[changed[0][0]]:.9g} s)"
+            cure = "Use newmark, generalised-alpha or gauss, or a model that freezes the matrices"
+            raise UserError("integrator", "exact-modal", reason, cure)

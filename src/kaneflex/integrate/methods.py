@@ -16,12 +16,12 @@ from kaneflex.integrate.system import AffineSystem
 class Method:
     """A method of integration.
 
-    order: of convergence in the step; None where the step is chosen by the method itself.
-    description: one line for people, with the source.
-    nodes: where a step reads the table, in steps from its start; the end of the step comes on top.
-    carried: how many vectors of n numbers go from step to step: 2 for (z, v), 3 with the method's own accelerations.
-    stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none.
-    coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes.
+    order: of convergence in the step; None where the method chooses its steps itself
+    description: one line for people, with the source
+    nodes: where a step reads the table, in steps from its start; the end of the step comes on top
+    carried: vectors that go from step to step: 2 for z and v, 3 with the method's own accelerations
+    stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none
+    coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
     """
 
     name: str
@@ -78,9 +78,7 @@ def _gauss(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: flo
     return (step,)
 
 
-def _exact_modal(
-    system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float
-) -> np.ndarray:
+def _exact_modal(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> np.ndarray:
     from kaneflex.integrate.modal import transition  # scipy.linalg only where it is used
 
     return transition(system, row, step)
@@ -96,7 +94,7 @@ METHODS = {
             (0.0,), 2, "newmark", _average_acceleration,
         ),
         Method(
-            "generalised-alpha", 2, "generalised-alpha (Chung and Hulbert 1993): damps the highest frequencies",
+            "generalised-alpha", 2, "Chung and Hulbert 1993: damps the highest frequencies, by rho_infinity",
             (0.0,), 3, "newmark", _generalised_alpha,
         ),
         Method(

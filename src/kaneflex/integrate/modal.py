@@ -11,12 +11,14 @@ from kaneflex.integrate.system import AffineSystem, Packed
 def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray:
     """Coefficients of one exact step of m z'' + c z' + k z = F, F linear within the step; shape (n, 11).
 
-    Columns: z_1 = (0) z_0 + (1) v_0 + (2) F_0 + (3) F_1, v_1 the same with (4) to (7), z'' = (8) F - (9) v - (10) z.
+    Columns: z_1 = (0) z_0 + (1) v_0 + (2) F_0 + (3) F_1, v_1 the same with columns 4 to 7, and
+    z'' = (8) F - (9) v - (10) z.
 
-    With F = F_0 + (F_1 - F_0) tau, tau = t / step, the vector (z, v / sigma, F, dF/dtau) obeys a linear equation
-    with constant matrix, whose exponential holds them all, whether a mode oscillates, creeps or is free (no case is
-    singled out, so none loses digits next to another). sigma = max(frequency, 1 / step) balances the matrix; the
-    relative error is about its norm, step * frequency, times the rounding unit, as that of any phase is.
+    With F = F_0 + (F_1 - F_0) tau, tau = t / step, the vector (z, v / sigma, F, dF/dtau) obeys a linear
+    equation with constant matrix, whose exponential holds them all, whether a mode oscillates, creeps or is
+    free (no case is singled out, so none loses digits next to another). sigma = max(frequency, 1 / step)
+    balances the matrix; the relative error is about its norm, step * frequency, times the rounding unit, as
+    that of any phase is.
     """
     from scipy.linalg import expm
 
@@ -50,10 +52,10 @@ def constants(system: AffineSystem) -> np.ndarray:
 
 def forces_only(packed: Packed) -> Packed:
     """The runs of F alone, counted from 0: all that the loop `exact_modal` reads."""
-    start = 3 * packed.layout.n_slots
+    start = np.uint64(3) * packed.layout.n_slots
     runs = packed.runs[packed.runs[:, 1] >= start]
     runs[:, 1] -= start
-    return packed._replace(layout=packed.layout._replace(n_slots=0), runs=runs)
+    return packed._replace(layout=packed.layout._replace(n_slots=np.uint64(0)), runs=runs)
 
 
 def _diagonal(system: AffineSystem, name: str, row: np.ndarray) -> np.ndarray:

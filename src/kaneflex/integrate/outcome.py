@@ -21,13 +21,14 @@ class Outcome(Enum):
 class Trajectory:
     """Motion at the stored steps, in the units of the system.
 
-    times: shape (n_out,), s. z, v, a: shape (n_out, n), displacements, velocities and accelerations; they satisfy the
-    equation of motion at `times`. A run that stopped early holds what came before; where no periodic state could be
-    found it holds nothing.
-    outcome, message: how it ended; the message adds time and reason.
-    multipliers: complex, shape (2 n,), Floquet multipliers by decreasing modulus, of the *discrete* equations; None
-    where none were computed.
-    ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns.
+    times: shape (n_out,), in s
+    z, v, a: shape (n_out, n), displacements, velocities, accelerations; they satisfy the equation
+    outcome, message: how it ended; the message adds time and reason
+    multipliers: complex, shape (2 n,), Floquet multipliers of the *discrete* equations by decreasing modulus;
+        None where none were computed
+    ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns
+
+    A run that stopped early holds what came before; where no periodic state could be found it holds nothing.
     """
 
     times: np.ndarray

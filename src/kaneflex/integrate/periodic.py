@@ -14,8 +14,8 @@ _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the roo
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicStart:
-    """State at the start of a cycle (None where there is none), the Floquet multipliers, and what to say."""
+class Beginning:
+    """State at the start of a run (None where there is none), the Floquet multipliers, and what to say."""
 
     state: State | None
     multipliers: np.ndarray | None
@@ -23,12 +23,12 @@ class PeriodicStart:
     message: str
 
 
-def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -> PeriodicStart:
-    """Solve (I - Phi) x = b: Phi, the monodromy matrix, moves a state over one cycle, b is where zero is moved to.
+def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -> Beginning:
+    """Solve (I - Phi) x = b: Phi, the monodromy matrix, moves a state over a cycle; zero moves to b.
 
-    x = (z, h v) and, where the method carries accelerations of its own, h^2 a: what is found then repeats itself to
-    rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest modulus; more are the
-    method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
+    x = (z, h v) and, where the method carries accelerations of its own, h^2 a: what is found then repeats
+    itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest modulus;
+    more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
     """
     n, step = setup.system.n, setup.feed.step
     scales = (1.0, step, step * step)[: setup.method.carried]
@@ -39,23 +39,25 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     load = np.zeros(size + 1)
     load[size] = 1.0  # the last column starts from zero and is forced, the others are free
     if not setup.consistent(state, load):
-        return PeriodicStart(None, None, Outcome.SINGULAR, f"{Outcome.SINGULAR.value}: M is singular at the start")
+        outcome = Outcome.SINGULAR
+        return Beginning(None, None, outcome, f"{outcome.value}: M is singular at the start of the cycle")
     if setup.method.carried == 2:
         state.a[:] = state.q
     nothing = Stored(*(np.zeros((1, n)) for _ in Stored._fields))
     came = advance(setup, state, load, period_steps, period_steps + 1, nothing, False, progress)
     if came.outcome is not Outcome.COMPLETED:
         at = setup.feed.t0 + came.steps * step
-        return PeriodicStart(None, None, came.outcome, f"{came.outcome.value}, at t = {at:.9g} s of the first cycle")
+        message = f"{came.outcome.value}, at t = {at:.9g} s, in the first cycle"
+        return Beginning(None, None, came.outcome, message)
     ends = np.hstack([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)])
     monodromy, forced = ends[:size].T, ends[size]
     values = np.linalg.eigvals(monodromy)
     multipliers = values[np.argsort(-np.abs(values), kind="stable")][: 2 * n].astype(complex)
     outcome, message = _verdict(multipliers)
     if outcome is not Outcome.COMPLETED:
-        return PeriodicStart(None, multipliers, outcome, message)
+        return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(size) - monodromy, forced)
-    return PeriodicStart(_state_of(setup, x, scales), multipliers, outcome, message)
+    return Beginning(_state_of(setup, x, scales), multipliers, outcome, message)
 
 
 def _state_of(setup: Setup, x: np.ndarray, scales: tuple[float, ...]) -> State:
@@ -72,14 +74,15 @@ def _state_of(setup: Setup, x: np.ndarray, scales: tuple[float, ...]) -> State:
 def _verdict(multipliers: np.ndarray) -> tuple[Outcome, str]:
     closest = multipliers[np.argmin(np.abs(multipliers - 1.0))]
     if abs(closest - 1.0) < _NEAR_ONE:
-        outcome = Outcome.NO_PERIODIC_STATE
-        return outcome, f"{outcome.value}: {_said(closest)}; give a start state, or damp or hold the free motion"
+        outcome, cure = Outcome.NO_PERIODIC_STATE, "give a start state, or damp or hold the free motion"
+        return outcome, f"{outcome.value}: {_said(closest)}; {cure}"
     largest = multipliers[0]
     if abs(largest) > 1.0 + _UNSTABLE:
         outcome = Outcome.UNSTABLE
-        return outcome, f"{outcome.value}: Floquet multiplier {_said(largest)} of modulus {abs(largest):.9g} exceeds one"
+        multiplier = f"Floquet multiplier {_said(largest)} of modulus {abs(largest):.9g}"
+        return outcome, f"{outcome.value}: {multiplier} exceeds one"
     if abs(largest) > 1.0 - _UNSTABLE:
-        return Outcome.COMPLETED, "neutrally stable: a disturbance of the periodic motion neither grows nor dies"
+        return Outcome.COMPLETED, "neutrally stable: a disturbance of this motion neither grows nor dies"
     return Outcome.COMPLETED, ""
 
 

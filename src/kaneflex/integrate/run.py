@@ -10,7 +10,7 @@ from kaneflex.integrate.feed import Feed, Table
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces_only
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import periodic_state
+from kaneflex.integrate.periodic import Beginning, periodic_state
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.system import AffineSystem
 
@@ -36,73 +36,74 @@ def integrate(
 
     Parameters
     ----------
-    table: scalars of the motion, shape (n_times, n_scalars), at an array of times in s; asked once for a cycle if
-        `period_steps` is given, else for one piece of the run after the other.
+    table: scalars of the motion, shape (n_times, n_scalars), at an array of times in s; asked once for a
+        cycle if `period_steps` is given, else for one piece of the run after the other.
     step: in s. n_steps: at least 1.
     method: a name in `methods.METHODS`.
     start: "zero", a pair (z, v) of arrays of shape (n,), or "periodic": the motion that repeats itself after
-        `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one factorisation a
-        step), so that no transient has to die.
+        `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one
+        factorisation a step), so that no transient has to die.
     period_steps: steps of one cycle of the table.
     every: store one step in so many, the first one included.
     rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
     scipy_method: of solve_ivp, for the method "scipy".
     progress: called with the finished share of the work, first of the periodic start, then of the run.
 
-    A run that grows beyond all bounds or meets a singular step stops there with a named outcome; so does a periodic
-    start without a periodic state, or with one that repels its neighbours. Raises UserError for arguments that can't
-    be used, and for a table that holds a number that is not finite.
+    A run that grows beyond all bounds or meets a singular step stops there with a named outcome; so does a
+    periodic start without a periodic state, or with one that repels its neighbours. Raises UserError for
+    arguments that can't be used, and for a table that holds a number that is not finite.
     """
     chosen = method_named(method)
     _check(chosen.name, step, n_steps, start, period_steps, every)
     exact = chosen.stepper == "exact_modal"
-    feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps, constants(system) if exact else None)
+    unchanging = constants(system) if exact else None
+    feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps, unchanging)
     if chosen.coefficients is None:
         return solve_ivp_run(system, feed, n_steps, every, _given(system, start), scipy_method)
-    setup = Setup(
-        system, chosen, feed, forces_only(system.packed) if exact else system.packed,
-        chosen.coefficients(system, feed.first_row(), step, rho_infinity),
-    )  # fmt: skip
+    packed = forces_only(system.packed) if exact else system.packed
+    coefficients = chosen.coefficients(system, feed.first_row(), step, rho_infinity)
+    setup = Setup(system, chosen, feed, packed, coefficients)
     if start == "periodic":
         found = periodic_state(setup, period_steps, progress)
-        if found.state is None:
-            return _nothing(system, found.outcome, found.message, found.multipliers)
-        return _run(setup, found.state, n_steps, every, progress, found.message, found.multipliers)
-    z, v = _given(system, start)
-    state = State.zeros(1, system.n)
+    else:
+        found = _started(setup, *_given(system, start))
+    if found.state is None:
+        empty = np.zeros((0, system.n))
+        ended = (found.outcome, found.message, found.multipliers)
+        return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
+    return _run(setup, found, n_steps, every, progress)
+
+
+def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
+    state = State.zeros(1, setup.system.n)
     state.z[0], state.v[0] = z, v
     if not setup.consistent(state, np.ones(1)):
         outcome = Outcome.SINGULAR
-        return _nothing(system, outcome, f"{outcome.value}: M is singular at t = {t0:.9g} s", None)
+        return Beginning(None, None, outcome, f"{outcome.value}: M is singular at t = {setup.feed.t0:.9g} s")
     state.a[:] = state.q
-    return _run(setup, state, n_steps, every, progress, "", None)
+    return Beginning(state, None, Outcome.COMPLETED, "")
 
 
 def _run(
-    setup: Setup, state: State, n_steps: int, every: int, progress: Progress | None, remark: str,
-    multipliers: np.ndarray | None,
-) -> Trajectory:  # fmt: skip
+    setup: Setup, beginning: Beginning, n_steps: int, every: int, progress: Progress | None
+) -> Trajectory:
+    state = beginning.state
     rows = n_steps // every + 1
     stored = Stored(*(np.zeros((rows, setup.system.n)) for _ in Stored._fields))
     for out, now in zip(stored, (state.z, state.v, state.q), strict=True):
         out[0] = now[0]
     came = advance(setup, state, np.ones(1), n_steps, every, stored, True, progress)
     t0, step = setup.feed.t0, setup.feed.step
-    complete = came.outcome is Outcome.COMPLETED
-    if complete:
-        message = "; ".join(filter(None, (came.outcome.value, remark)))
-    else:
-        message = f"{came.outcome.value}, at t = {t0 + came.steps * step:.9g} s (step {came.steps} of {n_steps})"
-        # the step that failed, and whatever is not a number just before it, is not shown
-        rows = (max(came.steps - 1, 0)) // every + 1
+    message = "; ".join(filter(None, (came.outcome.value, beginning.message)))
+    if came.outcome is not Outcome.COMPLETED:
+        at = t0 + came.steps * step
+        message = f"{came.outcome.value}, at t = {at:.9g} s, step {came.steps} of {n_steps}"
+        # the step that failed is not shown, nor what is not a number before it
+        rows = max(came.steps - 1, 0) // every + 1
         rows = int(np.logical_and.accumulate(np.isfinite(np.hstack(stored)[:rows]).all(axis=1)).sum())
     times = t0 + step * (every * np.arange(rows))
-    return Trajectory(times, *(out[:rows] for out in stored), came.outcome, message, multipliers, came.ns_per_step)
-
-
-def _nothing(system: AffineSystem, outcome: Outcome, message: str, multipliers: np.ndarray | None) -> Trajectory:
-    empty = np.zeros((0, system.n))
-    return Trajectory(np.zeros(0), empty, empty, empty, outcome, message, multipliers, 0.0)
+    ended = (came.outcome, message, beginning.multipliers)
+    return Trajectory(times, *(out[:rows] for out in stored), *ended, came.ns_per_step)
 
 
 def _given(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
@@ -111,9 +112,8 @@ def _given(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
     z, v = (np.asarray(part, dtype=float) for part in start)
     for name, part in (("z", z), ("v", v)):
         if part.shape != (system.n,) or not np.isfinite(part).all():
-            raise UserError(
-                f"start {name}", part, f"not {system.n} finite numbers", "Give one number for each coordinate"
-            )
+            reason = f"must be {system.n} finite numbers"
+            raise UserError(f"start {name}", part, reason, "Give one number for each coordinate")
     return z, v
 
 
@@ -121,13 +121,13 @@ def _check(
     method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int
 ) -> None:
     if not (np.isfinite(step) and step > 0.0):
-        raise UserError("step", step, "a step must be a positive time", "Give the number of steps per cycle or per run")
+        raise UserError("step", step, "a step must be a positive time", "Give it in s")
     for name, value in (("steps", n_steps), ("every", every), ("period_steps", period_steps)):
         if value is not None and value < 1:
             raise UserError(name, value, "there must be at least one step", "Give a whole number from 1 on")
     if isinstance(start, str) and start not in ("zero", "periodic"):
         raise UserError("start", start, "there is no such start", "Give zero, periodic or a state")
     if start == "periodic" and period_steps is None:
-        raise UserError("start", start, "the motion has no cycle", "Give a drive with a constant speed and a cycle")
+        raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
     if start == "periodic" and method == "scipy":
-        raise UserError("start", start, "scipy finds no periodic start", "Start it from a state that gauss has found")
+        raise UserError("start", start, "scipy finds no cycle", "Start from a state that gauss found")

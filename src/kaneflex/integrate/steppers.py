@@ -1,22 +1,22 @@
 """The compiled loops. One specialisation of each serves every scene.
 
-All of them stay in this file: a cached function that calls one of another file would keep the old callee after that
-file was edited, because numba looks at the time stamp of the caller's file only.
+All of them stay in this file: a cached function that calls one of another file would keep the old callee
+after that file was edited, because numba looks at the time stamp of the caller's file only.
 
 Common arguments of the loops `newmark`, `gauss` and `exact_modal`:
 
 packed        the system, :class:`kaneflex.integrate.system.Packed`
-scalars       table, shape (period * nodes + 1, n_scalars): rows `nodes * k` are the scalars at step k, those between
-              them at the stages of the step; the row after the last step is the first row of the next table or cycle
-position      steps already taken in this table; the table is read again from its start after its last step
+scalars       table, shape (period * nodes + 1, n_scalars): rows `nodes * k` are the scalars at step k, those
+              between them at the stages of the step; the last row is the first one of the next table or cycle
+position      steps already taken in this table; it is read again from its start after its last step
 n_steps       steps to take
 coefficients  numbers of the method, see `kaneflex.integrate.methods`
 load          shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
-z, v, a, q    shape (columns, n): displacements, velocities, the method's own accelerations, true accelerations;
-              overwritten. Several columns share one factorisation a step.
+state         z, v, a, q, each of shape (columns, n): displacements, velocities, the method's own and the true
+              accelerations; overwritten. Several columns share one factorisation a step.
 done, every   steps taken before this call; the first column is stored after every `every` steps
 bound         largest sum of squares of z that is still believed
-out_z, out_v, out_a  shape (rows, n): row k belongs to step k * every
+stored        z, v, true accelerations, each of shape (rows, n): row k belongs to step k * every
 
 They return the number of completed steps and a status.
 """
@@ -28,14 +28,20 @@ from numba import njit
 
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 
+# Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
+# from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
+_ONE, _TWO, _THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 _SMALLEST_PIVOT = 1e-14  # relative to the diagonal before elimination: what is left of it is rounding
 _STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
-_jit = njit(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract", "afn", "reassoc"})
+_FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
+_jit = njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
+# A call costs as much as a small solve: numba hands over seven words an array.
+_inlined = njit(inline="always", error_model="numpy", fastmath=_FASTMATH)
 
 
-@_jit
+@_inlined
 def _affine_sum(packed, scalars, row, sums):
     """M, C, K and F at one row of the table: sum of scalar x constant."""
     runs = packed.runs
@@ -50,7 +56,7 @@ def _affine_sum(packed, scalars, row, sums):
             sums[start + i] += scalar * data[offset + i]
 
 
-@_jit
+@_inlined
 def _factor(layout, lu, diagonal):
     """A = L U in place, without pivoting, reciprocal pivots on the diagonal. False where a pivot vanishes."""
     base = layout.base
@@ -64,54 +70,53 @@ def _factor(layout, lu, diagonal):
             return False
         reciprocal = 1.0 / pivot
         lu[row_k + k] = reciprocal
-        for i in range(k + 1, last[k]):
+        for i in range(k + _ONE, last[k]):
             row_i = base[i]
             factor = lu[row_i + k] * reciprocal
             lu[row_i + k] = factor
-            for j in range(k + 1, last[k]):
+            for j in range(k + _ONE, last[k]):
                 lu[row_i + j] -= factor * lu[row_k + j]
     return True
 
 
-@_jit
+@_inlined
 def _solve(layout, lu, x, column):
-    """Solve L U x = x for one row of `x`."""
+    """Solve L U x = x for one row of `x`: by columns, because short sums wait for each other."""
     base = layout.base
     first = layout.first
     last = layout.last
-    for i in range(layout.n):
-        row = base[i]
-        total = x[column, i]
-        for j in range(first[i], i):
-            total -= lu[row + j] * x[column, j]
-        x[column, i] = total
-    for i in range(layout.n - 1, -1, -1):
-        row = base[i]
-        total = x[column, i]
-        for j in range(i + 1, last[i]):
-            total -= lu[row + j] * x[column, j]
-        x[column, i] = total * lu[row + i]
+    n = layout.n
+    for j in range(n):
+        known = x[column, j]
+        for i in range(j + _ONE, last[j]):
+            x[column, i] -= lu[base[i] + j] * known
+    for back in range(n):
+        j = n - _ONE - back
+        known = x[column, j] * lu[base[j] + j]
+        x[column, j] = known
+        for i in range(first[j], j):
+            x[column, i] -= lu[base[i] + j] * known
 
 
-@_jit
+@_inlined
 def _unbalanced(layout, sums, load, z, v, column, i):
     """Row i of F - C v - K z."""
     c_row = layout.n_slots + layout.base[i]
     k_row = c_row + layout.n_slots
-    total = load * sums[3 * layout.n_slots + i]
+    total = load * sums[_THREE * layout.n_slots + i]
     for j in range(layout.first[i], layout.last[i]):
         total -= sums[c_row + j] * v[column, j] + sums[k_row + j] * z[column, j]
     return total
 
 
-@_jit
-def _true_accelerations(layout, sums, mass, diagonal, load, z, v, q):
-    """q from M q = F - C v - K z, for every column. False where M is singular."""
+@_inlined
+def _true_accelerations(layout, sums, mass, diagonal, load, z, v, q, columns):
+    """q from M q = F - C v - K z, for the first columns. False where M is singular."""
     for i in range(layout.n_slots):
         mass[i] = sums[i]
     if not _factor(layout, mass, diagonal):
         return False
-    for column in range(z.shape[0]):
+    for column in range(columns):
         for i in range(layout.n):
             q[column, i] = _unbalanced(layout, sums, load[column], z, v, column, i)
         _solve(layout, mass, q, column)
@@ -120,38 +125,40 @@ def _true_accelerations(layout, sums, mass, diagonal, load, z, v, q):
 
 @_jit
 def accelerations(packed, scalars, row, load, z, v, q):
-    """Fill `q` with the accelerations that satisfy the equation at one row of the table; False where M is singular."""
+    """Fill `q` from the equation of motion at one row of the table; False where M is singular."""
     layout = packed.layout
-    sums = np.empty(3 * layout.n_slots + layout.n)
+    sums = np.empty(_THREE * layout.n_slots + layout.n)
     _affine_sum(packed, scalars, row, sums)
-    return _true_accelerations(
-        layout, sums, np.empty(layout.n_slots), np.empty(layout.n), load, z, v, q
-    )
+    mass, diagonal = np.empty(layout.n_slots), np.empty(layout.n)
+    return _true_accelerations(layout, sums, mass, diagonal, load, z, v, q, z.shape[0])
 
 
 @_jit
-def newmark(
-    packed, scalars, position, n_steps, coefficients, load, z, v, a, q, done, every, bound, out_z, out_v, out_a
-):
+def newmark(packed, scalars, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Newmark's family with weighted accelerations, unknown: the true acceleration q at the end of the step.
 
-    With known part p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m) and kappa = (1 - alpha_f) / (1 - alpha_m):
-    a_1 = p + kappa q_1, v_1 = v_0 + h ((1 - gamma) a_0 + gamma a_1), z_1 = z_0 + h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1)
-    and (M + gamma h kappa C + beta h^2 kappa K) q_1 = F - C v_p - K z_p at the end of the step, where v_p and z_p are
-    v_1 and z_1 less their share of q_1 (Arnold and Bruels 2007, eqs. 8-10).
+    With p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m), known, and kappa = (1 - alpha_f) / (1 - alpha_m):
+
+        a_1 = p + kappa q_1
+        v_1 = v_0 + h ((1 - gamma) a_0 + gamma a_1)
+        z_1 = z_0 + h v_0 + h^2 ((1/2 - beta) a_0 + beta a_1)
+        (M + gamma h kappa C + beta h^2 kappa K) q_1 = F - C v_p - K z_p  at the end of the step,
+
+    v_p and z_p being v_1 and z_1 less their share of q_1 (Arnold and Bruels 2007, section 2, whose
+    accelerations satisfy the equation of motion; for constant M it is the method of Chung and Hulbert 1993).
     """
-    layout = packed.layout
+    layout, (z, v, a, q), (out_z, out_v, out_a) = packed.layout, state, stored
     n, n_slots = layout.n, layout.n_slots
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = coefficients
     period = scalars.shape[0] - 1
-    sums, lu, diagonal = np.empty(3 * n_slots + n), np.empty(n_slots), np.empty(n)
+    sums, lu, diagonal = np.empty(_THREE * n_slots + n), np.empty(n_slots), np.empty(n)
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
         position += 1
         _affine_sum(packed, scalars, position, sums)
         for i in range(n_slots):
-            lu[i] = sums[i] + c_weight * sums[n_slots + i] + k_weight * sums[2 * n_slots + i]
+            lu[i] = sums[i] + c_weight * sums[n_slots + i] + k_weight * sums[n_slots + n_slots + i]
         if not _factor(layout, lu, diagonal):
             return count, SINGULAR
         for column in range(z.shape[0]):
@@ -185,43 +192,45 @@ def newmark(
     return n_steps, COMPLETED
 
 
-@_jit
+@_inlined
 def _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix):
-    """delta_sr M_s + h a_sr C_s + h^2 (A A)_sr K_s at row (i, s), column (j, r), stages s, r; A of Gauss' tableau."""
+    """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r): see `gauss`."""
     n_slots = layout.n_slots
     root = math.sqrt(3.0) / 6.0
     c_same, c_12, c_21 = 0.25 * step, (0.25 - root) * step, (0.25 + root) * step
     k_same, k_12, k_21 = step * step / 24.0, 0.5 * step * c_12, 0.5 * step * c_21
     for i in range(layout.n):
         row = layout.base[i]
-        row_1 = pairs.base[2 * i]
-        row_2 = pairs.base[2 * i + 1]
+        row_1 = pairs.base[_TWO * i]
+        row_2 = pairs.base[_TWO * i + _ONE]
         for j in range(layout.first[i], layout.last[i]):
-            m, c, k = row + j, n_slots + row + j, 2 * n_slots + row + j
-            matrix[row_1 + 2 * j] = sums_1[m] + c_same * sums_1[c] + k_same * sums_1[k]
-            matrix[row_1 + 2 * j + 1] = c_12 * sums_1[c] + k_12 * sums_1[k]
-            matrix[row_2 + 2 * j] = c_21 * sums_2[c] + k_21 * sums_2[k]
-            matrix[row_2 + 2 * j + 1] = sums_2[m] + c_same * sums_2[c] + k_same * sums_2[k]
+            m, c, k = row + j, n_slots + row + j, n_slots + n_slots + row + j
+            matrix[row_1 + _TWO * j] = sums_1[m] + c_same * sums_1[c] + k_same * sums_1[k]
+            matrix[row_1 + _TWO * j + _ONE] = c_12 * sums_1[c] + k_12 * sums_1[k]
+            matrix[row_2 + _TWO * j] = c_21 * sums_2[c] + k_21 * sums_2[k]
+            matrix[row_2 + _TWO * j + _ONE] = sums_2[m] + c_same * sums_2[c] + k_same * sums_2[k]
 
 
 @_jit
-def gauss(
-    packed, scalars, position, n_steps, coefficients, load, z, v, a, q, done, every, bound, out_z, out_v, out_a
-):
-    """Two-stage Gauss-Legendre (Hairer, Noersett, Wanner 1993, table II.7.3), unknowns: the stages' accelerations.
+def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, every, bound, stored):
+    """Two-stage Gauss-Legendre (Hairer and Wanner 1996, table IV.5.1); unknowns: accelerations at the stages.
 
-    v_s = v_0 + h sum_r a_sr x_r and z_s = z_0 + c_s h v_0 + h^2 sum_r (A A)_sr x_r in M_s x_s + C_s v_s + K_s z_s = F_s,
-    then v_1 = v_0 + h/2 (x_1 + x_2), z_1 = z_0 + h v_0 + h^2/2 ((1 - c_1) x_1 + (1 - c_2) x_2).
+    With x_1, x_2 in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, the tableau's a_sr and e_sr = (A A)_sr:
+
+        v_s = v_0 + h sum_r a_sr x_r,  z_s = z_0 + c_s h v_0 + h^2 sum_r e_sr x_r
+        v_1 = v_0 + h/2 (x_1 + x_2),   z_1 = z_0 + h v_0 + h^2/2 ((1 - c_1) x_1 + (1 - c_2) x_2)
+
+    The accelerations that are stored come from the equation of motion at the end of the step.
     """
-    layout, pairs = packed.layout, packed.pairs
+    layout, pairs, (z, v, _, q), (out_z, out_v, out_a) = packed.layout, packed.pairs, state, stored
     n, n_slots = layout.n, layout.n_slots
     (step,) = coefficients
     v_weight = 0.5 * step
     z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
     period = (scalars.shape[0] - 1) // 3
-    sums_1, sums_2 = np.empty(3 * n_slots + n), np.empty(3 * n_slots + n)
-    matrix, diagonal, mass = np.empty(pairs.n_slots), np.empty(2 * n), np.empty(n_slots)
-    at_stage, x = np.empty((z.shape[0], n)), np.empty((1, 2 * n))
+    sums_1, sums_2 = np.empty(_THREE * n_slots + n), np.empty(_THREE * n_slots + n)
+    matrix, diagonal, mass = np.empty(pairs.n_slots), np.empty(_TWO * n), np.empty(n_slots)
+    at_stage, x = np.empty((z.shape[0], n)), np.empty((1, _TWO * n))
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
@@ -232,17 +241,17 @@ def gauss(
         if not _factor(pairs, matrix, diagonal):
             return count, SINGULAR
         for column in range(z.shape[0]):
-            for stage in range(2):
+            for stage in range(_TWO):
                 ahead = step * (_STAGE_1 if stage == 0 else _STAGE_2)
                 sums = sums_1 if stage == 0 else sums_2
                 for i in range(n):
                     at_stage[column, i] = z[column, i] + ahead * v[column, i]
                 for i in range(n):
-                    x[0, 2 * i + stage] = _unbalanced(layout, sums, load[column], at_stage, v, column, i)
+                    x[0, _TWO * i + stage] = _unbalanced(layout, sums, load[column], at_stage, v, column, i)
             _solve(pairs, matrix, x, 0)
             squares = 0.0
             for i in range(n):
-                x_1, x_2 = x[0, 2 * i], x[0, 2 * i + 1]
+                x_1, x_2 = x[0, _TWO * i], x[0, _TWO * i + _ONE]
                 z[column, i] += step * v[column, i] + z_weight_1 * x_1 + z_weight_2 * x_2
                 v[column, i] += v_weight * (x_1 + x_2)
                 squares += z[column, i] * z[column, i]
@@ -252,7 +261,7 @@ def gauss(
         if due == 0:
             due = every
             _affine_sum(packed, scalars, row + 3, sums_1)
-            if not _true_accelerations(layout, sums_1, mass, diagonal, load[:1], z[:1], v[:1], q[:1]):
+            if not _true_accelerations(layout, sums_1, mass, diagonal, load, z, v, q, 1):
                 return count, SINGULAR
             for i in range(n):
                 out_z[out, i] = z[0, i]
@@ -266,13 +275,12 @@ def gauss(
 
 
 @_jit
-def exact_modal(
-    packed, scalars, position, n_steps, coefficients, load, z, v, a, q, done, every, bound, out_z, out_v, out_a
-):
-    """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) with damping; exact where F is linear in a step.
+def exact_modal(packed, scalars, position, n_steps, coefficients, load, state, done, every, bound, stored):
+    """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) and damping; exact for F linear in t.
 
-    `coefficients` has shape (n, 11), see `kaneflex.integrate.modal`. `packed` holds the runs of F only, and no slots.
+    coefficients: shape (n, 11), see `kaneflex.integrate.modal`. `packed` holds the runs of F only, no slots.
     """
+    (z, v, _, _), (out_z, out_v, out_a) = state, stored
     n = z.shape[1]
     period = scalars.shape[0] - 1
     force_0, force_1 = np.empty(n), np.empty(n)

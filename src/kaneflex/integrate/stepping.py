@@ -30,7 +30,10 @@ _OUTCOMES = {
 
 
 class State(NamedTuple):
-    """Columns of states, each array of shape (columns, n): displacements, velocities, the method's and true accelerations."""
+    """Columns of states, each array of shape (columns, n).
+
+    Displacements, velocities, the method's own accelerations and those of the equation of motion.
+    """
 
     z: np.ndarray
     v: np.ndarray
@@ -80,8 +83,8 @@ def advance(
 ) -> Advance:  # fmt: skip
     """Take `n_steps` steps with every column of `state`, in place; store the first column in `stored`.
 
-    load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free masses;
-    else only where its square is no longer a number.
+    load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
+    masses; else only where its square is no longer a number.
     """
     loop = getattr(steppers, setup.method.stepper)
     bound = _Bound(setup, state, n_steps) if bounded else None
@@ -90,12 +93,12 @@ def advance(
     while done < n_steps and outcome is Outcome.COMPLETED:
         scalars, position, steps = setup.feed.piece(done, min(most, n_steps - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
-        started = 0.0
-        for count in (0, steps) if done == 0 else (steps,):  # the call without a step compiles, outside the clock
-            started = time.perf_counter()
-            taken, status = loop(
-                setup.packed, scalars, position, count, setup.coefficients, load, *state, done, every, limit, *stored
-            )
+        at = (setup.packed, scalars, position)
+        rest = (setup.coefficients, load, state, done, every, limit, stored)
+        if done == 0:
+            loop(*at, 0, *rest)  # compiles, outside the clock
+        started = time.perf_counter()
+        taken, status = loop(*at, steps, *rest)
         spent += time.perf_counter() - started
         done += taken
         outcome = _OUTCOMES[status]
@@ -107,8 +110,8 @@ def advance(
 class _Bound:
     """A displacement that only a runaway motion reaches.
 
-    Free masses under the largest forces move by z_0 + v_0 T + F T^2 / m in the time T of the run; the springs and
-    dampers of a stable system only lower that, by orders of magnitude.
+    Free masses under the largest forces move by z_0 + v_0 T + F T^2 / m in the time T of the run; the
+    springs and dampers of a stable system only lower that, by orders of magnitude.
     """
 
     def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
@@ -135,6 +138,7 @@ class _Bound:
 def _steps_of_a_call(system: AffineSystem, columns: int, nodes: int) -> int:
     packed = system.packed
     matrix = packed.pairs if nodes > 1 else packed.layout
-    factor = matrix.n_slots * min(matrix.n, 2 * system.half_bandwidth + 1)
-    work = nodes * packed.data.size + factor + columns * 4 * matrix.n_slots
+    n_slots = int(matrix.n_slots)
+    factor = n_slots * (system.half_bandwidth + 1)
+    work = nodes * packed.data.size + factor + columns * 4 * n_slots
     return max(1, int(_WORK_OF_A_CALL / work))

@@ -1,4 +1,4 @@
-"""The equations that are integrated: second order, linear, coefficients an affine map of a table of scalars."""
+"""The equations that are integrated: linear, second order, coefficients affine in a table of scalars."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ class Layout(NamedTuple):
 class Packed(NamedTuple):
     """An :class:`AffineSystem` as the compiled steppers read it.
 
-    One vector holds the slots of M, then C, then K, then F. Row k of ``runs`` says: add scalar ``runs[k, 0]`` times
-    the ``runs[k, 2]`` numbers at ``data[runs[k, 3]]`` to the slots from ``runs[k, 1]`` on. A scalar of a motion
-    touches the coordinates of one link, which are neighbours, so the runs are few and long.
+    One vector holds the slots of M, then C, then K, then F. Row k of ``runs`` says: add scalar ``runs[k,
+    0]`` times the ``runs[k, 2]`` numbers at ``data[runs[k, 3]]`` to the slots from ``runs[k, 1]`` on. A
+    scalar of a motion touches the coordinates of one link, which are neighbours, so the runs are few and
+    long.
     """
 
     layout: Layout
@@ -41,16 +42,14 @@ class Packed(NamedTuple):
 class AffineSystem:
     """M(t) z'' + C(t) z' + K(t) z = F(t), each a sum of scalar of the motion x constant matrix.
 
-    Parameters
-    ----------
-    n: number of coordinates z.
-    half_bandwidth: largest ``|i - j|`` with an entry (i, j) in M, C or K, called w below; n - 1 means dense.
-    M, C, K: shape ``(n * (2 w + 1), n_scalars)``; row ``i * (2 w + 1) + (j - i + w)`` times the scalars is entry
+    Parameters ---------- n: number of coordinates z. half_bandwidth: largest ``|i - j|`` with an entry (i,
+    j) in M, C or K, called w below; n - 1 means dense. M, C, K: shape ``(n * (2 w + 1), n_scalars)``; row
+    ``i * (2 w + 1) + (j - i + w)`` times the scalars is entry
         (i, j).
     F: shape ``(n, n_scalars)``.
 
-    The scalars are the caller's, ``table(times) -> array (n_times, n_scalars)``; a constant matrix belongs to a scalar
-    that is 1 at all times. Units are the caller's too, as long as they are consistent.
+    The scalars are the caller's, ``table(times) -> array (n_times, n_scalars)``; a constant matrix belongs
+    to a scalar that is 1 at all times. Units are the caller's too, as long as they are consistent.
 
     Raises ValueError where the shapes do not fit each other or an entry lies outside the matrix.
     """
@@ -64,7 +63,7 @@ class AffineSystem:
 
     def __post_init__(self) -> None:
         if not 0 <= self.half_bandwidth < self.n:
-            raise ValueError(f"half_bandwidth = {self.half_bandwidth}: must be from 0 to n - 1 = {self.n - 1}")
+            raise ValueError(f"half_bandwidth = {self.half_bandwidth}: must be 0 to n - 1 = {self.n - 1}")
         rows = self.n * (2 * self.half_bandwidth + 1)
         for name in (*_MATRICES, "F"):
             expected = (self.n if name == "F" else rows, self.n_scalars)
@@ -73,7 +72,7 @@ class AffineSystem:
         for name in _MATRICES:
             _, columns = self._places(getattr(self, name))
             if columns.size and (columns.min() < 0 or columns.max() >= self.n):
-                raise ValueError(f"{name} has an entry in a column outside 0 to {self.n - 1}: a band slot off the matrix")
+                raise ValueError(f"{name} has an entry in a column outside 0 to {self.n - 1}, off the matrix")
 
     @property
     def n_scalars(self) -> int:
@@ -85,7 +84,7 @@ class AffineSystem:
         return np.unique(csc_array(getattr(self, name)).nonzero()[1])
 
     def dense(self, name: str, scalars: np.ndarray) -> np.ndarray:
-        """M, C or K as an (n, n) array, or F as an (n,) array, at one row of the table, shape (n_scalars,)."""
+        """M, C or K as an (n, n) array, or F as (n,), at one row of the table, shape (n_scalars,)."""
         values = getattr(self, name) @ np.asarray(scalars, dtype=float)
         if name == "F":
             return values
@@ -108,15 +107,15 @@ class AffineSystem:
                 slots, values = matrix.indices[entries], matrix.data[entries]
                 if name != "F":
                     rows, places = self._places_of_slots(slots)
-                    slots = layout.base[rows] + places
+                    slots = layout.base[rows].astype(np.int64) + places
                 for start, run in _runs_of(slots, values):
-                    runs.append((scalar, block * layout.n_slots + start, run.size, offset))
+                    runs.append((scalar, block * int(layout.n_slots) + start, run.size, offset))
                     offset += run.size
                     data.append(run)
         return Packed(
             layout=layout,
             pairs=_layout(self.n, self.half_bandwidth, 2),
-            runs=np.array(runs, dtype=np.int64).reshape(-1, 4),
+            runs=np.array(runs, dtype=np.uint64).reshape(-1, 4),
             data=np.concatenate(data) if data else np.zeros(0),
         )
 
@@ -130,17 +129,18 @@ class AffineSystem:
 
 
 def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
-    """Layout of a band with every coordinate `copies` times, side by side; nothing is stored beyond the matrix."""
+    """Layout of a band with every coordinate `copies` times, side by side; nothing beyond the matrix."""
     blocks = np.repeat(np.arange(n, dtype=np.int64), copies)
     first = np.maximum(blocks - half_bandwidth, 0) * copies
     last = (np.minimum(blocks + half_bandwidth, n - 1) + 1) * copies
     lengths = last - first
     starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
-    return Layout(n * copies, int(lengths.sum()), starts - first, first, last)
+    places = (np.asarray(each, dtype=np.uint64) for each in (starts - first, first, last))
+    return Layout(np.uint64(n * copies), np.uint64(lengths.sum()), *places)
 
 
 def _runs_of(slots: np.ndarray, values: np.ndarray) -> list[tuple[int, np.ndarray]]:
-    """Cut entries at `slots` into runs without long gaps: first slot, and the numbers with short gaps filled by 0."""
+    """Cut entries at `slots` into runs without long gaps: first slot and numbers, short gaps filled by 0."""
     used = np.flatnonzero(values)
     if not used.size:
         return []
