@@ -52,8 +52,16 @@ class Part:
 class Link:
     """An elastic link: its mesh, its section and its finite-element matrices in link axes.
 
-    ``nodes`` holds the nodes' distances from the link's start [m]; ``part`` has coordinates u, v, theta of each
-    node in turn.
+    Attributes
+    ----------
+    nodes : ndarray (elements + 1,)
+        Distances from the link's start [m].
+    rho_A, E_A, E_I : float
+        Mass per length [kg/m], axial stiffness [N], bending stiffness [N m^2].
+    element_terms : tuple of (key, monomial, ndarray (elements, 6, 6 or 1))
+        Each term's matrix of every element, for the forces at the elements' ends.
+    part : Part
+        The assembled link, coordinates u, v, theta of each node in turn.
     """
 
     name: str
@@ -61,6 +69,7 @@ class Link:
     rho_A: float
     E_A: float
     E_I: float
+    element_terms: tuple[tuple[str, Monomial, np.ndarray], ...]
     part: Part
 
     @property
@@ -81,7 +90,7 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     """
     body = scene.bodies[name]
     nodes = np.linspace(0.0, body.length, elements + 1)
-    sums: dict[tuple[str, Monomial], list[np.ndarray]] = {}
+    sums: dict[tuple[str, Monomial], np.ndarray] = {}
     for e in range(elements):
         p = np.array([body.rho_A, body.E_A, body.E_I, nodes[e + 1] - nodes[e], nodes[e]])
         for k, (_, group, target, factors) in enumerate(module.TERMS):
@@ -92,14 +101,16 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
             elif group == "damping":
                 continue
             key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
-            sums.setdefault(key, []).append(out)
+            sums.setdefault(key, np.zeros((elements, *out.shape)))[e] += out
     size = 3 * (elements + 1)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
-    for (key, monomial), blocks in sums.items():
+    element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
+    for key, monomial, blocks in element_terms:
         matrices[key] += Affine.term(monomial, _chain(blocks, size))
     coordinates = tuple(f"{name}.{i}.{dof}" for i in range(elements + 1) for dof in DOFS)
     place = {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(elements + 1)}
-    return Link(name, nodes, body.rho_A, body.E_A, body.E_I, Part(name, coordinates, matrices, place))
+    part = Part(name, coordinates, matrices, place)
+    return Link(name, nodes, body.rho_A, body.E_A, body.E_I, element_terms, part)
 
 
 def _scalar(link: str, factor: str) -> str:
@@ -107,15 +118,15 @@ def _scalar(link: str, factor: str) -> str:
     return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
 
 
-def _chain(blocks: list[np.ndarray], size: int) -> csr_array:
-    """Overlap the element matrices along the chain."""
+def _chain(blocks: np.ndarray, size: int) -> csr_array:
+    """Overlap the elements' matrices (elements, 6, 6), or vectors (elements, 6, 1), along the chain."""
     local = np.arange(6)
-    data = np.array(blocks)
+    square = blocks.shape[2] == 6
     first = 3 * np.arange(len(blocks))[:, None, None]
-    rows = np.broadcast_to(first + local[None, :, None], data.shape)
-    columns = np.broadcast_to(first + local[None, None, :], data.shape) if data.shape[2] == 6 else np.zeros_like(rows)
-    shape = (size, size if data.shape[2] == 6 else 1)
-    return csr_array(coo_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+    rows = np.broadcast_to(first + local[None, :, None], blocks.shape)
+    columns = np.broadcast_to(first + local[None, None, :], blocks.shape) if square else np.zeros_like(rows)
+    shape = (size, size if square else 1)
+    return csr_array(coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
 
 
 def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:

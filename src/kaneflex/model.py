@@ -1,0 +1,232 @@
+"""A scene with numbers bound to its kernels: what is integrated, and what can be asked at any instant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from kaneflex.affine import Affine, Monomial
+from kaneflex.assembly import Equations, spin_or_euler
+from kaneflex.frame import Frame, Interfaces
+from kaneflex.integrate.system import AffineSystem
+from kaneflex.links import Link, Part
+from kaneflex.options import Options
+from kaneflex.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The rigid motion of a scene: its module's ``tabulate`` with the scene's numbers.
+
+    ``parameters`` is the kernels' argument p: PARAMETERS of the module in SI, then the blocks of its tables.
+    """
+
+    module: ModuleType
+    parameters: np.ndarray
+
+    @cached_property
+    def column(self) -> dict[str, int]:
+        return {name: k for k, (name, *_) in enumerate(self.module.SCALARS)}
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        out = np.zeros((len(times), len(self.column)))
+        self.module.tabulate(times, self.parameters, out)
+        return out
+
+    def at(self, times: np.ndarray) -> RigidMotion:
+        """The rigid motion at ``times`` [s], scalar by name."""
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        return RigidMotion(self, times, self.table(times))
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """Scalars of the rigid motion at some times: ``motion["rod.omega"]`` has shape (n_times,)."""
+
+    motion: Motion
+    times: np.ndarray
+    values: np.ndarray
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name in self.motion.column:
+            return self.values[:, self.motion.column[name]]
+        return np.full(len(self.times), self.motion.module.CONSTANTS[name])
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.motion.column or name in self.motion.module.CONSTANTS
+
+    def monomial(self, names: Monomial) -> np.ndarray:
+        """Product of scalars, shape (n_times,)."""
+        product = np.ones(len(self.times))
+        for name in names:
+            product = product * self[name]
+        return product
+
+    def apply(self, affine: Affine, vectors: np.ndarray) -> np.ndarray:
+        """A(t) x(t) for vectors of shape (columns, n_times); returns (rows, n_times)."""
+        total = np.zeros((affine.shape[0], len(self.times)))
+        for monomial, matrix in affine.terms.items():
+            total += self.monomial(monomial) * (matrix @ vectors)
+        return total
+
+    def column_of(self, affine: Affine) -> np.ndarray:
+        """An affine vector (rows x 1) at all times; returns (rows, n_times)."""
+        return self.apply(affine, np.ones((1, len(self.times))))
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A scene bound to its generated module, ready to be simulated. Made by :func:`kaneflex.load`.
+
+    Attributes
+    ----------
+    scene, options
+        What is modelled, and how.
+    motion : Motion
+        The rigid stage.
+    links : mapping of str to Link
+        Elastic bodies with their meshes.
+    parts : mapping of str to Part
+        What was assembled: links (reduced where asked) and guided rigid bodies.
+    bases : mapping of str to ndarray
+        Craig-Bampton basis of each reduced link.
+    interfaces, frame
+        How the parts hang together.
+    equations : Equations
+        Assembled and constrained, in the coordinates ``coordinates``.
+    reduced : Equations
+        What is integrated: the same, or in modes of the whole mechanism, and frozen where the preset says so.
+    modal_basis : ndarray or None
+        Modes of the whole mechanism that the motion is sought in, one a column.
+    reference_time : float
+        Instant [s] at which the first drive stands at ``options.mode_angle``.
+    seconds : mapping
+        Wall time of the stages of loading.
+    """
+
+    scene: Scene
+    options: Options
+    motion: Motion
+    links: Mapping[str, Link]
+    parts: Mapping[str, Part]
+    bases: Mapping[str, np.ndarray]
+    interfaces: Interfaces | None
+    frame: Frame | None
+    equations: Equations
+    reduced: Equations
+    modal_basis: np.ndarray | None
+    reference_time: float
+    warnings: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def module(self) -> ModuleType:
+        """The generated module whose kernels are used."""
+        return self.motion.module
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the rows and columns of M, C, K and F: u, v [m] and theta [rad] of nodes, x, y [m] of joints, slides [m]."""
+        return self.equations.coordinates
+
+    @property
+    def step(self) -> float:
+        """Time step [s]."""
+        return (self.scene.period if self.options.cycles else self.options.duration) / self.options.steps
+
+    def M(self, t: float) -> np.ndarray:
+        """Mass matrix at time t [s], shape (n, n)."""
+        return self._dense(self.equations.M, t)
+
+    def K_s(self, t: float) -> np.ndarray:
+        """Elastic stiffness at time t [s], shape (n, n)."""
+        return self._dense(self.equations.K_s, t)
+
+    def K_d(self, t: float) -> np.ndarray:
+        """Spin and Euler stiffness at time t [s], with T' and T'' of the joints where the preset keeps them; (n, n)."""
+        return self._dense(self.equations.K_d, t)
+
+    def K_g(self, t: float) -> np.ndarray:
+        """Geometric stiffness by the axial forces at time t [s], shape (n, n)."""
+        return self._dense(self.equations.K_g, t)
+
+    def C(self, t: float) -> np.ndarray:
+        """Damping and gyroscopic matrix C_s + C_d at time t [s], shape (n, n)."""
+        return self._dense(self.equations.C_s, t) + self._dense(self.equations.C_d, t)
+
+    def F(self, t: float) -> np.ndarray:
+        """Load at time t [s], shape (n,)."""
+        return self._dense(self.equations.F, t)[:, 0]
+
+    def _dense(self, affine: Affine, t: float) -> np.ndarray:
+        rigid = self.motion.at(t)
+        return rigid.apply(affine, np.ones((1, 1))) if affine.shape[1] == 1 else self._matrix(affine, rigid)
+
+    @staticmethod
+    def _matrix(affine: Affine, rigid: RigidMotion) -> np.ndarray:
+        total = np.zeros(affine.shape)
+        for monomial, matrix in affine.terms.items():
+            total += rigid.monomial(monomial)[0] * matrix.toarray()
+        return total
+
+    @cached_property
+    def kept(self) -> dict[str, Affine]:
+        """M, C, K, F of what is integrated, with the term groups that the options keep."""
+        return keep_terms(self.reduced, self.options)
+
+    @cached_property
+    def monomials(self) -> tuple[Monomial, ...]:
+        """The products of motion scalars that the kept equations are made of."""
+        return tuple(sorted(set().union(*(affine.terms for affine in self.kept.values()))))
+
+    def scalars(self, times: np.ndarray) -> np.ndarray:
+        """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""
+        rigid = self.motion.at(times)
+        return np.stack([rigid.monomial(monomial) for monomial in self.monomials], axis=1)
+
+    @cached_property
+    def system(self) -> AffineSystem:
+        """The kept equations as the integrators read them."""
+        size = self.reduced.size
+        pattern = coo_array(sum((self.kept[name].pattern() for name in "MCK"), csr_array((size, size))))
+        half_bandwidth = int(abs(pattern.row - pattern.col).max(initial=0))
+        width = 2 * half_bandwidth + 1
+
+        def slots(affine: Affine) -> csr_array:
+            rows, columns, data = [], [], []
+            for k, monomial in enumerate(self.monomials):
+                if monomial in affine.terms:
+                    entries = coo_array(affine.terms[monomial])
+                    banded = affine.shape[1] != 1
+                    slot = entries.row * width + entries.col - entries.row + half_bandwidth if banded else entries.row
+                    rows.append(slot)
+                    columns.append(np.full(len(slot), k))
+                    data.append(entries.data)
+            shape = (size * width if affine.shape[1] != 1 else size, len(self.monomials))
+            if not rows:
+                return csr_array(shape)
+            return csr_array(coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=shape))
+
+        return AffineSystem(size, half_bandwidth, *(slots(self.kept[name]) for name in ("M", "C", "K", "F")))
+
+
+def keep_terms(equations: Equations, options: Options) -> dict[str, Affine]:
+    """M, C, K, F of some equations with the complete term groups that the options keep."""
+    stiffness = equations.K_s + equations.K_d.only(
+        lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin
+    )
+    damping = Affine.zero(equations.size, equations.size)
+    if options.damping:
+        damping, stiffness = equations.C_s, stiffness + equations.K_c
+    if options.gyroscopic:
+        damping = damping + equations.C_d
+    if options.geometric:
+        stiffness = stiffness + equations.K_g
+    return {"M": equations.M, "C": damping, "K": stiffness, "F": equations.F}

@@ -1,0 +1,164 @@
+"""Named models: what each preset keeps of the equations, and every option of a run spelled out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+from kaneflex.errors import SceneError, nearest
+from kaneflex.scene import Scene
+
+STEPS_PER_TURN = 720
+"""Default resolution: half a degree of the fastest drive."""
+PAPER_DURATION = 0.04
+"""The paper's horizon [s], Figs. 18-28: four turns at 6000 rpm."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Everything that distinguishes one run of a scene from another.
+
+    Attributes
+    ----------
+    preset : str
+        Where the defaults came from.
+    dynamics : str
+        "rigid" (no deformation), "quasistatic" (K z = F at each instant), "frozen" (constant coefficients, decoupled,
+        paper (143)) or "dynamic" (time-varying coefficients).
+    spin, gyroscopic, euler, geometric, damping : bool
+        Complete term groups: proportional to omega^2, omega, epsilon, the axial force, and the material damping.
+    convective : bool
+        Keep T' and T'' of the joint displacements' transformation.
+    weld_pins, free_drives : bool
+        Share the elastic rotation at pins between elastic links; leave it free at the drives.
+    elements : int or None
+        Elements of every link; None leaves each link its own number.
+    foreshortening : bool
+        Displacements include the shortening of the bent axis, -1/2 int v'^2 dx.
+    reduction : str
+        "none", "craig-bampton" (each link, in its own axes) or "modal" (modes of the whole mechanism at mode_angle).
+    modes : int or "all"
+        Modes kept: of each link, or of the mechanism.
+    mode_angle : float
+        Angle of the first drive at which reference modes are taken and the frozen model is frozen [rad].
+    start : str
+        "zero", "quasistatic" or "periodic".
+    integrator : str
+        Name in ``kaneflex.integrate.methods.METHODS``.
+    steps : int
+        Per cycle, or per run where there is no cycle.
+    cycles : bool
+        Whether ``steps`` counts a cycle.
+    duration : float
+        Horizon of the run [s].
+    rho_infinity : float
+        Spectral radius of generalised-alpha at infinite frequency.
+    """
+
+    preset: str
+    dynamics: str
+    spin: bool
+    gyroscopic: bool
+    euler: bool
+    geometric: bool
+    damping: bool
+    convective: bool
+    weld_pins: bool
+    free_drives: bool
+    elements: int | None
+    foreshortening: bool
+    reduction: str
+    modes: int | str
+    mode_angle: float
+    start: str
+    integrator: str
+    steps: int
+    cycles: bool
+    duration: float
+    rho_infinity: float
+
+    @property
+    def step(self) -> float:
+        """Time step [s] where ``steps`` counts the run; with cycles the model knows the period."""
+        return self.duration / self.steps
+
+    def as_dict(self) -> dict[str, object]:
+        return asdict(self)
+
+
+_ALL = dict(spin=True, gyroscopic=True, euler=True, geometric=True, damping=True, convective=True)
+_PRESETS: dict[str, dict[str, object]] = {
+    "rigid": dict.fromkeys(_ALL, False) | {"dynamics": "rigid", "foreshortening": False},
+    # Without any damping: C_s L' would act like a force that no structure knows.
+    "quasistatic": _ALL | {"gyroscopic": False, "damping": False, "dynamics": "quasistatic", "foreshortening": True},
+    "paper": _ALL
+    | {"gyroscopic": False, "geometric": False, "damping": False, "convective": False, "dynamics": "frozen"}
+    | {"foreshortening": False, "weld_pins": True, "free_drives": True, "elements": 1},
+    "linear": _ALL | {"geometric": False, "dynamics": "dynamic", "foreshortening": False},
+    "stiffened": _ALL | {"dynamics": "dynamic", "foreshortening": True},
+}
+_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss"}
+_REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none"}
+
+
+def resolve_options(scene: Scene) -> Options:
+    """The preset of the scene with the scene's own settings on top.
+
+    Raises
+    ------
+    SceneError
+        Where settings contradict each other; it names both.
+    """
+    solve = scene.solve
+    chosen = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
+    for name, on in solve.terms.items():
+        if name not in _ALL:
+            switchable = [group for group in _ALL if group != "convective"]
+            raise SceneError(f"solve.terms.{name}", on, "not a term group that can be switched", nearest(name, switchable))
+        chosen[name] = on
+    dynamics = str(chosen["dynamics"])
+    elastic = any(body.elastic for body in scene.bodies.values())
+    if not elastic:
+        dynamics, chosen["dynamics"] = "rigid", "rigid"
+    paper = dynamics == "frozen"
+    period = None if paper or solve.duration is not None else scene.period
+    duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
+    options = Options(
+        preset=solve.preset,
+        **chosen,
+        reduction=solve.reduction or ("craig-bampton" if _truncates(solve.modes, dynamics) else _REDUCTION[dynamics]),
+        modes=solve.modes,
+        mode_angle=solve.mode_angle,
+        start="zero" if paper else solve.start,
+        integrator=solve.integrator or _INTEGRATOR[dynamics],
+        steps=solve.steps or default_steps(scene, duration),
+        cycles=period is not None,
+        duration=duration,
+        rho_infinity=solve.rho_infinity,
+    )
+    _check(options)
+    return options
+
+
+def _truncates(modes: int | str, dynamics: str) -> bool:
+    return modes != "all" and dynamics in ("dynamic", "quasistatic")
+
+
+def default_steps(scene: Scene, duration: float) -> int:
+    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all."""
+    fastest = max((abs(drive.speed) for drive in scene.drives.values()), default=0.0)
+    turns = fastest * duration / (2 * math.pi)
+    return max(200, math.ceil(round(STEPS_PER_TURN * turns, 6)))
+
+
+def _check(options: Options) -> None:
+    if options.start == "periodic" and options.dynamics == "dynamic" and not options.cycles:
+        raise SceneError(
+            "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",
+            "Give a drive a cycle and no duration, or start from zero or quasistatic",
+        )  # fmt: skip
+    exact = options.integrator == "exact-modal"
+    if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):
+        cure = "Use newmark, generalised-alpha or gauss" if exact else "Leave the integrator out"
+        reason = f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}"
+        raise SceneError("solve.integrator", options.integrator, reason, cure)

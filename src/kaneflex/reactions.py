@@ -1,0 +1,159 @@
+"""Joint reactions and drive torques that are consistent with the elastic motion.
+
+Every interface node of an elastic link and every rigid body must balance: the residual of its equations is what the
+joints exert. The joints' unknown forces follow from those balances; where the model is rigid they are the
+multipliers that the ``motion`` kernel already gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kaneflex.deformation import Deformation
+from kaneflex.frame import prescribed_bodies
+from kaneflex.model import Model, RigidMotion
+from kaneflex.scene.quantities import Address
+
+
+def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
+    """Joint or drive -> names of its reactions in the motion's scalars."""
+    rows = {}
+    for name, joint in model.scene.joints.items():
+        kinds = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment")}
+        rows[name] = tuple(f"{name}.{row}" for row in kinds.get(joint.kind, ("normal", "moment")))
+    for name in model.scene.drives:
+        rows[f"{name}.drive"] = (f"{name}.drive",)
+    return rows
+
+
+def consistent_reactions(
+    model: Model, rigid: RigidMotion, deformed: Mapping[str, Deformation], slides: Mapping[str, tuple[np.ndarray, ...]]
+) -> dict[str, np.ndarray]:
+    """Solve the balances of all interface nodes and rigid bodies for the reactions.
+
+    Returns
+    -------
+    dict
+        Name of the reaction, as in the motion's scalars -> series (n_times,); forces act on the second body.
+    """
+    names = [row for rows in reaction_rows(model).values() for row in rows]
+    balances = _Balances(model, rigid, names, deformed, slides)
+    matrix, residual = balances.assemble()
+    # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
+    square = np.einsum("tri,trj->tij", matrix, matrix)
+    right = np.einsum("tri,tr->ti", matrix, residual)
+    solved = np.linalg.solve(square, right[..., None])[..., 0]
+    return {name: solved[:, k] for k, name in enumerate(names)}
+
+
+class _Balances:
+    """Rows 'sum of joint forces = residual' with the joint forces' coefficients, at all times."""
+
+    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], deformed, slides):
+        self.model, self.rigid, self.deformed, self.slides = model, rigid, deformed, slides
+        self.index = {name: k for k, name in enumerate(names)}
+        self.steps = len(rigid.times)
+        lengths = [body.length for body in model.scene.bodies.values() if body.length]
+        self.scale = 1.0 / max(lengths)
+        self.prescribed = prescribed_bodies(model.scene)
+
+    def assemble(self) -> tuple[np.ndarray, np.ndarray]:
+        matrices, residuals = [], []
+        for name in self.model.scene.bodies:
+            sites = self._nodes(name) if name in self.deformed else [None]
+            for node in sites:
+                coefficients = self._coefficients(name, node)
+                residual = self._node_residual(name, node) if name in self.deformed else self._rigid_residual(name)
+                used = np.abs(coefficients).max(axis=(0, 2)) > 0  # a balance that no joint enters says nothing
+                scale = np.array([1.0, 1.0, self.scale])
+                matrices.append((coefficients * scale[:, None])[:, used])
+                residuals.append((residual * scale[:, None]).T[:, used])
+        return np.concatenate(matrices, axis=1), np.concatenate(residuals, axis=1)
+
+    def _nodes(self, link: str) -> list[int]:
+        return [node for name, node in self.model.interfaces.displaced if name == link]
+
+    def _coefficients(self, body: str, node: int | None) -> np.ndarray:
+        """(n_times, 3, n_reactions): global force x, y and moment on the body (about its start) or on the node."""
+        total = np.zeros((self.steps, 3, len(self.index)))
+        for name, joint in self.model.scene.joints.items():
+            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+                if address.body != body or (node is not None and self._node(address) != node):
+                    continue
+                total += sign * self._joint(name, joint, address, node)
+        return total
+
+    def _node(self, address: Address) -> int | None:
+        return self.deformed[address.body].link.node_at(self.model.scene.point(address)[0])
+
+    def _joint(self, name: str, joint, address: Address, node: int | None) -> np.ndarray:
+        rows = np.zeros((self.steps, 3, len(self.index)))
+        arm = np.zeros((2, self.steps)) if node is not None else self._turn(address.body, self.model.scene.point(address))
+
+        def push(reaction: str, direction: np.ndarray) -> None:
+            k = self.index[f"{name}.{reaction}"]
+            rows[:, 0, k] += direction[0]
+            rows[:, 1, k] += direction[1]
+            rows[:, 2, k] += arm[0] * direction[1] - arm[1] * direction[0]
+
+        if joint.kind == "prismatic":
+            t = self._turn(joint.addresses[0].body, joint.direction)
+            push("normal", np.array([-t[1], t[0]]))
+            if name in self.model.scene.drives:
+                push("drive", t)
+        else:
+            ones = np.ones(self.steps)
+            push("force_x", np.array([ones, 0 * ones]))
+            push("force_y", np.array([0 * ones, ones]))
+            if name in self.model.scene.drives:
+                rows[:, 2, self.index[f"{name}.drive"]] += 1.0
+        if joint.kind != "revolute":
+            rows[:, 2, self.index[f"{name}.moment"]] += 1.0
+        return rows
+
+    def _turn(self, body: str, vector: tuple[float, float]) -> np.ndarray:
+        """Global components of a body-fixed vector, shape (2, n_times)."""
+        if body == "ground":
+            return np.outer(vector, np.ones(self.steps))
+        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
+        return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+    def _node_residual(self, link: str, node: int) -> np.ndarray:
+        """Global force and moment that the joints exert on a node, (3, n_times)."""
+        deformation = self.deformed[link]
+        elements = len(deformation.link.nodes) - 1
+        local = np.zeros((3, self.steps))
+        if node < elements:
+            local += deformation.end_forces(node)[:3]
+        if node > 0:
+            local += deformation.end_forces(node - 1)[3:]
+        c, s = self.rigid[f"{link}.c"], self.rigid[f"{link}.s"]
+        total = np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]])
+        for name, load in self.model.scene.loads.items():
+            if load.force_on.body == link and self._node(load.force_on) == node:
+                total[:2] -= self._load(name, load)
+        return total
+
+    def _rigid_residual(self, body: str) -> np.ndarray:
+        """Inertia force minus loads of a rigid body, and their moment about its start, (3, n_times)."""
+        scene, rigid = self.model.scene, self.rigid
+        data = scene.bodies[body]
+        arm = self._turn(body, data.centre)
+        omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
+        elastic = self.slides[body][2] if body in self.slides and self.model.options.dynamics != "quasistatic" else (0.0, 0.0)
+        a_x = rigid[f"{body}.a_x"] - epsilon * arm[1] - omega**2 * arm[0] - scene.gravity[0] + elastic[0]
+        a_y = rigid[f"{body}.a_y"] + epsilon * arm[0] - omega**2 * arm[1] - scene.gravity[1] + elastic[1]
+        force = data.mass * np.array([a_x, a_y])
+        total = np.array([force[0], force[1], data.inertia * epsilon + arm[0] * force[1] - arm[1] * force[0]])
+        for name, load in scene.loads.items():
+            if load.force_on.body == body:
+                push = self._load(name, load)
+                at = self._turn(body, scene.point(load.force_on))
+                total -= np.array([push[0], push[1], at[0] * push[1] - at[1] * push[0]])
+        return total
+
+    def _load(self, name: str, load) -> np.ndarray:
+        axes = "ground" if load.axes == "global" else load.force_on.body
+        return self.rigid[name] * self._turn(axes, load.direction)

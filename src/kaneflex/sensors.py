@@ -1,0 +1,239 @@
+"""Evaluate a scene's sensors on a solution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.deformation import Deformation, deform, slide
+from kaneflex.reactions import consistent_reactions
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import RIGID_COMPANIONS, Sensor
+
+if TYPE_CHECKING:
+    from kaneflex.solution import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A sensor's values (n_times,) in ``unit`` (SI) and what they mean, in words."""
+
+    values: np.ndarray
+    unit: str
+    meaning: str
+
+
+def measure(solution: Solution) -> dict[str, Series]:
+    """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``."""
+    reader = _Reader(solution)
+    measured = {}
+    for name, sensor in solution.model.scene.sensors.items():
+        measured[name] = Series(reader.read(sensor), sensor.unit, describe(sensor))
+        if sensor.kind in RIGID_COMPANIONS:
+            meaning = f"{describe(sensor)}, of the rigid mechanism"
+            measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
+    return measured
+
+
+def describe(sensor: Sensor) -> str:
+    """One line for people: kind, place, component, axes."""
+    kind = sensor.kind.replace("_", " ")
+    text = f"{kind} of {sensor.target}"
+    if sensor.kind in ("displacement", "velocity", "acceleration", "position", "joint_force"):
+        text += f", {sensor.component}" + ("" if sensor.component == "angle" else f" in {sensor.axes} axes")
+    if sensor.kind == "displacement":
+        text += f", relative to {sensor.relative_to}"
+    if sensor.kind == "acceleration" and sensor.reading == "accelerometer":
+        text += ", as an accelerometer reads (a - g)"
+    if sensor.kind == "strain":
+        text += f", fibre {sensor.fibre:g} m above the axis"
+    return text
+
+
+class _Reader:
+    """Series of one solution; what several sensors share is computed once."""
+
+    def __init__(self, solution: Solution):
+        self.solution, self.model, self.scene = solution, solution.model, solution.model.scene
+        self.rigid = solution.rigid
+        self.steps = len(solution.times)
+
+    @cached_property
+    def deformed(self) -> dict[str, Deformation]:
+        return {name: deform(self.model, self.rigid, self.solution.coordinates, name) for name in self.model.links}
+
+    @cached_property
+    def slides(self) -> dict[str, tuple[np.ndarray, ...]]:
+        guided = [name for name in self.model.parts if name not in self.model.links]
+        return {name: slide(self.model, self.rigid, self.solution.coordinates, name) for name in guided}
+
+    @cached_property
+    def reactions(self) -> dict[str, np.ndarray]:
+        if not self.model.links:
+            return {}
+        return consistent_reactions(self.model, self.rigid, self.deformed, self.slides)
+
+    def read(self, sensor: Sensor) -> np.ndarray:
+        if not self.model.links and sensor.kind in RIGID_COMPANIONS:
+            return self.read_rigid(sensor)
+        return getattr(self, f"_{sensor.kind}")(sensor)
+
+    def read_rigid(self, sensor: Sensor) -> np.ndarray:
+        """The value of the rigid mechanism."""
+        if sensor.kind == "axial_force":
+            return self._rigid_tension(sensor.target)
+        if sensor.kind == "drive_torque":
+            return self.rigid[f"{sensor.target}.drive"]
+        return self._joint_component(sensor, lambda name: self.rigid[name])
+
+    # ---- motion of points -------------------------------------------------------------------------------------
+
+    def _turn(self, body: str, vector) -> np.ndarray:
+        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
+        return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+    def _turn_back(self, body: str, vector) -> np.ndarray:
+        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
+        return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
+
+    def _elastic(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Displacement (x, y, angle) of a point in its body's axes and its first and second rates, (3, n_times)."""
+        still = np.zeros((3, self.steps))
+        if address.body in self.model.links:
+            x, y = self.scene.point(address)
+            d, d_rate, d_accel = self.deformed[address.body].at(x)
+            if y:  # a point off the axis moves with its section
+                offset = np.array([[-y], [0.0], [0.0]])
+                d, d_rate, d_accel = d + offset * d[2], d_rate + offset * d_rate[2], d_accel + offset * d_accel[2]
+            return d, d_rate, d_accel
+        if address.body in self.slides:
+            d, d_rate, d_accel = self.slides[address.body]
+            omega, epsilon = self.rigid[f"{address.body}.omega"], self.rigid[f"{address.body}.epsilon"]
+            # Rates as seen in the body's axes: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
+            rate = np.array([d_rate[0] + omega * d[1], d_rate[1] - omega * d[0]])
+            accel = np.array([
+                d_accel[0] + 2 * omega * d_rate[1] + epsilon * d[1] - omega**2 * d[0],
+                d_accel[1] - 2 * omega * d_rate[0] - epsilon * d[0] - omega**2 * d[1],
+            ])  # fmt: skip
+            turned = (self._turn_back(address.body, part) for part in (d, rate, accel))
+            return tuple(np.vstack([part, np.zeros(self.steps)]) for part in turned)
+        return still, still, still
+
+    def _component(self, sensor: Sensor, body_axes: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        if sensor.component == "angle":
+            return angle
+        vector = body_axes if sensor.axes == "body" else self._turn(sensor.target.body, body_axes)
+        return vector["xy".index(sensor.component)]
+
+    def _displacement(self, sensor: Sensor) -> np.ndarray:
+        address = sensor.target
+        d = self._elastic(address)[0].copy()
+        if sensor.relative_to != "frame":
+            start = self._elastic(Address(address.body, "start"))[0]
+            if sensor.relative_to == "start":
+                d -= start
+            else:
+                end = self._elastic(Address(address.body, "end"))[0]
+                length = self.scene.bodies[address.body].length
+                share = self.scene.point(address)[0] / length
+                chord = start + share * (end - start)
+                chord[2] = (end[1] - start[1]) / length
+                d -= chord
+        return self._component(sensor, d[:2], d[2])
+
+    def _position(self, sensor: Sensor) -> np.ndarray:
+        address = sensor.target
+        body = address.body
+        d = self._elastic(address)[0]
+        if sensor.component == "angle":
+            return np.unwrap(np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])) + d[2]
+        x, y = self.scene.point(address)
+        turned = self._turn(body, (x + d[0], y + d[1]))
+        place = np.array([self.rigid[f"{body}.x"] + turned[0], self.rigid[f"{body}.y"] + turned[1]])
+        vector = place if sensor.axes == "global" else self._turn_back(body, place)
+        return vector["xy".index(sensor.component)]
+
+    def _velocity(self, sensor: Sensor) -> np.ndarray:
+        body = sensor.target.body
+        x, y = self.scene.point(sensor.target)
+        d, d_rate, _ = self._elastic(sensor.target)
+        omega = self.rigid[f"{body}.omega"]
+        origin = self._turn_back(body, (self.rigid[f"{body}.v_x"], self.rigid[f"{body}.v_y"]))
+        vector = np.array([
+            origin[0] - omega * (y + d[1]) + d_rate[0],
+            origin[1] + omega * (x + d[0]) + d_rate[1],
+        ])  # fmt: skip
+        return self._component(sensor, vector, omega + d_rate[2])
+
+    def _acceleration(self, sensor: Sensor) -> np.ndarray:
+        """a = a_O + epsilon S p - omega^2 p + 2 omega S d' + d'', p = r + d; an accelerometer reads a - g."""
+        body = sensor.target.body
+        x, y = self.scene.point(sensor.target)
+        d, d_rate, d_accel = self._elastic(sensor.target)
+        omega, epsilon = self.rigid[f"{body}.omega"], self.rigid[f"{body}.epsilon"]
+        gravity = self.scene.gravity if sensor.reading == "accelerometer" else (0.0, 0.0)
+        origin = self._turn_back(
+            body, (self.rigid[f"{body}.a_x"] - gravity[0], self.rigid[f"{body}.a_y"] - gravity[1])
+        )
+        p_x, p_y = x + d[0], y + d[1]
+        vector = np.array([
+            origin[0] - epsilon * p_y - omega**2 * p_x - 2 * omega * d_rate[1] + d_accel[0],
+            origin[1] + epsilon * p_x - omega**2 * p_y + 2 * omega * d_rate[0] + d_accel[1],
+        ])  # fmt: skip
+        return self._component(sensor, vector, epsilon + d_accel[2])
+
+    # ---- forces -----------------------------------------------------------------------------------------------
+
+    def _rigid_tension(self, address: Address) -> np.ndarray:
+        """P(X) = P_0 + rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2 of the rigid link."""
+        name, (x, _) = address.body, self.scene.point(address)
+        rho_A, rigid = self.scene.bodies[name].rho_A, self.rigid
+        return rigid[f"{name}.link.P_0"] + rho_A * x * (rigid[f"{name}.link.a_x"] - 0.5 * x * rigid[f"{name}.omega"] ** 2)
+
+    def _axial_force(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor)[0]
+
+    def _shear_force(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor)[1]
+
+    def _bending_moment(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor)[2]
+
+    def _strain(self, sensor: Sensor) -> np.ndarray:
+        """N / (E A) - fibre M / (E I)."""
+        N, _, M = self._section(sensor)
+        body = self.scene.bodies[sensor.target.body]
+        return N / body.E_A - sensor.fibre * M / body.E_I
+
+    def _section(self, sensor: Sensor) -> tuple[np.ndarray, ...]:
+        return self.deformed[sensor.target.body].section(self.scene.point(sensor.target)[0])
+
+    def _joint_force(self, sensor: Sensor) -> np.ndarray:
+        return self._joint_component(sensor, lambda name: self.reactions[name])
+
+    def _drive_torque(self, sensor: Sensor) -> np.ndarray:
+        return self.reactions[f"{sensor.target}.drive"]
+
+    def _joint_component(self, sensor: Sensor, reaction) -> np.ndarray:
+        """Force of a joint on ``sensor.body`` (by default the second), in global axes."""
+        name = sensor.joint_force
+        joint = self.scene.joints[name]
+        first, second = (address.body for address in joint.addresses)
+        sign = -1.0 if sensor.body == first else 1.0
+        if sensor.component == "angle":
+            return sign * reaction(f"{name}.moment") if joint.kind != "revolute" else np.zeros(self.steps)
+        if joint.kind != "prismatic":
+            force = np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
+        else:
+            carrier = first
+            t = np.outer(joint.direction, np.ones(self.steps))
+            t = t if carrier == "ground" else self._turn(carrier, joint.direction)
+            force = reaction(f"{name}.normal") * np.array([-t[1], t[0]])
+            if name in self.scene.drives:
+                force = force + reaction(f"{name}.drive") * t
+        if sensor.axes == "body":
+            force = self._turn_back(sensor.body or second, force)
+        return sign * force["xy".index(sensor.component)]

@@ -1,0 +1,86 @@
+"""Solve a model over its horizon, in the way that its preset names."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.model import Model
+from kaneflex.quasistatic import quasistatic
+from kaneflex.solution import Solution
+
+Progress = Callable[[float], None]
+_MAX_STORED = 40_000
+"""Steps stored at most; longer runs keep every second, third, ... step."""
+
+
+def simulate(model: Model, progress: Progress | None = None) -> Solution:
+    """Integrate, or solve at each instant, over one cycle or the scene's duration.
+
+    Parameters
+    ----------
+    model : Model
+        From :func:`kaneflex.load`.
+    progress : callable, optional
+        Called with the finished share of the work, 0 to 1.
+
+    Returns
+    -------
+    Solution
+        Also where the run stopped early: its ``outcome`` and ``message`` then say when and why.
+    """
+    started = time.perf_counter()
+    trajectory = _METHODS[model.options.dynamics](model, progress)
+    return Solution(model, trajectory, time.perf_counter() - started)
+
+
+def _instants(model: Model) -> np.ndarray:
+    return model.step * np.arange(model.options.steps + 1)
+
+
+def _rigid(model: Model, progress: Progress | None) -> Trajectory:
+    times = _instants(model)
+    none = np.zeros((len(times), 0))
+    return _completed(times, none, none, none, 0.0)
+
+
+def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
+    times = _instants(model)
+    started = time.perf_counter()
+    z, v, a = quasistatic(model, times, periodic=model.options.cycles, progress=progress)
+    ns = 1e9 * (time.perf_counter() - started) / len(times)
+    return _completed(times, z, v, a, ns)
+
+
+def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:
+    return Trajectory(times, z, v, a, Outcome.COMPLETED, Outcome.COMPLETED.value, None, ns)
+
+
+def _integrated(model: Model, progress: Progress | None) -> Trajectory:
+    from kaneflex.integrate.run import integrate
+
+    options = model.options
+    start: object = options.start
+    if options.start == "quasistatic":
+        # A few instants around the first give the velocity of the quasi-static answer.
+        z, v, _ = quasistatic(model, model.step * np.arange(-4, 5), periodic=False)
+        start = (z[4], v[4])
+    return integrate(
+        model.system,
+        model.scalars,
+        0.0,
+        model.step,
+        options.steps,
+        options.integrator,
+        start=start,
+        period_steps=options.steps if options.cycles else None,
+        every=max(1, -(-options.steps // _MAX_STORED)),
+        rho_infinity=options.rho_infinity,
+        progress=progress,
+    )
+
+
+_METHODS = {"rigid": _rigid, "quasistatic": _quasistatic, "dynamic": _integrated, "frozen": _integrated}
