@@ -21,7 +21,8 @@ _SHIPPED = Path(__file__).parent.parent / "scenes"
 
 def shipped_scenes() -> dict[str, Path]:
     """Name and file of every scene that comes with the package, sorted."""
-    return {path.stem: path for path in sorted(_SHIPPED.glob("*.toml"))}
+    files = {path.stem: path for path in _SHIPPED.glob("*.toml")}
+    return {name: files[name] for name in sorted(files)}
 
 
 def read_scene(name_or_path: str | Path) -> Scene:
@@ -70,7 +71,7 @@ def _located(name_or_path: str | Path, folder: Path, key: str) -> Path:
     if path.is_file():
         return path
     if path.suffix == ".toml":
-        raise SceneError(key, text, "no such file", f"Shipped scenes: {', '.join(sorted(shipped))}")
+        raise SceneError(key, text, "no such file", f"Shipped scenes: {', '.join(shipped)}")
     raise SceneError(key, text, "no shipped scene and no file of that name", nearest(text, shipped))
 
 
