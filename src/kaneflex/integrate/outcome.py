@@ -13,7 +13,7 @@ class Outcome(Enum):
 
     COMPLETED = "completed"
     UNSTABLE = "unstable: the motion grows beyond all bounds"
-    SINGULAR = "singular step: the equations of the step have no unique solution"
+    SINGULAR = "singular step: a pivot of its equations vanishes"
     NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
 
 

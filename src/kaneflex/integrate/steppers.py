@@ -31,7 +31,7 @@ COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
 _ONE, _TWO, _THREE = np.uint64(1), np.uint64(2), np.uint64(3)
-_SMALLEST_PIVOT = 1e-14  # relative to the diagonal before elimination: what is left of it is rounding
+_SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 _STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
@@ -57,16 +57,17 @@ def _affine_sum(packed, scalars, row, sums):
 
 
 @_inlined
-def _factor(layout, lu, diagonal):
-    """A = L U in place, without pivoting, reciprocal pivots on the diagonal. False where a pivot vanishes."""
+def _factor(layout, lu, scale):
+    """A = L U in place, without pivoting, reciprocal pivots on the diagonal. False where a pivot vanishes.
+
+    scale: shape (n,), sum of the absolute values of what was added up in the diagonal.
+    """
     base = layout.base
     last = layout.last
     for k in range(layout.n):
-        diagonal[k] = abs(lu[base[k] + k])
-    for k in range(layout.n):
         row_k = base[k]
         pivot = lu[row_k + k]
-        if not (abs(pivot) > _SMALLEST_PIVOT * diagonal[k]):
+        if not (abs(pivot) > _SMALLEST_PIVOT * scale[k]):
             return False
         reciprocal = 1.0 / pivot
         lu[row_k + k] = reciprocal
@@ -110,11 +111,13 @@ def _unbalanced(layout, sums, load, z, v, column, i):
 
 
 @_inlined
-def _true_accelerations(layout, sums, mass, diagonal, load, z, v, q, columns):
+def _true_accelerations(layout, sums, mass, scale, load, z, v, q, columns):
     """q from M q = F - C v - K z, for the first columns. False where M is singular."""
     for i in range(layout.n_slots):
         mass[i] = sums[i]
-    if not _factor(layout, mass, diagonal):
+    for i in range(layout.n):
+        scale[i] = abs(sums[layout.base[i] + i])
+    if not _factor(layout, mass, scale):
         return False
     for column in range(columns):
         for i in range(layout.n):
@@ -129,8 +132,8 @@ def accelerations(packed, scalars, row, load, z, v, q):
     layout = packed.layout
     sums = np.empty(_THREE * layout.n_slots + layout.n)
     _affine_sum(packed, scalars, row, sums)
-    mass, diagonal = np.empty(layout.n_slots), np.empty(layout.n)
-    return _true_accelerations(layout, sums, mass, diagonal, load, z, v, q, z.shape[0])
+    mass, scale = np.empty(layout.n_slots), np.empty(layout.n)
+    return _true_accelerations(layout, sums, mass, scale, load, z, v, q, z.shape[0])
 
 
 @_jit
@@ -151,7 +154,7 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
     n, n_slots = layout.n, layout.n_slots
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = coefficients
     period = scalars.shape[0] - 1
-    sums, lu, diagonal = np.empty(_THREE * n_slots + n), np.empty(n_slots), np.empty(n)
+    sums, lu, scale = np.empty(_THREE * n_slots + n), np.empty(n_slots), np.empty(n)
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
@@ -159,7 +162,11 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
         _affine_sum(packed, scalars, position, sums)
         for i in range(n_slots):
             lu[i] = sums[i] + c_weight * sums[n_slots + i] + k_weight * sums[n_slots + n_slots + i]
-        if not _factor(layout, lu, diagonal):
+        for i in range(n):
+            m = layout.base[i] + i
+            c_part, k_part = c_weight * sums[n_slots + m], k_weight * sums[n_slots + n_slots + m]
+            scale[i] = abs(sums[m]) + abs(c_part) + abs(k_part)
+        if not _factor(layout, lu, scale):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for i in range(n):
@@ -193,7 +200,7 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
 
 
 @_inlined
-def _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix):
+def _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix, scale):
     """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r): see `gauss`."""
     n_slots = layout.n_slots
     root = math.sqrt(3.0) / 6.0
@@ -209,6 +216,9 @@ def _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix):
             matrix[row_1 + _TWO * j + _ONE] = c_12 * sums_1[c] + k_12 * sums_1[k]
             matrix[row_2 + _TWO * j] = c_21 * sums_2[c] + k_21 * sums_2[k]
             matrix[row_2 + _TWO * j + _ONE] = sums_2[m] + c_same * sums_2[c] + k_same * sums_2[k]
+        m, c, k = row + i, n_slots + row + i, n_slots + n_slots + row + i
+        scale[_TWO * i] = abs(sums_1[m]) + abs(c_same * sums_1[c]) + abs(k_same * sums_1[k])
+        scale[_TWO * i + _ONE] = abs(sums_2[m]) + abs(c_same * sums_2[c]) + abs(k_same * sums_2[k])
 
 
 @_jit
@@ -229,7 +239,7 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
     z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
     period = (scalars.shape[0] - 1) // 3
     sums_1, sums_2 = np.empty(_THREE * n_slots + n), np.empty(_THREE * n_slots + n)
-    matrix, diagonal, mass = np.empty(pairs.n_slots), np.empty(_TWO * n), np.empty(n_slots)
+    matrix, scale, mass = np.empty(pairs.n_slots), np.empty(_TWO * n), np.empty(n_slots)
     at_stage, x = np.empty((z.shape[0], n)), np.empty((1, _TWO * n))
     due = every - done % every
     out = done // every + 1
@@ -237,8 +247,8 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
         row = 3 * position
         _affine_sum(packed, scalars, row + 1, sums_1)
         _affine_sum(packed, scalars, row + 2, sums_2)
-        _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix)
-        if not _factor(pairs, matrix, diagonal):
+        _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix, scale)
+        if not _factor(pairs, matrix, scale):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for stage in range(_TWO):
@@ -261,7 +271,7 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
         if due == 0:
             due = every
             _affine_sum(packed, scalars, row + 3, sums_1)
-            if not _true_accelerations(layout, sums_1, mass, diagonal, load, z, v, q, 1):
+            if not _true_accelerations(layout, sums_1, mass, scale, load, z, v, q, 1):
                 return count, SINGULAR
             for i in range(n):
                 out_z[out, i] = z[0, i]
