@@ -15,6 +15,8 @@ The pipeline, one file a stage:
 if __name__ == "derive":
     raise ImportError("import kaneflex.derive, not derive: under two names it would be loaded twice")
 
+from kaneflex.derive.closure import UnsupportedLoop
 from kaneflex.derive.generate import Equations, derive_equations, generate
+from kaneflex.derive.linear import StructurallySingular
 
-__all__ = ["Equations", "derive_equations", "generate"]
+__all__ = ["Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate"]

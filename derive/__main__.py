@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from importlib.util import find_spec
 from pathlib import Path
 
-import kaneflex.generated
 from kaneflex.derive.generate import generate
 from kaneflex.scene import read_scene, shipped_scenes
 
@@ -41,7 +41,7 @@ def modules() -> dict[str, str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m kaneflex.derive", description=__doc__)
-    here = Path(kaneflex.generated.__file__).parent
+    here = Path(find_spec("kaneflex.generated").origin).parent
     parser.add_argument("-o", "--output", type=Path, default=here, help="folder to write into")
     folder = parser.parse_args().output
     folder.mkdir(parents=True, exist_ok=True)

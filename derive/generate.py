@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy as sm
@@ -33,8 +33,28 @@ class Equations:
 def derive_equations(structure: dict[str, Any]) -> Equations:
     """Kane's equations of the rigid mechanism and of one differential particle of an elastic link."""
     mechanism = read_structure(structure)
-    elastic = any(body.elastic for body in mechanism.bodies.values())
-    return Equations(mechanism, derive_motion(mechanism), euler_bernoulli() if elastic else None)
+    motion = derive_motion(mechanism)
+    element = required_terms(euler_bernoulli(), motion, mechanism.viscous) if motion.links else None
+    return Equations(mechanism, motion, element)
+
+
+def required_terms(element: Element, motion: Motion, viscous: bool) -> Element:
+    """The element without the terms that no link of this motion can excite.
+
+    A link that turns at constant speed has no epsilon, one that starts at a fixed pivot no a_x, a_y without gravity:
+    what is zero for every link multiplies nothing, and is neither emitted nor evaluated.
+    """
+    zero = {
+        symbol
+        for k, (_, symbol, *_) in enumerate(element.scalars)
+        if all(scalars[k].value == 0 for scalars in motion.links.values())
+    }
+    terms = tuple(
+        term
+        for term in element.terms
+        if not term.scalar.free_symbols & zero and (viscous or term.group != "damping")
+    )
+    return replace(element, terms=terms)
 
 
 def generate(scene: Any, progress: Progress = lambda stage: None) -> str:
@@ -59,9 +79,11 @@ def lower(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
     motion, raw = _motion_kernel(equations)
     kernels = [(motion, raw)]
     if equations.element is not None:
-        kernels += [_element_kernel(name, equations.element) for name in ELEMENT_KERNELS]
-        kernels += [_term_kernel(k, term) for k, term in enumerate(equations.element.terms)]
-        kernels.append(_force_kernel(equations))
+        element = equations.element
+        kernels += [_element_kernel(name, element) for name in ELEMENT_KERNELS if _sum(element, name) is not None]
+        kernels += [_term_kernel(term) for term in element.terms]
+        if _sum(element, "F") is not None:
+            kernels.append(_force_kernel(equations))
     return kernels
 
 
@@ -86,8 +108,12 @@ _ELEMENT_DOCS = {
 }  # fmt: skip
 
 
-def _sum(element: Element, target: str, groups: tuple[str, ...]) -> sm.Matrix:
+def _sum(element: Element, kernel: str) -> sm.Matrix | None:
+    """What a composed kernel computes, or None where the scene requires none of its terms."""
+    _, target, groups = _ELEMENT_DOCS[kernel]
     chosen = [term for term in element.terms if term.target == target and term.group in groups]
+    if not chosen:
+        return None
     return sum((term.scalar * term.matrix for term in chosen), sm.zeros(*chosen[0].matrix.shape))
 
 
@@ -106,15 +132,15 @@ def _element_inputs(element: Element) -> tuple[tuple[sm.Symbol, str], ...]:
 
 
 def _element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
-    doc, target, groups = _ELEMENT_DOCS[name]
+    doc, *_ = _ELEMENT_DOCS[name]
     inputs = _element_inputs(element)
-    raw = Program(name, tuple(s for s, _ in inputs), (), _stores(_sum(element, target, groups)))
+    raw = Program(name, tuple(s for s, _ in inputs), (), _stores(_sum(element, name)))
     arguments = ("p", "out") if name in ("M", "K_s") else ("p", "s", "out")
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + (" s: LINK_SCALARS." if "s" in arguments else "")
     return emit.Kernel(share(raw), arguments, inputs, doc + " out: zeros; structural zeros are not stored."), raw
 
 
-def _term_kernel(k: int, term: Term) -> tuple[emit.Kernel, Program]:
+def _term_kernel(term: Term) -> tuple[emit.Kernel, Program]:
     inputs = tuple((sm.Symbol(name, positive=True), f"p[{i}]") for i, (name, *_) in enumerate(ELEMENT_PARAMETERS))
     matrix = term.matrix
     stores = tuple(
@@ -129,7 +155,7 @@ def _force_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
     """F composed with motion: each elastic link's element, its parameters behind the mechanism's own."""
     element, motion = equations.element, equations.motion
     parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
-    force = _sum(element, "F", ("load",))
+    force = _sum(element, "F")
     stores, reads = [], [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters)]
     for row, (link, scalars) in enumerate(motion.links.items()):
         own = {}

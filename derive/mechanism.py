@@ -77,7 +77,8 @@ class _Parameters:
 class Mechanism:
     """Everything that the rigid stage is derived from.
 
-    ``parameters`` maps the dotted path of a scene's number to its symbol and unit.
+    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``viscous`` says whether the links
+    are damped by a force per length and velocity.
     """
 
     bodies: dict[str, BodyModel]
@@ -85,6 +86,7 @@ class Mechanism:
     drives: tuple[str, ...]
     loads: dict[str, LoadModel]
     gravity: Vector
+    viscous: bool
     parameters: dict[str, tuple[sm.Symbol, str]]
 
     def symbol(self, path: str) -> sm.Symbol:
@@ -142,4 +144,5 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")
     gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
-    return Mechanism(bodies, joints, tuple(structure["drives"]), loads, gravity, number.entries)
+    drives = tuple(structure["drives"])
+    return Mechanism(bodies, joints, drives, loads, gravity, structure["viscous"], number.entries)

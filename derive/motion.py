@@ -58,7 +58,8 @@ def derive_motion(mechanism: Mechanism) -> Motion:
     The drives' coordinates are free in Kane's equations; their constant speed is substituted here, which removes
     every angular acceleration that comes from a drive alone.
     """
-    equations, steps = rigid_equations(mechanism), Steps()
+    equations = rigid_equations(mechanism)
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     drives = _drives(mechanism, steps)
     closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
     rates = _Rates(mechanism, equations, drives, closure.poses, steps)

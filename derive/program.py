@@ -85,9 +85,10 @@ def share(program: Program, prefix: str = "w") -> Program:
         else:
             named.append((symbol, expression))
     outputs = [expression.xreplace(alias) for _, expression in program.outputs]
+    taken = {*program.inputs, *(symbol for symbol, _ in named)}
     temporaries, reduced = sm.cse(
         [expression for _, expression in named] + outputs,
-        symbols=(sm.Symbol(f"{prefix}{k}") for k in range(10**9)),
+        symbols=(symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken),
         order="canonical",
     )
     targets = [symbol for symbol, _ in named]

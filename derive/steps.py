@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import sympy as sm
 
 
@@ -12,13 +14,17 @@ class Steps:
     (a fixed pivot, a constant speed, a piston that can't turn) prunes every term that it multiplies.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, taken: Iterable[sm.Symbol] = ()) -> None:
         self.assignments: list[tuple[sm.Symbol, sm.Expr]] = []
+        self._taken = {symbol.name for symbol in taken}
 
     def assign(self, symbol: sm.Symbol, expression: sm.Expr) -> sm.Expr:
         """Record ``symbol = expression`` and return what stands for it from now on."""
         expression = sm.sympify(expression)
         if expression.is_Atom or (-expression).is_Atom:
             return expression
+        while symbol.name in self._taken:  # a scene's own name may be one that the derivation uses
+            symbol = sm.Symbol(f"{symbol.name}_")
+        self._taken.add(symbol.name)
         self.assignments.append((symbol, expression))
         return symbol

@@ -2,10 +2,10 @@
 
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {
-    "585a8feb1a281d7c": "engine",
-    "4c32b2069dee06dd": "engine_3",
-    "b53c4a0d8dcf3539": "engine_elastic_crank",
-    "5b155d8ce71b65c2": "engine_rig",
+    "5c48be519588b478": "engine",
+    "04a39a8c53a4e68f": "engine_3",
+    "c78c002d41172b07": "engine_elastic_crank",
+    "b4c0ca36bc13b35c": "engine_rig",
 }
 
 # Scene -> module that serves it.

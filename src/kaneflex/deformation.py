@@ -85,12 +85,14 @@ class Deformation:
         """
         e, local = self._locate(x)
         left, right = self._ends(e)
-        if self.link.node_at(x) is not None and 0 < e and local < 0.5 * self._element_length(e):
+        if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self._element_length(e):
             return tuple(0.5 * (before + after) for before, after in zip(self._ends(e - 1)[1], left, strict=True))
         length = self._element_length(e)
         s = local / length
         N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
         rho_A, rigid, name = self.link.rho_A, self.rigid, self.link.name
+        if self.model.options.dynamics == "frozen":
+            return N, V, M
         bubble = local * (length - local)
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
         # Transverse inertia load p0 + p1 x of the rigid link on this element.
@@ -109,7 +111,8 @@ class Deformation:
     def end_forces(self, e: int) -> np.ndarray:
         """Forces and moments on an element at its nodes, link axes, shape (6, n_times).
 
-        The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept.
+        The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
+        K_s q alone for the frozen model of the paper.
         """
         rows = slice(3 * e, 3 * e + 6)
         series = {"M": self.q_accel[rows], "C": self.q_rate[rows], "K": self.q[rows]}
@@ -122,7 +125,7 @@ class Deformation:
                 total -= factor * blocks[e]
             else:
                 total += factor * (blocks[e] @ series[key[0]])
-        if self.model.options.damping and self._rayleigh is not None:
+        if self._keeps("C_s", ()) and self._rayleigh is not None:
             alpha, beta = self._rayleigh
             for key, monomial, blocks in self.link.element_terms:
                 weight = {"M": alpha, "K_s": beta}.get(key, 0.0)
@@ -141,6 +144,8 @@ class Deformation:
 
     def _keeps(self, key: str, monomial: Monomial) -> bool:
         options = self.model.options
+        if options.dynamics == "frozen":  # matrices of another angle balance nothing: only the strains are meant
+            return key == "K_s"
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
         dynamic = options.dynamics != "quasistatic"

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 
 from kaneflex.affine import Affine
 from kaneflex.assembly import Equations, assemble, guided_part, with_loads
-from kaneflex.contract import FORMAT, REQUIRED_ATTRIBUTES
+from kaneflex.contract import ELEMENT_PARAMETERS, FORMAT, REQUIRED_ATTRIBUTES
 from kaneflex.errors import SceneError
 from kaneflex.frame import Frame, Interfaces, build_frame, find_interfaces, guided_bodies, prescribed_bodies
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
@@ -25,7 +25,7 @@ from kaneflex.model import Model, Motion, RigidMotion, keep_terms
 from kaneflex.modes import lowest_modes
 from kaneflex.options import Options, resolve_options
 from kaneflex.scene import Scene
-from kaneflex.tables import read_table
+from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
 _SWEEP = 720
@@ -57,8 +57,9 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     bound = time.perf_counter()
     motion = Motion(module, bind_parameters(scene, module))
     progress("compiling, first time only")
-    check_closure(scene, motion, options)
+    _compile(motion)
     compiled = time.perf_counter()
+    check_closure(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
         "derive": derived,
@@ -66,6 +67,13 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
     return replace(model, seconds=seconds)
+
+
+def _compile(motion: Motion) -> None:
+    """Call the kernels that every load needs once, so that compiling is seen and timed apart from computing."""
+    motion.table(np.zeros(1))
+    if motion.module.LINKS:
+        motion.module.terms(0, np.ones(len(ELEMENT_PARAMETERS)), np.zeros((6, 6)))
 
 
 def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
@@ -83,19 +91,37 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     if not path.exists():
         progress("deriving the equations, first time only")
         started = time.perf_counter()
-        from kaneflex.derive import generate
-        from kaneflex.writing import write_text
-
-        write_text(path, generate(scene))
+        write_text(path, generate_text(scene))
         seconds = time.perf_counter() - started
     return import_file(path, structure), seconds
 
 
+def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of the module of a scene's structure.
+
+    Raises
+    ------
+    SceneError
+        If the drives and joints don't determine the motion; it names what is open and what is redundant.
+    """
+    from kaneflex.derive import StructurallySingular, UnsupportedLoop, generate
+
+    try:
+        return generate(scene, progress)
+    except StructurallySingular as error:
+        cure = "Every body needs three constraints, drives counted: add or remove joints or drives"
+        raise SceneError("joints", None, str(error), cure) from error
+    except UnsupportedLoop as error:
+        raise SceneError("joints", None, str(error), "Drive these bodies, or close them by a rod and a guide") from error
+
+
 def cache_folder() -> Path:
-    """Where modules that kaneflex derived for the user are kept."""
+    """Where modules that kaneflex derived for the user are kept: each version of the generator has its own."""
+    from importlib.metadata import version
+
     import platformdirs
 
-    return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / f"format-{FORMAT}"
+    return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / f"{version('kaneflex')}-{FORMAT}"
 
 
 def import_file(path: Path, structure: str) -> ModuleType:
@@ -126,19 +152,14 @@ def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
     for path, _ in module.PARAMETERS:
         owner, _, name = path.partition(".")
         if name == "table":
-            block = _table_block(scene, owner)
+            load_table = scene.loads[owner]
+            block = load_table.read_table().coefficients(load_table.period)
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)
         else:
             values.append(float(_number(scene, owner, name)))
     return np.concatenate([np.array(values), *blocks])
-
-
-def _table_block(scene: Scene, load_name: str) -> np.ndarray:
-    load = scene.loads[load_name]
-    table = read_table(load.table, load.column, load.unit, "s" if load.against == "t" else "deg")
-    return table.coefficients(load.period)
 
 
 def _number(scene: Scene, owner: str, name: str) -> float:

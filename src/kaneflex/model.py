@@ -132,6 +132,14 @@ class Model:
         return self.motion.module
 
     @property
+    def balances(self) -> bool:
+        """Whether the equations balance at every instant, so that reactions follow from their residual.
+
+        Those of the paper's frozen model don't: its matrices are those of one crank angle, its loads those of all.
+        """
+        return self.options.dynamics in ("dynamic", "quasistatic")
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the rows and columns of M, C, K and F: u, v [m] and theta [rad] of nodes, x, y [m] of joints, slides [m]."""
         return self.equations.coordinates

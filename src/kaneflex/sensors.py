@@ -77,7 +77,9 @@ class _Reader:
         return consistent_reactions(self.model, self.rigid, self.deformed, self.slides)
 
     def read(self, sensor: Sensor) -> np.ndarray:
-        if not self.model.links and sensor.kind in RIGID_COMPANIONS:
+        if sensor.kind in RIGID_COMPANIONS and not self.model.links:
+            return self.read_rigid(sensor)
+        if sensor.kind in ("joint_force", "drive_torque") and not self.model.balances:
             return self.read_rigid(sensor)
         return getattr(self, f"_{sensor.kind}")(sensor)
 

@@ -31,6 +31,7 @@ def structure(scene: Scene) -> dict[str, Any]:
         "drives": {name: {"kind": "constant speed"} for name in sorted(scene.drives)},
         "loads": {name: _load(scene, name) for name in sorted(scene.loads)},
         "gravity": _zeros(scene.gravity),
+        "viscous": scene.damping is not None and scene.damping.kind == "viscous",
     }
 
 
