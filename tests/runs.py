@@ -1,0 +1,42 @@
+"""Runs of the shipped scenes that several tests look at: each is made once a process."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from kaneflex.loading import load
+from kaneflex.model import Model
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.simulate import simulate
+from kaneflex.solution import Solution
+
+
+class Peak(NamedTuple):
+    """A sensor's extreme value (SI) and the first drive's angle there [deg]."""
+
+    value: float
+    degrees: float
+
+
+@cache
+def model(scene: str, *settings: str) -> Model:
+    """A shipped scene, or the path of one, with settings of the form path=value."""
+    return load(with_settings(read_scene(scene), list(settings)))
+
+
+@cache
+def run(scene: str, *settings: str) -> Solution:
+    solution = simulate(model(scene, *settings))
+    assert solution.outcome.name == "COMPLETED", solution.trajectory.message
+    return solution
+
+
+def degrees(solution: Solution) -> np.ndarray:
+    """Angle of the first drive at the stored times."""
+    return np.degrees(next(iter(solution.drive_angles.values())))
+
+
+def peaks(solution: Solution, sensor: str) -> tuple[Peak, Peak]:
+    """Smallest and largest value; of a cycle's two ends, which are the same instant, the first."""
+    values = solution.series[sensor].values[:-1]
+    return tuple(Peak(values[k], degrees(solution)[k]) for k in (values.argmin(), values.argmax()))
