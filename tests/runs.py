@@ -4,6 +4,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import read_scene, with_settings

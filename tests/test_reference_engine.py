@@ -6,8 +6,9 @@ from pathlib import Path
 import closed_forms as by_hand
 import numpy as np
 import pytest
-from kaneflex.scene import read_scene, with_settings
 from runs import degrees, model, peaks, run
+
+from kaneflex.scene import read_scene, with_settings
 
 DATA = json.loads((Path(__file__).parent / "data" / "reference_engine.json").read_text())
 SETTINGS = {
@@ -51,14 +52,17 @@ def test_angle_of_the_peaks(case):
 
 
 def test_one_cubic_element_loses_a_fifth_of_the_bending():
-    one, four = (peaks(run("engine", *SETTINGS[c]), "mid_transverse")[1].value for c in ("one element", "four elements"))
+    one, four = (
+        peaks(run("engine", *SETTINGS[c]), "mid_transverse")[1].value for c in ("one element", "four elements")
+    )
     assert one / four == pytest.approx(0.80, abs=0.01)
 
 
 def test_compression_by_the_gas_makes_the_bending_unsymmetric():
     """Only K_g does that: without it the two peaks of the transverse displacement are equal to 0.6 %."""
     with_K_g, without = (
-        peaks(run("engine", *SETTINGS[case]), "mid_transverse") for case in ("four elements", "without geometric stiffness")
+        peaks(run("engine", *SETTINGS[case]), "mid_transverse")
+        for case in ("four elements", "without geometric stiffness")
     )
     assert with_K_g[1].value / -with_K_g[0].value == pytest.approx(1.011, abs=0.001)
     assert without[1].value / -without[0].value == pytest.approx(1.0005, abs=0.001)
