@@ -270,13 +270,9 @@ def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
     )
 
 
-def with_symbols(
-    entries: tuple[tuple[str, str, str], ...], found: tuple[Symbol, ...]
-) -> tuple[Quantity, ...]:
+def with_symbols(entries: tuple[tuple[str, str, str], ...], found: tuple[Symbol, ...]) -> tuple[Quantity, ...]:
     """(name, unit, meaning) of the contract as (name, symbol, unit, meaning)."""
-    return tuple(
-        (name, symbol, unit, meaning) for (name, unit, meaning), symbol in zip(entries, found, strict=True)
-    )
+    return tuple((name, symbol, unit, meaning) for (name, unit, meaning), symbol in zip(entries, found, strict=True))
 
 
 def beam_element(shape: ShapeFunctions) -> Element:

@@ -105,7 +105,9 @@ def _place_dyad(mechanism, poses, margins, steps) -> bool:
             continue
         slider = guide.second.body if guide.first.body in poses else guide.first.body
         for link in _revolutes_of(mechanism, slider, guide):
-            rod_side, slider_side = (link.first, link.second) if link.second.body == slider else (link.second, link.first)
+            rod_side, slider_side = (
+                (link.first, link.second) if link.second.body == slider else (link.second, link.first)
+            )
             if rod_side.body in poses:
                 continue
             for pivot in _revolutes_of(mechanism, rod_side.body, link):
@@ -139,9 +141,7 @@ def _close_slider(guide, poses, base, foot, head, slider_point, steps) -> tuple[
     offset = frame.turn((slider_point.at[0] - sliding.at[0], slider_point.at[1] - sliding.at[1]))
     line, pivot = frame.place(known), poses[base.body].place(base)
     name = head.body
-    gamma = steps.assign(
-        sm.Symbol(f"gamma_{name}"), sum(n[k] * (line[k] + offset[k] - pivot[k]) for k in range(2))
-    )
+    gamma = steps.assign(sm.Symbol(f"gamma_{name}"), sum(n[k] * (line[k] + offset[k] - pivot[k]) for k in range(2)))
     ab = (head.at[0] - foot.at[0], head.at[1] - foot.at[1])
     reach_squared = ab[0] ** 2 + ab[1] ** 2
     margin = steps.assign(sm.Symbol(f"closure_{guide.name}"), 1 - gamma**2 / reach_squared)

@@ -71,9 +71,7 @@ def print_kernel(kernel: Kernel) -> str:
     """One jitted function: parameters and scalars read once, then the assignments, then the stores."""
     printer = NumbaPrinter()
     program = kernel.program
-    used = set().union(
-        *(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set()
-    )
+    used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set())
     body = [f"{symbol} = {source}" for symbol, source in kernel.reads if symbol in used]
     body += [f"{symbol} = {_bare(printer.doprint(expression))}" for symbol, expression in program.assignments]
     # Arrays arrive zeroed: an entry that is zero by structure is never stored.
@@ -91,8 +89,7 @@ def _bare(text: str) -> str:
 def operations(kernels: Sequence[tuple[Kernel, Program]]) -> dict[str, tuple[int, int]]:
     """Kernel -> (operations when every output is written out, operations as printed)."""
     return {
-        kernel.program.name: (expanded_operation_count(raw), operation_count(kernel.program))
-        for kernel, raw in kernels
+        kernel.program.name: (expanded_operation_count(raw), operation_count(kernel.program)) for kernel, raw in kernels
     }
 
 

@@ -50,9 +50,7 @@ def required_terms(element: Element, motion: Motion, viscous: bool) -> Element:
         if all(scalars[k].value == 0 for scalars in motion.links.values())
     }
     terms = tuple(
-        term
-        for term in element.terms
-        if not term.scalar.free_symbols & zero and (viscous or term.group != "damping")
+        term for term in element.terms if not term.scalar.free_symbols & zero and (viscous or term.group != "damping")
     )
     return replace(element, terms=terms)
 
@@ -104,7 +102,7 @@ _ELEMENT_DOCS = {
     "K_d": ("Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].", "K", ("spin", "euler")),
     "K_g": ("Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].", "K", ("geometric",)),
     "C": ("Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].", "C", ("gyroscopic",)),
-    "F": ("Inertia and gravity load F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx, 6 [SI].", "F", ("load",)),
+    "F": ("Load of inertia and gravity F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].", "F", ("load",)),
 }  # fmt: skip
 
 
@@ -172,9 +170,7 @@ def _force_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
     return emit.Kernel(share(raw), ("t", "p", "out"), tuple(reads), doc), raw
 
 
-def print_module(
-    equations: Equations, kernels: list[tuple[emit.Kernel, Program]], scene: str, structure: str
-) -> str:
+def print_module(equations: Equations, kernels: list[tuple[emit.Kernel, Program]], scene: str, structure: str) -> str:
     counts = emit.operations(kernels)
     blocks = [emit.TABLE_LOOKUP] if any(load.kind == "table" for load in equations.mechanism.loads.values()) else []
     blocks += [emit.print_kernel(kernel) for kernel, _ in kernels] + [TABULATE]
@@ -195,7 +191,7 @@ def _about(scene: str, structure: str, counts: dict[str, tuple[int, int]]) -> st
     version = ".".join(sm.__version__.split(".")[:2])
     width = max(len(name) for name in counts)
     lines = [
-        f"Structure {structure}, format {FORMAT}, SymPy {version}. To make it again: kaneflex derive {scene} -o FILE.py",
+        f"Structure {structure}, format {FORMAT}, SymPy {version}; made by: kaneflex derive {scene} -o FILE.py",
         "",
         "In link axes, with one scalar of the motion before each constant matrix:",
         "    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F",
@@ -220,13 +216,13 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         for link in motion.links:
             parameters += [(f"{link}.element.{name}", unit) for name, unit, _ in ELEMENT_PARAMETERS]
         rows = [(term.name, term.group, term.target, _monomial(term.scalar)) for term in equations.element.terms]
-    width = len(LINK_SCALARS)
+    links = {link: k * len(LINK_SCALARS) for k, link in enumerate(motion.links)}
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
         emit.literal("TABLES", tables, "loads whose tables follow in p, at the index that <load>.table holds"),
         emit.literal("SCALARS", [(s.name, s.unit, s.meaning) for s in stored], "s: name, unit, meaning"),
         emit.literal("CONSTANTS", constants, "scalars that the structure fixes"),
-        emit.literal("LINKS", {link: k * width for k, link in enumerate(motion.links)}, "elastic link -> first of its LINK_SCALARS in s"),
+        emit.literal("LINKS", links, "elastic link -> where its LINK_SCALARS begin in s"),
         emit.literal("LINK_SCALARS", LINK_SCALARS if motion.links else (), "s of the element kernels"),
         emit.literal("ELEMENT_PARAMETERS", ELEMENT_PARAMETERS if motion.links else (), "p of the element kernels"),
         emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
@@ -250,7 +246,9 @@ def tabulate(times, p, out):
 
 def _print_dispatch(element: Element) -> str:
     lines = ["@njit(**OPTIONS)", "def terms(k, p, out):"]
-    lines.append('    """The k-th constant matrix of TERMS for one element: out 6 x 6, or 6 x 1 for F; zeroed by the caller."""')
+    lines.append(
+        '    """The k-th constant matrix of TERMS for one element: out 6 x 6, or 6 x 1 for F; zeroed by the caller."""'
+    )
     for k, term in enumerate(element.terms):
         lines += [f"    {'if' if k == 0 else 'elif'} k == {k}:", f"        term_{term.name}(p, out)"]
     return "\n".join(lines) + "\n"

@@ -122,9 +122,7 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
     for name, joint in structure["joints"].items():
         first, second = (point(address) for address in joint["between"])
         if joint["kind"] == "prismatic":
-            direction = tuple(
-                pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2)
-            )
+            direction = tuple(pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
             joints[name] = JointModel(name, "prismatic", first, second, direction, number(f"{name}.branch", "1"))
         else:
             joints[name] = JointModel(name, joint["kind"], first, second)
@@ -136,7 +134,13 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
     for name, load in structure["loads"].items():
         direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
         loads[name] = LoadModel(
-            name, point(load["on"]), direction, load["axes"], load["kind"], load.get("against"), load.get("law")
+            name,
+            point(load["on"]),
+            direction,
+            load["axes"],
+            load["kind"],
+            load.get("against"),
+            load.get("law"),
         )
         if load["kind"] == "constant":
             number(f"{name}.value", "N")

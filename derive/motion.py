@@ -142,7 +142,10 @@ class _Rates:
         ]
         self.velocity = solve_blocks(first, unknown_v, steps)
         second = [
-            (c.name, c.residual.diff(TIME, 2).xreplace(rate).xreplace(self.to_symbols).xreplace(self.velocity))
+            (
+                c.name,
+                c.residual.diff(TIME, 2).xreplace(rate).xreplace(self.to_symbols).xreplace(self.velocity),
+            )
             for c in equations.constraints
         ]
         self.acceleration = solve_blocks(second, unknown_a, steps)
@@ -221,6 +224,7 @@ def _link_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps
 
 def _joint_force(joint, rates: _Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
     """Global force on the second body of a joint."""
+
     def reaction(row: str) -> sm.Expr:
         return reactions[sm.Symbol(f"{joint.name}_{row}")]
 
@@ -231,5 +235,3 @@ def _joint_force(joint, rates: _Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
     normal = reaction("normal")
     along = reactions.get(sm.Symbol(f"{joint.name}_drive"), sm.S.Zero)
     return -t[1] * normal + t[0] * along, t[0] * normal + t[1] * along
-
-

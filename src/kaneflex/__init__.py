@@ -1,1 +1,45 @@
-"""Mechanisms with flexible links, from a scene file to numba kernels, by Kane's equations."""
+"""Mechanisms with flexible links, from a scene file to numba kernels, by Kane's equations.
+
+>>> import kaneflex
+>>> scene = kaneflex.read_scene("engine")
+>>> model = kaneflex.load(scene)
+>>> solution = kaneflex.simulate(model)
+>>> solution["mid_transverse"]  # a labelled array over time
+"""
+
+from importlib import import_module
+
+from kaneflex._numba_cache import ensure_cache_folder
+
+ensure_cache_folder()  # before any jitted module can be imported
+
+_HOMES = {
+    "Model": "kaneflex.model",
+    "OutputError": "kaneflex.errors",
+    "Scene": "kaneflex.scene",
+    "SceneError": "kaneflex.errors",
+    "Solution": "kaneflex.solution",
+    "UserError": "kaneflex.errors",
+    "load": "kaneflex.loading",
+    "read_scene": "kaneflex.scene",
+    "simulate": "kaneflex.simulate",
+    "with_settings": "kaneflex.scene",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> object:
+    """Public names on first use: `import kaneflex` alone loads neither numba nor the scene's checks."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("kaneflex")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'kaneflex' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -121,4 +121,3 @@ def assemble(parts: Mapping[str, Part], frame: Frame, convective: bool = True) -
 def spin_or_euler(monomial: Monomial) -> str:
     """Which complete group a term of K_d belongs to: "euler" if proportional to epsilon, else "spin"."""
     return "euler" if any(name.endswith(".epsilon") for name in monomial) else "spin"
-

@@ -31,4 +31,4 @@ REQUIRED_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
     "motion", "tabulate",
 )  # fmt: skip
-"""Attributes of every generated module; one with elastic links also holds the element kernels, ``terms`` and ``F_t``."""
+"""Attributes of every generated module; with elastic links also ``terms`` and the kernels that the scene requires."""

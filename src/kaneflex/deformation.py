@@ -16,7 +16,7 @@ _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
 
 def shape_functions(x: float, length: float) -> np.ndarray:
-    """Rows u, v, theta = v', kappa = v'' over (u1, v1, theta1, u2, v2, theta2), paper (49)-(55); x from the first node."""
+    """Rows u, v, theta = v' over (u1, v1, theta1, u2, v2, theta2), paper (49)-(55); x from the first node [m]."""
     s = x / length
     return np.array([
         [1 - s, 0, 0, s, 0, 0],
@@ -135,7 +135,7 @@ class Deformation:
 
     @cached_property
     def _rayleigh(self) -> tuple[float, float] | None:
-        from kaneflex.loading import rayleigh_coefficients
+        from kaneflex.building import rayleigh_coefficients
 
         damping = self.model.scene.damping
         if damping is None or damping.kind != "rayleigh":

@@ -118,7 +118,7 @@ def guided_bodies(scene: Scene, prescribed: Iterable[str]) -> dict[str, str]:
     for name, body in scene.bodies.items():
         if not body.elastic and name not in prescribed and name not in guided:
             raise SceneError(
-                f"bodies.{name}", "rigid", "a rigid body between elastic links that no guide leads is not available yet",
+                f"bodies.{name}", "rigid", "a rigid body that elastic links carry and no guide leads is not available yet",
                 "Lead it by a prismatic joint on the ground or on a driven body, or give it a beam",
             )  # fmt: skip
         if name in guided and scene.bodies[name].elastic:
@@ -209,7 +209,10 @@ def build_frame(scene: Scene, parts: Mapping[str, Part], interfaces: Interfaces)
     for name in parts:
         if name not in elastic and name not in column:
             raise SceneError(
-                f"bodies.{name}", "guided", "no elastic link moves this body", "Join it to one, or drive its guide"
+                f"bodies.{name}",
+                "guided",
+                "no elastic link moves this body",
+                "Join it to one, or drive its guide",
             )
     size = len(names)
     maps = {}
@@ -223,7 +226,7 @@ def build_frame(scene: Scene, parts: Mapping[str, Part], interfaces: Interfaces)
         )
         for node, (u, v, _) in part.place.items():
             group = interfaces.displaced.get((name, node))
-            if group is None or group in interfaces.fixed and group not in interfaces.slider:
+            if group is None or (group in interfaces.fixed and group not in interfaces.slider):
                 continue
             if group in interfaces.slider:
                 displacement = _slide(scene, interfaces.slider[group], column[interfaces.slider[group]], size)

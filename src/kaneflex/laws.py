@@ -34,9 +34,7 @@ class Law:
     text: str
     tree: ast.expr
 
-    def to(
-        self, functions: Mapping[str, Callable], names: Mapping[str, Any], number: Callable[[float], Any]
-    ) -> Any:
+    def to(self, functions: Mapping[str, Callable], names: Mapping[str, Any], number: Callable[[float], Any]) -> Any:
         """The law built from other objects.
 
         functions: for each of FUNCTIONS that it calls; names: what stands for each name, `pi` included;

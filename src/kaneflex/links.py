@@ -171,15 +171,12 @@ def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, 
     dynamic[free] = shapes
     basis = np.hstack([static, dynamic])
     matrices = {
-        key: affine.projected(basis) if key == "F" else affine.congruent(basis)
-        for key, affine in part.matrices.items()
+        key: affine.projected(basis) if key == "F" else affine.congruent(basis) for key, affine in part.matrices.items()
     }
     names = [part.coordinates[row] for row in held]
     names += [f"{part.name}.mode_{k + 1}" for k in range(shapes.shape[1])]
     row_of = {row: k for k, row in enumerate(held)}
     place = {
-        node: (row_of[u], row_of[v], row_of.get(theta))
-        for node, (u, v, theta) in part.place.items()
-        if u in row_of
+        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if u in row_of
     }
     return Part(part.name, tuple(names), matrices, place), basis

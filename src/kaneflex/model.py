@@ -141,7 +141,7 @@ class Model:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the rows and columns of M, C, K and F: u, v [m] and theta [rad] of nodes, x, y [m] of joints, slides [m]."""
+        """Names of the rows of M, C, K and F: u, v [m] and theta [rad] of nodes, x, y [m] of joints, slides [m]."""
         return self.equations.coordinates
 
     @property
@@ -220,7 +220,9 @@ class Model:
             shape = (size * width if affine.shape[1] != 1 else size, len(self.monomials))
             if not rows:
                 return csr_array(shape)
-            return csr_array(coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=shape))
+            return csr_array(
+                coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+            )
 
         return AffineSystem(size, half_bandwidth, *(slots(self.kept[name]) for name in ("M", "C", "K", "F")))
 

@@ -114,7 +114,9 @@ def resolve_options(scene: Scene) -> Options:
     for name, on in solve.terms.items():
         if name not in _ALL:
             switchable = [group for group in _ALL if group != "convective"]
-            raise SceneError(f"solve.terms.{name}", on, "not a term group that can be switched", nearest(name, switchable))
+            raise SceneError(
+                f"solve.terms.{name}", on, "not a term group that can be switched", nearest(name, switchable)
+            )
         chosen[name] = on
     dynamics = str(chosen["dynamics"])
     elastic = any(body.elastic for body in scene.bodies.values())

@@ -41,7 +41,9 @@ def quasistatic(
             z[rows] = _solve_banded(model, times[rows], load)
         else:
             stiffness, mass = (_dense(model, name, rigid) for name in ("K", "M"))
-            z[rows] = _relieved(stiffness, mass, load) if relief else np.linalg.solve(stiffness, load[..., None])[..., 0]
+            z[rows] = (
+                _relieved(stiffness, mass, load) if relief else np.linalg.solve(stiffness, load[..., None])[..., 0]
+            )
         if progress is not None:
             progress(min(1.0, (first + batch) / len(times)))
     step = times[1] - times[0]
@@ -114,5 +116,7 @@ def _derivative(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
             inner[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
         return inner
     body = values[:-1]
-    rate = (np.roll(body, 2, 0) - 8 * np.roll(body, 1, 0) + 8 * np.roll(body, -1, 0) - np.roll(body, -2, 0)) / (12 * step)
+    rate = (np.roll(body, 2, 0) - 8 * np.roll(body, 1, 0) + 8 * np.roll(body, -1, 0) - np.roll(body, -2, 0)) / (
+        12 * step
+    )
     return np.concatenate([rate, rate[:1]])

@@ -29,7 +29,10 @@ def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
 
 
 def consistent_reactions(
-    model: Model, rigid: RigidMotion, deformed: Mapping[str, Deformation], slides: Mapping[str, tuple[np.ndarray, ...]]
+    model: Model,
+    rigid: RigidMotion,
+    deformed: Mapping[str, Deformation],
+    slides: Mapping[str, tuple[np.ndarray, ...]],
 ) -> dict[str, np.ndarray]:
     """Solve the balances of all interface nodes and rigid bodies for the reactions.
 
@@ -90,7 +93,9 @@ class _Balances:
 
     def _joint(self, name: str, joint, address: Address, node: int | None) -> np.ndarray:
         rows = np.zeros((self.steps, 3, len(self.index)))
-        arm = np.zeros((2, self.steps)) if node is not None else self._turn(address.body, self.model.scene.point(address))
+        arm = (
+            np.zeros((2, self.steps)) if node is not None else self._turn(address.body, self.model.scene.point(address))
+        )
 
         def push(reaction: str, direction: np.ndarray) -> None:
             k = self.index[f"{name}.{reaction}"]
@@ -142,7 +147,9 @@ class _Balances:
         data = scene.bodies[body]
         arm = self._turn(body, data.centre)
         omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
-        elastic = self.slides[body][2] if body in self.slides and self.model.options.dynamics != "quasistatic" else (0.0, 0.0)
+        elastic = (
+            self.slides[body][2] if body in self.slides and self.model.options.dynamics != "quasistatic" else (0.0, 0.0)
+        )
         a_x = rigid[f"{body}.a_x"] - epsilon * arm[1] - omega**2 * arm[0] - scene.gravity[0] + elastic[0]
         a_y = rigid[f"{body}.a_y"] + epsilon * arm[0] - omega**2 * arm[1] - scene.gravity[1] + elastic[1]
         force = data.mass * np.array([a_x, a_y])

@@ -109,12 +109,16 @@ class _Reader:
             d, d_rate, d_accel = self.deformed[address.body].at(x)
             if y:  # a point off the axis moves with its section
                 offset = np.array([[-y], [0.0], [0.0]])
-                d, d_rate, d_accel = d + offset * d[2], d_rate + offset * d_rate[2], d_accel + offset * d_accel[2]
+                d, d_rate, d_accel = (
+                    d + offset * d[2],
+                    d_rate + offset * d_rate[2],
+                    d_accel + offset * d_accel[2],
+                )
             return d, d_rate, d_accel
         if address.body in self.slides:
             d, d_rate, d_accel = self.slides[address.body]
             omega, epsilon = self.rigid[f"{address.body}.omega"], self.rigid[f"{address.body}.epsilon"]
-            # Rates as seen in the body's axes: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
+            # Rates as the body's axes see them: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
             rate = np.array([d_rate[0] + omega * d[1], d_rate[1] - omega * d[0]])
             accel = np.array([
                 d_accel[0] + 2 * omega * d_rate[1] + epsilon * d[1] - omega**2 * d[0],
@@ -177,9 +181,7 @@ class _Reader:
         d, d_rate, d_accel = self._elastic(sensor.target)
         omega, epsilon = self.rigid[f"{body}.omega"], self.rigid[f"{body}.epsilon"]
         gravity = self.scene.gravity if sensor.reading == "accelerometer" else (0.0, 0.0)
-        origin = self._turn_back(
-            body, (self.rigid[f"{body}.a_x"] - gravity[0], self.rigid[f"{body}.a_y"] - gravity[1])
-        )
+        origin = self._turn_back(body, (self.rigid[f"{body}.a_x"] - gravity[0], self.rigid[f"{body}.a_y"] - gravity[1]))
         p_x, p_y = x + d[0], y + d[1]
         vector = np.array([
             origin[0] - epsilon * p_y - omega**2 * p_x - 2 * omega * d_rate[1] + d_accel[0],
@@ -193,7 +195,9 @@ class _Reader:
         """P(X) = P_0 + rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2 of the rigid link."""
         name, (x, _) = address.body, self.scene.point(address)
         rho_A, rigid = self.scene.bodies[name].rho_A, self.rigid
-        return rigid[f"{name}.link.P_0"] + rho_A * x * (rigid[f"{name}.link.a_x"] - 0.5 * x * rigid[f"{name}.omega"] ** 2)
+        return rigid[f"{name}.link.P_0"] + rho_A * x * (
+            rigid[f"{name}.link.a_x"] - 0.5 * x * rigid[f"{name}.omega"] ** 2
+        )
 
     def _axial_force(self, sensor: Sensor) -> np.ndarray:
         return self._section(sensor)[0]

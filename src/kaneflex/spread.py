@@ -14,9 +14,7 @@ ANGLES = 12
 _RIGID_KINDS = ("joint_force", "drive_torque")
 
 
-def mode_angle_spread(
-    model: Model, progress: Callable[[float], None] | None = None
-) -> dict[str, tuple[float, float]]:
+def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, tuple[float, float]]:
     """Smallest and largest peak of each sensor over the mode angle.
 
     The decoupled equations (143) hold the mass and stiffness of one crank angle, which the paper does not state; no
@@ -27,7 +25,7 @@ def mode_angle_spread(
     dict
         Sensor -> (smallest, largest) of max |y| over ANGLES mode angles, in the sensor's SI unit.
     """
-    from kaneflex.loading import build_model
+    from kaneflex.building import build_model
     from kaneflex.simulate import simulate
 
     peaks: dict[str, list[float]] = {}

@@ -40,9 +40,7 @@ class Table:
         largest = np.abs(self.y).max()
         gap = abs(self.y[-1] - self.y[0])
         if gap > closing * largest:
-            reason = (
-                f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
-            )
+            reason = f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
             raise Fault(reason, f"Correct the table, or raise closing from {closing:g}")
 
     def coefficients(self, period: float | None = None) -> np.ndarray:
@@ -127,13 +125,9 @@ def read_table(path: str | Path, column: str | None, unit: str, x_unit: str) -> 
     rows = _rows(Path(path))
     header = [cell.strip() for cell in rows[0][1]]
     if _number(header[0]) is not None:
-        raise Fault(
-            f"{Path(path).name} has no header line", "Name the columns in its first line", below="table"
-        )
+        raise Fault(f"{Path(path).name} has no header line", "Name the columns in its first line", below="table")
     if len(header) < 2:
-        raise Fault(
-            f"{Path(path).name} has one column", "Give two columns separated by commas", below="table"
-        )
+        raise Fault(f"{Path(path).name} has one column", "Give two columns separated by commas", below="table")
     if column is not None and column not in header:
         raise Fault(f"{Path(path).name} has no such column", nearest(column, header), below="column")
     at = 1 if column is None else header.index(column)
@@ -160,9 +154,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = [(line, text) for line, text in enumerate(file, 1) if text.strip() and text[0] != "#"]
     except FileNotFoundError:
-        raise Fault(
-            "no such file", "Give the path of a CSV file, relative to the scene", below="table"
-        ) from None
+        raise Fault("no such file", "Give the path of a CSV file, relative to the scene", below="table") from None
     except (OSError, UnicodeDecodeError) as error:
         raise Fault(f"cannot be read: {error}", "Give a readable UTF-8 file", below="table") from None
     if not lines:

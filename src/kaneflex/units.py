@@ -79,11 +79,7 @@ def scaled(number: float, unit: str, dimension: Dimension) -> float:
     """`number` in `unit`, in SI; divides by a reciprocal factor, so that 137 mm is exactly 0.137 m."""
     factor = unit_factor(unit, dimension)
     inverse = round(1 / factor) if factor else 0
-    return (
-        number / inverse
-        if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15)
-        else number * factor
-    )
+    return number / inverse if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15) else number * factor
 
 
 @cache

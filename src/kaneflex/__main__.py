@@ -1,0 +1,5 @@
+"""``python -m kaneflex``: the command line."""
+
+from kaneflex.cli import main
+
+main()

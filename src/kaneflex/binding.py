@@ -1,0 +1,145 @@
+"""Find the generated module of a scene's structure, or derive it, and bind the scene's numbers to its kernels."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.contract import FORMAT, REQUIRED_ATTRIBUTES
+from kaneflex.errors import SceneError
+from kaneflex.scene import Scene
+from kaneflex.writing import write_text
+
+Progress = Callable[[str], None]
+
+
+def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the scene's structure: shipped, else from the user's cache, else derived now.
+
+    Returns the module and the seconds spent on deriving it.
+    """
+    structure = scene.structure_hash()
+    from kaneflex.generated import STRUCTURES
+
+    if structure in STRUCTURES:
+        return importlib.import_module(f"kaneflex.generated.{STRUCTURES[structure]}"), 0.0
+    path = cache_folder() / f"{structure}.py"
+    seconds = 0.0
+    if not path.exists():
+        progress("deriving the equations, first time only")
+        started = time.perf_counter()
+        write_text(path, generate_text(scene))
+        seconds = time.perf_counter() - started
+    return import_file(path, structure), seconds
+
+
+def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of the module of a scene's structure.
+
+    Raises
+    ------
+    SceneError
+        If the drives and joints don't determine the motion; it names what is open and what is redundant.
+    """
+    from kaneflex.derive import StructurallySingular, UnsupportedLoop, generate
+
+    try:
+        return generate(scene, progress)
+    except StructurallySingular as error:
+        cure = "Every body needs three constraints, drives counted: add or remove joints or drives"
+        raise SceneError("joints", None, str(error), cure) from error
+    except UnsupportedLoop as error:
+        raise SceneError(
+            "joints", None, str(error), "Drive these bodies, or close them by a rod and a guide"
+        ) from error
+
+
+def cache_folder() -> Path:
+    """Where modules that kaneflex derived for the user are kept: each version of the generator has its own."""
+    from importlib.metadata import version
+
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / f"{version('kaneflex')}-{FORMAT}"
+
+
+def import_file(path: Path, structure: str) -> ModuleType:
+    """Import a generated file under a name made of its structure, which numba's cache files are keyed by."""
+    name = f"kaneflex_{structure}"
+    if name in sys.modules:
+        return sys.modules[name]
+    specification = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # before it is executed: numba looks its functions' module up
+    try:
+        specification.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    missing = [attribute for attribute in REQUIRED_ATTRIBUTES if not hasattr(module, attribute)]
+    if missing or module.STRUCTURE != structure:
+        del sys.modules[name]
+        raise SceneError(
+            str(path),
+            structure,
+            "not a generated module of this structure",
+            "Delete the file; it is derived anew",
+        )
+    return module
+
+
+def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
+    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks."""
+    values: list[float] = []
+    blocks: list[np.ndarray] = []
+    filled = len(module.PARAMETERS)
+    for path, _ in module.PARAMETERS:
+        owner, _, name = path.partition(".")
+        if name == "table":
+            load_table = scene.loads[owner]
+            block = load_table.read_table().coefficients(load_table.period)
+            values.append(float(filled))
+            blocks.append(block)
+            filled += len(block)
+        else:
+            values.append(float(_number(scene, owner, name)))
+    return np.concatenate([np.array(values), *blocks])
+
+
+def _number(scene: Scene, owner: str, name: str) -> float:
+    """The scene's number at a dotted path of PARAMETERS."""
+    if owner.startswith("gravity_"):
+        return scene.gravity["xy".index(owner[-1])]
+    if owner in scene.bodies:
+        return _body_number(scene, owner, name)
+    if owner == "ground":
+        point, _, axis = name.partition(".")
+        return scene.ground[point]["xy".index(axis)]
+    if owner in scene.drives and name in ("speed", "angle"):
+        return getattr(scene.drives[owner], name)
+    if owner in scene.joints and name == "branch":
+        return 1.0 if scene.joints[owner].branch == "+" else -1.0
+    table = scene.joints if owner in scene.joints else scene.loads
+    if name.startswith("direction_"):
+        return table[owner].direction["xy".index(name[-1])]
+    return getattr(scene.loads[owner], name)
+
+
+def _body_number(scene: Scene, owner: str, name: str) -> float:
+    body = scene.bodies[owner]
+    if name.startswith("element."):
+        field = name.removeprefix("element.")
+        return {"length": body.length / body.beam.elements, "x_0": 0.0}.get(field, getattr(body, field, 0.0))
+    if name.startswith("centre_"):
+        return body.centre["xy".index(name[-1])]
+    if "." in name:
+        point, axis = name.split(".")
+        return body.points_all[point]["xy".index(axis)]
+    return getattr(body, name)

@@ -1,0 +1,135 @@
+"""Build a model: mesh the links, find the coordinates, assemble, reduce."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from kaneflex.affine import Affine
+from kaneflex.assembly import Equations, assemble, guided_part, with_loads
+from kaneflex.errors import SceneError
+from kaneflex.frame import Interfaces, build_frame, find_interfaces, guided_bodies, prescribed_bodies
+from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
+from kaneflex.model import Model, Motion, RigidMotion, keep_terms
+from kaneflex.modes import lowest_modes
+from kaneflex.options import Options
+from kaneflex.scene import Scene
+
+
+def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
+    """Mesh the links, assemble, reduce."""
+    reference = _reference_time(scene, options)
+    if options.dynamics == "rigid":
+        empty = {
+            key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
+        }
+        none = Equations((), **empty)
+        return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
+    links = {
+        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
+        for name, body in scene.bodies.items()
+        if body.elastic
+    }
+    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
+    parts, bases = _parts(scene, options, links, interfaces)
+    frame = build_frame(scene, parts, interfaces)
+    equations = assemble(parts, frame, options.convective)
+    model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
+    if scene.damping is not None and scene.damping.kind == "modal":
+        equations = _with_modal_damping(model)
+        model = replace(model, equations=equations, reduced=equations)
+    if options.reduction == "modal":
+        omega, basis = reference_modes(model, options.modes)
+        names = tuple(f"mode_{k + 1}" for k in range(len(omega)))
+        reduced = equations.in_basis(basis, names)
+        if options.dynamics == "frozen":
+            reduced = _frozen(model, reduced, omega)
+        model = replace(model, reduced=reduced, modal_basis=basis)
+    return model
+
+
+def _frozen(model: Model, reduced: Equations, omega: np.ndarray) -> Equations:
+    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle."""
+    size = len(omega)
+    zero = Affine.zero(size, size)
+    rigid = model.motion.at(model.reference_time)
+    damping = np.diag(np.diag(_at(reduced.C_s, rigid).toarray())) if model.options.damping else np.zeros((size, size))
+    constant = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
+    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(omega**2)}
+    frozen = {key: value if isinstance(value, Affine) else Affine.constant(value) for key, value in constant.items()}
+    return Equations(reduced.coordinates, F=reduced.F, **frozen)
+
+
+def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
+    """An affine matrix at the first time of a rigid motion."""
+    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
+
+
+def _reference_time(scene: Scene, options: Options) -> float:
+    drive = next(iter(scene.drives.values()), None)
+    if drive is None or drive.speed == 0:
+        return 0.0
+    return (options.mode_angle - drive.angle) / drive.speed
+
+
+def _parts(
+    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces
+) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, link in links.items():
+        parts[name] = with_loads(scene, link.part, link)
+        if options.reduction == "craig-bampton":
+            held = interfaces.held_rows(parts[name])
+            limit = parts[name].size - len(held)
+            count = limit if options.modes == "all" else options.modes
+            if count > limit:
+                raise SceneError(
+                    "solve.modes", options.modes, f"{name} has {limit} fixed-interface modes",
+                    "Ask for fewer modes, or give the link more elements",
+                )  # fmt: skip
+            parts[name], bases[name] = craig_bampton(parts[name], held, count)
+    for name in guided_bodies(scene, prescribed_bodies(scene)):
+        parts[name] = with_loads(scene, guided_part(scene, name), None)
+    if scene.damping is not None and scene.damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
+        parts = {name: with_rayleigh(part, alpha, beta) for name, part in parts.items()}
+    return parts, bases
+
+
+def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:
+    """alpha [1/s] and beta [s] of C = alpha M + beta K with one damping ratio at two frequencies [Hz]."""
+    w_1, w_2 = 2 * math.pi * f_1, 2 * math.pi * f_2
+    return 2 * ratio * w_1 * w_2 / (w_1 + w_2), 2 * ratio / (w_1 + w_2)
+
+
+def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndarray]:
+    """Undamped modes at the reference configuration: angular frequencies [rad/s] and shapes, one a column.
+
+    K_s alone, but for the frozen model of the paper, whose K is K_s + K_d, eq. (99).
+    """
+    rigid = model.motion.at(model.reference_time)
+    frozen = model.options.dynamics == "frozen"
+    stiffness = keep_terms(model.equations, model.options)["K"] if frozen else model.equations.K_s
+    size = model.equations.size
+    count = size if modes == "all" else modes
+    if count > size:
+        raise SceneError(
+            "solve.modes", modes, f"the mechanism has {size} degrees of freedom",
+            "Ask for fewer modes, or give the links more elements",
+        )  # fmt: skip
+    square = _at(stiffness, rigid)
+    return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
+
+
+def _with_modal_damping(model: Model) -> Equations:
+    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration."""
+    ratios = model.scene.damping.modal.ratio
+    omega, shapes = reference_modes(model, "all")
+    zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in range(len(omega))])
+    weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
+    damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)
+    return replace(model.equations, C_s=model.equations.C_s + damping)

@@ -1,0 +1,57 @@
+"""Results as labelled arrays and as netCDF, SI throughout but for the drives' angles in degrees."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+
+    from kaneflex.solution import Solution
+
+
+def to_dataset(solution: Solution) -> xarray.Dataset:
+    """All sensors of a solution as one dataset.
+
+    Parameters
+    ----------
+    solution : Solution
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, counted on from cycle to
+        cycle; a variable for each sensor, and ``NAME_rigid`` beside the forces, with CF ``units`` and ``long_name``.
+        Attributes say what was solved and how it ended; none depends on the machine or the clock.
+    """
+    import xarray
+
+    import kaneflex
+
+    model = solution.model
+    coordinates = {"time": ("time", solution.times, {"units": "s", "long_name": "time", "axis": "T"})}
+    for drive, angle in solution.drive_angles.items():
+        attributes = {"units": "degree", "long_name": f"angle of the drive {drive}"}
+        coordinates[f"drive_angle_{drive}"] = ("time", np.degrees(angle), attributes)
+    variables = {
+        name: ("time", series.values, {"units": series.unit, "long_name": series.meaning})
+        for name, series in solution.series.items()
+    }
+    about = {
+        "Conventions": "CF-1.11",
+        "title": model.scene.description or model.scene.name,
+        "source": f"kaneflex {kaneflex.__version__}",
+        "scene": model.scene.name,
+        "structure": model.scene.structure_hash(),
+        "preset": model.options.preset,
+        "outcome": solution.outcome.name.lower(),
+    }
+    return xarray.Dataset(variables, coordinates, about)
+
+
+def write_netcdf(solution: Solution, path: Path) -> None:
+    """Write :func:`to_dataset` as netCDF 3 (64-bit offset), which ``xarray.open_dataset`` reads with scipy alone."""
+    solution.dataset.to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")

@@ -1,0 +1,84 @@
+"""What a person sees while waiting, on stderr, and only where waiting lasts."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+_PATIENCE = 0.5
+"""Seconds that a stage may take before anything is shown of it."""
+
+
+class Waiting:
+    """Names the stage that is under way, once it has lasted half a second.
+
+    A terminal shows a bar that vanishes at the end; anything else gets one line a stage. rich is imported only when
+    something is shown. To be used in a ``with`` statement.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._timer: threading.Timer | None = None
+        self._name = ""
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> Waiting:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._finish_stage()
+        with self._lock:
+            if self._bar is not None:
+                self._bar.stop()
+                self._bar = None
+
+    def stage(self, name: str) -> None:
+        """The stage before, if any, is over; ``name`` begins."""
+        self._finish_stage()
+        self._name = name
+        self._timer = threading.Timer(_PATIENCE, self._show)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def share(self, done: float) -> None:
+        """The finished share of the present stage, 0 to 1."""
+        with self._lock:
+            if self._task is not None:
+                self._bar.update(self._task, completed=done, total=1.0)
+
+    def _finish_stage(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        with self._lock:
+            self._timer = None
+            if self._task is not None:
+                self._bar.remove_task(self._task)
+                self._task = None
+
+    def _show(self) -> None:
+        with self._lock:
+            if self._timer is not threading.current_thread():
+                return  # cancelled while it waited for the lock
+            if not sys.stderr.isatty():
+                print(f"{self._name} ...", file=sys.stderr, flush=True)
+                return
+            if self._bar is None:
+                self._bar = _new_bar()
+                self._bar.start()
+            self._task = self._bar.add_task(self._name, total=None)
+
+
+def _new_bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=Console(stderr=True), transient=True)
