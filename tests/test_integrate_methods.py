@@ -145,7 +145,7 @@ def test_energy_is_conserved(method):
 
 
 def modal():
-    """Decoupled modes, one of each kind, under a piecewise linear force with knots every 0.1; scalars 1, f(t)."""
+    """Decoupled modes, one of each kind; scalars 1 and f(t), a piecewise linear force with knots every 0.1."""
     # underdamped, critical, overdamped, undamped, free, sliding with friction
     omega = np.array([50.0, 7.0, 3.0, 11.0, 0.0, 0.0])
     rate = np.array([2.0, 14.0, 180.0, 0.0, 0.0, 2.0])

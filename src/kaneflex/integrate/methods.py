@@ -33,9 +33,7 @@ class Method:
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
 
 
-def newmark_weights(
-    step: float, alpha_m: float, alpha_f: float, beta: float, gamma: float
-) -> tuple[float, ...]:
+def newmark_weights(step: float, alpha_m: float, alpha_f: float, beta: float, gamma: float) -> tuple[float, ...]:
     """Weights of the loop `newmark`: see there."""
     kappa = (1.0 - alpha_f) / (1.0 - alpha_m)
     squared = step * step
@@ -53,15 +51,11 @@ def newmark_weights(
     )
 
 
-def _average_acceleration(
-    system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float
-) -> tuple[float, ...]:
+def _average_acceleration(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> tuple[float, ...]:
     return newmark_weights(step, alpha_m=0.0, alpha_f=0.0, beta=0.25, gamma=0.5)
 
 
-def _generalised_alpha(
-    system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float
-) -> tuple[float, ...]:
+def _generalised_alpha(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> tuple[float, ...]:
     # Chung and Hulbert 1993, eqs. (17), (18), (25)
     if not 0.0 <= rho_infinity <= 1.0:
         raise UserError(

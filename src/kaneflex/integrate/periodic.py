@@ -82,7 +82,7 @@ def _verdict(multipliers: np.ndarray) -> tuple[Outcome, str]:
         multiplier = f"Floquet multiplier {_said(largest)} of modulus {abs(largest):.9g}"
         return outcome, f"{outcome.value}: {multiplier} exceeds one"
     if abs(largest) > 1.0 - _UNSTABLE:
-        return Outcome.COMPLETED, "neutrally stable: a disturbance of this motion neither grows nor dies"
+        return Outcome.COMPLETED, "neutrally stable: the slowest disturbance neither grows nor dies in these steps"
     return Outcome.COMPLETED, ""
 
 

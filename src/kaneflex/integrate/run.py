@@ -84,9 +84,7 @@ def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
     return Beginning(state, None, Outcome.COMPLETED, "")
 
 
-def _run(
-    setup: Setup, beginning: Beginning, n_steps: int, every: int, progress: Progress | None
-) -> Trajectory:
+def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int, progress: Progress | None) -> Trajectory:
     state = beginning.state
     rows = n_steps // every + 1
     stored = Stored(*(np.zeros((rows, setup.system.n)) for _ in Stored._fields))
@@ -117,9 +115,7 @@ def _given(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
     return z, v
 
 
-def _check(
-    method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int
-) -> None:
+def _check(method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int) -> None:
     if not (np.isfinite(step) and step > 0.0):
         raise UserError("step", step, "a step must be a positive time", "Give it in s")
     for name, value in (("steps", n_steps), ("every", every), ("period_steps", period_steps)):

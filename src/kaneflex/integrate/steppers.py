@@ -126,6 +126,16 @@ def _true_accelerations(layout, sums, mass, scale, load, z, v, q, columns):
     return True
 
 
+@_inlined
+def _store(stored, out, z, v, q):
+    """Row `out` of what is kept: the first column."""
+    out_z, out_v, out_a = stored
+    for i in range(z.shape[1]):
+        out_z[out, i] = z[0, i]
+        out_v[out, i] = v[0, i]
+        out_a[out, i] = q[0, i]
+
+
 @_jit
 def accelerations(packed, scalars, row, load, z, v, q):
     """Fill `q` from the equation of motion at one row of the table; False where M is singular."""
@@ -150,7 +160,7 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
     v_p and z_p being v_1 and z_1 less their share of q_1 (Arnold and Bruels 2007, section 2, whose
     accelerations satisfy the equation of motion; for constant M it is the method of Chung and Hulbert 1993).
     """
-    layout, (z, v, a, q), (out_z, out_v, out_a) = packed.layout, state, stored
+    layout, (z, v, a, q) = packed.layout, state
     n, n_slots = layout.n, layout.n_slots
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = coefficients
     period = scalars.shape[0] - 1
@@ -191,10 +201,7 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
         due -= 1
         if due == 0:
             due = every
-            for i in range(n):
-                out_z[out, i] = z[0, i]
-                out_v[out, i] = v[0, i]
-                out_a[out, i] = q[0, i]
+            _store(stored, out, z, v, q)
             out += 1
     return n_steps, COMPLETED
 
@@ -232,7 +239,7 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
 
     The accelerations that are stored come from the equation of motion at the end of the step.
     """
-    layout, pairs, (z, v, _, q), (out_z, out_v, out_a) = packed.layout, packed.pairs, state, stored
+    layout, pairs, (z, v, _, q) = packed.layout, packed.pairs, state
     n, n_slots = layout.n, layout.n_slots
     (step,) = coefficients
     v_weight = 0.5 * step
@@ -273,10 +280,7 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
             _affine_sum(packed, scalars, row + 3, sums_1)
             if not _true_accelerations(layout, sums_1, mass, scale, load, z, v, q, 1):
                 return count, SINGULAR
-            for i in range(n):
-                out_z[out, i] = z[0, i]
-                out_v[out, i] = v[0, i]
-                out_a[out, i] = q[0, i]
+            _store(stored, out, z, v, q)
             out += 1
         position += 1
         if position == period:
@@ -290,7 +294,7 @@ def exact_modal(packed, scalars, position, n_steps, coefficients, load, state, d
 
     coefficients: shape (n, 11), see `kaneflex.integrate.modal`. `packed` holds the runs of F only, no slots.
     """
-    (z, v, _, _), (out_z, out_v, out_a) = state, stored
+    z, v, _, q = state
     n = z.shape[1]
     period = scalars.shape[0] - 1
     force_0, force_1 = np.empty(n), np.empty(n)
@@ -320,8 +324,7 @@ def exact_modal(packed, scalars, position, n_steps, coefficients, load, state, d
             due = every
             for i in range(n):
                 w = coefficients[i]
-                out_z[out, i] = z[0, i]
-                out_v[out, i] = v[0, i]
-                out_a[out, i] = load[0] * w[8] * force_0[i] - w[9] * v[0, i] - w[10] * z[0, i]
+                q[0, i] = load[0] * w[8] * force_0[i] - w[9] * v[0, i] - w[10] * z[0, i]
+            _store(stored, out, z, v, q)
             out += 1
     return n_steps, COMPLETED
