@@ -102,7 +102,7 @@ _ELEMENT_DOCS = {
     "K_d": ("Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].", "K", ("spin", "euler")),
     "K_g": ("Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].", "K", ("geometric",)),
     "C": ("Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].", "C", ("gyroscopic",)),
-    "F": ("Load of inertia and gravity F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].", "F", ("load",)),
+    "F": ("Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].", "F", ("load",)),
 }  # fmt: skip
 
 

@@ -118,7 +118,7 @@ def guided_bodies(scene: Scene, prescribed: Iterable[str]) -> dict[str, str]:
     for name, body in scene.bodies.items():
         if not body.elastic and name not in prescribed and name not in guided:
             raise SceneError(
-                f"bodies.{name}", "rigid", "a rigid body that elastic links carry and no guide leads is not available yet",
+                f"bodies.{name}", "rigid", "elastic links carrying a rigid body that no guide leads are not available yet",
                 "Lead it by a prismatic joint on the ground or on a driven body, or give it a beam",
             )  # fmt: skip
         if name in guided and scene.bodies[name].elastic:

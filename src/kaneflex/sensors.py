@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -77,8 +78,8 @@ class _Reader:
         return consistent_reactions(self.model, self.rigid, self.deformed, self.slides)
 
     def read(self, sensor: Sensor) -> np.ndarray:
-        if sensor.kind in RIGID_COMPANIONS and not self.model.links:
-            return self.read_rigid(sensor)
+        if self.steps == 0:  # a run that stopped before its first instant
+            return np.zeros(0)
         if sensor.kind in ("joint_force", "drive_torque") and not self.model.balances:
             return self.read_rigid(sensor)
         return getattr(self, f"_{sensor.kind}")(sensor)
@@ -86,7 +87,7 @@ class _Reader:
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""
         if sensor.kind == "axial_force":
-            return self._rigid_tension(sensor.target)
+            return self._rigid_section(sensor.target)[0]
         if sensor.kind == "drive_torque":
             return self.rigid[f"{sensor.target}.drive"]
         return self._joint_component(sensor, lambda name: self.rigid[name])
@@ -118,7 +119,7 @@ class _Reader:
         if address.body in self.slides:
             d, d_rate, d_accel = self.slides[address.body]
             omega, epsilon = self.rigid[f"{address.body}.omega"], self.rigid[f"{address.body}.epsilon"]
-            # Rates as the body's axes see them: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
+            # Rates in the body's axes: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
             rate = np.array([d_rate[0] + omega * d[1], d_rate[1] - omega * d[0]])
             accel = np.array([
                 d_accel[0] + 2 * omega * d_rate[1] + epsilon * d[1] - omega**2 * d[0],
@@ -191,13 +192,38 @@ class _Reader:
 
     # ---- forces -----------------------------------------------------------------------------------------------
 
-    def _rigid_tension(self, address: Address) -> np.ndarray:
-        """P(X) = P_0 + rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2 of the rigid link."""
+    def _rigid_section(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """N, V, M of the rigid link at X: balance of the part before X under its inertia and the forces at its start.
+
+        N(X) = P(X) = P_0 + rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2; the signs are those of `Deformation.section`.
+        """
         name, (x, _) = address.body, self.scene.point(address)
         rho_A, rigid = self.scene.bodies[name].rho_A, self.rigid
-        return rigid[f"{name}.link.P_0"] + rho_A * x * (
-            rigid[f"{name}.link.a_x"] - 0.5 * x * rigid[f"{name}.omega"] ** 2
-        )
+        a_y, epsilon = rigid[f"{name}.link.a_y"], rigid[f"{name}.epsilon"]
+        N = rigid[f"{name}.link.P_0"] + rho_A * x * (rigid[f"{name}.link.a_x"] - 0.5 * x * rigid[f"{name}.omega"] ** 2)
+        force, moment = self._forces_at_start(name)
+        V = -force[1] + rho_A * x * (a_y + 0.5 * x * epsilon)
+        M = x * force[1] - moment - rho_A * x**2 * (a_y / 2 + epsilon * x / 6)
+        return N, V, M
+
+    def _forces_at_start(self, link: str) -> tuple[np.ndarray, np.ndarray]:
+        """Force (2, n_times) in link axes and moment on a rigid link by what acts at its start."""
+        force, moment = np.zeros((2, self.steps)), np.zeros(self.steps)
+        start = Address(link, "start")
+        for name, joint in self.scene.joints.items():
+            if start not in joint.addresses:
+                continue
+            sign = 1.0 if joint.addresses[1] == start else -1.0
+            force += sign * self._joint_vector(name, lambda row: self.rigid[row])
+            if joint.kind != "revolute":
+                moment += sign * self.rigid[f"{name}.moment"]
+            elif name in self.scene.drives:
+                moment += sign * self.rigid[f"{name}.drive"]
+        for name, load in self.scene.loads.items():
+            if load.force_on == start:
+                direction = np.outer(load.direction, np.ones(self.steps))
+                force += self.rigid[name] * (direction if load.axes == "global" else self._turn(link, load.direction))
+        return self._turn_back(link, force), moment
 
     def _axial_force(self, sensor: Sensor) -> np.ndarray:
         return self._section(sensor)[0]
@@ -215,6 +241,8 @@ class _Reader:
         return N / body.E_A - sensor.fibre * M / body.E_I
 
     def _section(self, sensor: Sensor) -> tuple[np.ndarray, ...]:
+        if not self.model.links:
+            return self._rigid_section(sensor.target)
         return self.deformed[sensor.target.body].section(self.scene.point(sensor.target)[0])
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
@@ -223,23 +251,26 @@ class _Reader:
     def _drive_torque(self, sensor: Sensor) -> np.ndarray:
         return self.reactions[f"{sensor.target}.drive"]
 
-    def _joint_component(self, sensor: Sensor, reaction) -> np.ndarray:
-        """Force of a joint on ``sensor.body`` (by default the second), in global axes."""
+    def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+        """Force of a joint on ``sensor.body`` (by default the second), or its moment."""
         name = sensor.joint_force
         joint = self.scene.joints[name]
         first, second = (address.body for address in joint.addresses)
         sign = -1.0 if sensor.body == first else 1.0
         if sensor.component == "angle":
             return sign * reaction(f"{name}.moment") if joint.kind != "revolute" else np.zeros(self.steps)
-        if joint.kind != "prismatic":
-            force = np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
-        else:
-            carrier = first
-            t = np.outer(joint.direction, np.ones(self.steps))
-            t = t if carrier == "ground" else self._turn(carrier, joint.direction)
-            force = reaction(f"{name}.normal") * np.array([-t[1], t[0]])
-            if name in self.scene.drives:
-                force = force + reaction(f"{name}.drive") * t
+        force = self._joint_vector(name, reaction)
         if sensor.axes == "body":
             force = self._turn_back(sensor.body or second, force)
         return sign * force["xy".index(sensor.component)]
+
+    def _joint_vector(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+        """Global force of a joint on its second body, (2, n_times), from its reactions by name."""
+        joint = self.scene.joints[name]
+        if joint.kind != "prismatic":
+            return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
+        carrier = joint.addresses[0].body
+        t = np.outer(joint.direction, np.ones(self.steps))
+        t = t if carrier == "ground" else self._turn(carrier, joint.direction)
+        force = reaction(f"{name}.normal") * np.array([-t[1], t[0]])
+        return force + reaction(f"{name}.drive") * t if name in self.scene.drives else force
