@@ -38,21 +38,27 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
     missing = [parent for parent in path.parents if not parent.exists()]
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
-        partial.mkdir(parents=True)
-        try:
-            yield partial
+        with writing(path):
+            partial.mkdir(parents=True)
+        yield partial
+        with writing(path):
             _replace(path, partial)
-        except BaseException:
-            shutil.rmtree(partial, ignore_errors=True)
-            raise
-    except BaseException as error:
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
         for parent in missing:  # innermost first
             if parent.exists() and not any(parent.iterdir()):
                 parent.rmdir()
-        if isinstance(error, OSError):
-            reason = f"can't be written ({error.strerror or error})"
-            raise OutputError(str(path), None, reason, "Choose a writable place") from error
         raise
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What the system says against writing, as an OutputError that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"can't be written ({error.strerror or error})"
+        raise OutputError(str(path), None, reason, "Choose a writable place") from error
 
 
 def _refuse_existing(path: Path, mark: str, force: bool) -> None:

@@ -1,0 +1,314 @@
+"""The command line. Every command imports what it needs when it runs, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kaneflex.errors import OutputError, SceneError, UserError, nearest
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from kaneflex.model import Model
+    from kaneflex.scene import Scene
+    from kaneflex.solution import Solution
+    from kaneflex.summary import Summary
+
+USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
+"""Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
+SUMMARY_FILE, RESULTS_FILE = "summary.json", "results.nc"
+
+
+class _Refusal(click.ClickException):
+    exit_code = USER_ERROR
+
+    def show(self, file: object = None) -> None:
+        for line in self.message.splitlines():
+            click.echo(f"Error: {line}", file=file, err=True)
+
+
+class _Commands(click.Group):
+    """Turns what a user can cure, and Ctrl-C, into a message and an exit code."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except UserError as error:
+            raise _Refusal(str(error)) from error
+        except KeyboardInterrupt:
+            click.echo("Interrupted; nothing was left behind.", err=True)
+            ctx.exit(INTERRUPTED)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="kaneflex")
+def main() -> None:
+    """Mechanisms with flexible links: from a scene to motion, deformation and forces.
+
+    SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities may carry units:
+    "137 mm", "6000 rpm", 90deg. Exit codes: 0 done, 2 something to correct, 3 the run stopped early, 130 interrupted.
+
+    \b
+    First steps:
+      kaneflex run engine                          results, summary and pictures in engine-results
+      kaneflex run engine --set rod.elements=1     one number changed
+      kaneflex check my-engine.toml                does it close, what will be solved
+    """
+
+
+def scene_options(command: Callable[..., None]) -> Callable[..., None]:
+    """SCENE and what can be changed in it."""
+    options = (
+        click.argument("name", metavar="SCENE"),
+        click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`."),
+        click.option(
+            "--set", "settings", multiple=True, metavar="PATH=VALUE",
+            help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
+            "Can be repeated.",
+        ),
+        click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
+        click.option("--integrator", metavar="NAME", help="Integrator, see `kaneflex list`."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _settings(preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None) -> list[str]:
+    """All changes as settings; the options of their own come last and win."""
+    own = {"preset": preset, "steps": steps, "integrator": integrator}
+    return [*settings, *(f"solve.{key}={value}" for key, value in own.items() if value is not None)]
+
+
+def _read(name: str, settings: list[str]) -> Scene:
+    from kaneflex.scene import read_scene, with_settings
+
+    scene = read_scene(name)
+    return with_settings(scene, settings) if settings else scene
+
+
+@main.command("list")
+def list_() -> None:
+    """The shipped scenes, the presets and the integrators."""
+    from kaneflex.integrate.methods import METHODS
+    from kaneflex.presentation import PRESETS_IN_WORDS, block
+    from kaneflex.scene import read_scene, shipped_scenes
+
+    click.echo(block("scenes", {name: read_scene(name).description for name in shipped_scenes()}))
+    click.echo(block("presets (--preset)", PRESETS_IN_WORDS))
+    click.echo(block("integrators (--integrator)", {name: method.description for name, method in METHODS.items()}))
+
+
+def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from kaneflex.scene import json_schema
+
+        click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        ctx.exit()
+
+
+@main.command()
+@scene_options
+@click.option(
+    "--json-schema", is_flag=True, is_eager=True, expose_value=False, callback=_print_schema,
+    help="Print the JSON Schema of scene files, for editors, and stop.",
+)  # fmt: skip
+def check(
+    name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None
+) -> None:
+    """Say what SCENE is and whether it can be run; nothing is solved.
+
+    Every entry is checked, and the linkage is closed over the whole range of its drives.
+    """
+    from kaneflex.loading import load
+    from kaneflex.presentation import description
+    from kaneflex.terminal import Waiting
+
+    scene = _read(name, _settings(preset, settings, steps, integrator))
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+    click.echo(description(model))
+
+
+@main.command()
+@scene_options
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder to make. [default: NAME-results]"
+)
+@click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
+@click.option("--force", is_flag=True, help="Replace an earlier result folder.")
+@click.pass_context
+def run(
+    ctx: click.Context, name: str, preset: str | None, settings: tuple[str, ...], steps: str | None,
+    integrator: str | None, output: Path | None, plots: bool, force: bool,
+) -> None:  # fmt: skip
+    """Solve SCENE and write results.nc, summary.json and pictures into a new folder.
+
+    The folder appears when it is complete; a run that fails leaves none. A run that goes unstable keeps what came
+    before, says when and why, and ends with exit code 3.
+    """
+    from kaneflex.folders import whole_folder, writing
+    from kaneflex.terminal import Waiting
+
+    chosen = _settings(preset, settings, steps, integrator)
+    scene = _read(name, chosen)
+    folder = output or Path(f"{scene.name}-results")
+    with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
+        from kaneflex.loading import load
+        from kaneflex.simulate import simulate
+        from kaneflex.summary import summarise
+
+        model = load(scene, waiting.stage)
+        waiting.stage("solving")
+        solution = simulate(model, waiting.share)
+        waiting.stage("writing the results")
+        summary = summarise(solution, chosen)
+        with writing(folder):
+            _write(solution, summary, partial)
+            if plots and summary.outcome == "completed":
+                waiting.stage("drawing the pictures")
+                _draw(solution, partial)
+    _report(summary, folder)
+    if summary.outcome != "completed":
+        ctx.exit(STOPPED_EARLY)
+
+
+def _write(solution: Solution, summary: Summary, folder: Path) -> None:
+    from kaneflex.results import write_netcdf
+
+    text = summary.model_dump_json(indent=2) + "\n"
+    (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
+    if summary.sensors:
+        write_netcdf(solution, folder / RESULTS_FILE)
+
+
+def _draw(solution: Solution, folder: Path) -> None:
+    from kaneflex.plots import draw_all
+
+    draw_all(solution, folder)
+
+
+def _report(summary: Summary, folder: Path) -> None:
+    from kaneflex.presentation import run_lines, summary_table
+
+    if summary.sensors:
+        click.echo(summary_table(summary))
+    click.echo(run_lines(summary))
+    click.echo(f"Written to {folder}")
+    for warning in summary.warnings:
+        click.echo(f"Warning: {warning}", err=True)
+    if summary.outcome != "completed":
+        click.echo(f"Stopped early: {summary.message}", err=True)
+
+
+@main.command()
+@scene_options
+@click.option(
+    "--at", metavar="DRIVE=ANGLE", help="Configuration, like main=90deg. [default: solve.mode_angle of the scene]"
+)
+@click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
+def modes(
+    name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None,
+    at: str | None, count: int | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Undamped natural frequencies and mode shapes of SCENE at a configuration, from K_s and M alone.
+
+    Shapes are mass-normalised, one column of mode_shapes a mode, one row a coordinate (m or rad). Preset paper adds
+    K_d, as the paper's eq. (99) does.
+    """
+    from kaneflex.building import reference_modes
+    from kaneflex.loading import load
+    from kaneflex.terminal import Waiting
+
+    chosen = _settings(preset, settings, steps, integrator)
+    scene = _read(name, chosen)
+    if at is not None:
+        scene = _read(name, [*chosen, f"solve.mode_angle={_angle(scene, at)!r}"])
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+        omega, shapes = reference_modes(model, _mode_count(model, count))
+    hertz = omega / (2.0 * math.pi)
+    if as_json:
+        click.echo(json.dumps(_modes_as_data(model, hertz, shapes), indent=2, ensure_ascii=False))
+        return
+    from kaneflex.presentation import modes_table
+
+    click.echo(modes_table(model, hertz, shapes))
+
+
+def _angle(scene: Scene, at: str) -> float:
+    """The angle in rad of "DRIVE=ANGLE", where DRIVE is the scene's first drive."""
+    from kaneflex.errors import Fault
+    from kaneflex.units import ANGLE, to_si
+
+    drive, equals, angle = at.partition("=")
+    if not equals:
+        raise SceneError("--at", at, "not of the form DRIVE=ANGLE", "Write like --at main=90deg")
+    if drive not in scene.drives:
+        raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
+    first = next(iter(scene.drives))
+    if drive != first:
+        cure = f"Give the angle of {first}"
+        raise SceneError("--at", at, "a configuration is given by the first drive's angle", cure)
+    try:
+        return to_si(angle.strip(), ANGLE)
+    except Fault as fault:
+        raise SceneError("--at", at, fault.reason, fault.cure) from None
+
+
+def _mode_count(model: Model, count: int | None) -> int:
+    from kaneflex.summary import MOST_FREQUENCIES
+
+    size = model.equations.size
+    if size == 0:
+        cure = "Give a body a beam, or choose another preset"
+        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
+    if count is not None and count > size:
+        raise SceneError("--count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
+    return count or min(size, MOST_FREQUENCIES)
+
+
+def _modes_as_data(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> dict[str, object]:
+    drive = next(iter(model.scene.drives), None)
+    return {
+        "scene": model.scene.name,
+        "at_deg": {} if drive is None else {drive: round(math.degrees(model.options.mode_angle), 12)},
+        "coordinates": list(model.coordinates),
+        "frequencies_hz": hertz.tolist(),
+        "mode_shapes": shapes.tolist(),
+    }
+
+
+@main.command()
+@click.argument("name", metavar="SCENE")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
+)
+@click.option("--force", is_flag=True, help="Replace an existing file.")
+def derive(name: str, output: Path, force: bool) -> None:
+    """Derive the equations of SCENE and write them as a numba module of its own.
+
+    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
+    """
+    from kaneflex.terminal import Waiting
+    from kaneflex.writing import write_text
+
+    if output.is_dir():
+        raise OutputError(str(output), None, "is a folder", "Give the name of a file, like engine.py")
+    if output.exists() and not force:
+        raise OutputError(str(output), None, "the file exists", "Choose another name, or replace it with --force")
+    scene = _read(name, [])
+    with Waiting() as waiting:
+        waiting.stage("importing SymPy")
+        from kaneflex.derive import generate
+
+        text = generate(scene, waiting.stage)
+    write_text(output, text)
+    click.echo(f"Written to {output}")

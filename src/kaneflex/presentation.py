@@ -1,0 +1,145 @@
+"""What the command line prints: SI comes in, millimetres, kilonewtons and degrees go out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from kaneflex.model import Model
+    from kaneflex.scene import Scene
+    from kaneflex.summary import SensorSummary, Summary
+
+PRESETS_IN_WORDS = {
+    "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
+    "quasistatic": "(K_s + K_d + K_g) z = F at each instant, without damping",
+    "paper": "the paper's choices: one element a link, welded pin, frozen decoupled modes, from rest, 0.04 s",
+    "linear": "time-varying M, C, K of the released joints, without K_g",
+    "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
+}
+_FOR_PEOPLE = {  # SI unit: (unit shown, factor)
+    "m": ("mm", 1e3),
+    "N": ("kN", 1e-3),
+    "rad": ("deg", 180.0 / math.pi),
+    "rad/s": ("deg/s", 180.0 / math.pi),
+    "rad/s^2": ("deg/s^2", 180.0 / math.pi),
+}
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """Rows of text in aligned columns, the first ``left`` of them to the left, under a bold head."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+
+    def line(cells: Sequence[str]) -> str:
+        placed = [
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
+        ]
+        return "  ".join(placed).rstrip()
+
+    return "\n".join([click.style(line(head), bold=True), *map(line, rows)])
+
+
+def summary_table(summary: Summary) -> str:
+    """The sensors of a run with their extremes, and where they are."""
+    when = "s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "deg"
+    head = ("sensor", "unit", "min", f"at {when}", "max", f"at {when}", "mean", "rms")
+    return table(head, [_sensor_row(name, entry) for name, entry in summary.sensors.items()], left=2)
+
+
+def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
+    unit, factor = _FOR_PEOPLE.get(entry.unit, (entry.unit, 1.0))
+
+    def number(value: float) -> str:
+        return f"{value * factor:.4g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
+
+    def where(instant) -> str:
+        return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
+
+    lowest, highest = where(entry.at_min), where(entry.at_max)
+    return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(entry.mean), number(entry.rms))
+
+
+def run_lines(summary: Summary) -> str:
+    """What was run and what it took, in two lines."""
+    timing = summary.timing
+    parts = [f"{timing.set_up_s + timing.compile_s:.2f} s to set up", f"{timing.integrate_s:.2f} s to solve"]
+    if timing.derive_s:
+        parts.insert(0, f"{timing.derive_s:.2f} s to derive")
+    if timing.ns_per_step:
+        parts.append(f"{timing.ns_per_step:.0f} ns a step")
+    return (
+        f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
+        f"{summary.modes_kept} coordinates solved for, {summary.steps} steps over {summary.duration_s:.6g} s\n"
+        f"{', '.join(parts)}"
+    )
+
+
+def description(model: Model) -> str:
+    """What a scene is, for ``kaneflex check``: one line for each part of the mechanism."""
+    scene, options = model.scene, model.options
+    blocks = [
+        f"{scene.name}: {scene.description}",
+        block("bodies", {name: _body(scene, name) for name in scene.bodies}),
+        block("joints", {name: _joint(scene, name) for name in scene.joints}),
+        block("drives", {name: _drive(scene, name) for name in scene.drives}),
+        block("loads", {name: f"{load.kind} on {load.force_on.body}" for name, load in scene.loads.items()}),
+        block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
+        block("assumptions", scene.assumptions),
+        block("options in force", {name: str(value) for name, value in options.as_dict().items()}),
+        block(
+            "equations",
+            {
+                "degrees of freedom": str(model.equations.size),
+                "coordinates": " ".join(model.coordinates) or "none",
+                "structure": scene.structure_hash(),
+                "module": _module(model),
+            },
+        ),
+    ]
+    return "\n".join(filter(None, blocks))
+
+
+def block(title: str, entries: Mapping[str, str]) -> str:
+    """Names and what is said of them, indented under a bold title; nothing where there are none."""
+    if not entries:
+        return ""
+    width = max(map(len, entries))
+    lines = [f"  {name:<{width}}  {text}" for name, text in entries.items()]
+    return "\n".join([click.style(title, bold=True), *lines])
+
+
+def _module(model: Model) -> str:
+    name = model.module.__name__
+    return name if name.startswith("kaneflex.generated.") else f"{model.module.__file__}, derived from this structure"
+
+
+def _body(scene: Scene, name: str) -> str:
+    body = scene.bodies[name]
+    kind = f"elastic, {body.beam.elements} elements" if body.elastic else "rigid"
+    length = "" if body.length is None else f", {1e3 * body.length:.6g} mm"
+    return f"{kind}{length}, {body.mass:.6g} kg"
+
+
+def _joint(scene: Scene, name: str) -> str:
+    joint = scene.joints[name]
+    closing = f", closes a loop, branch {joint.branch}" if name in scene.loop_joints() else ""
+    return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
+
+
+def _drive(scene: Scene, name: str) -> str:
+    drive = scene.drives[name]
+    cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
+    return f"{drive.speed * 30.0 / math.pi:.6g} rpm from {math.degrees(drive.angle):.6g} deg{cycle}"
+
+
+def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
+    """Frequencies, and the coordinate that moves most in each mode."""
+    names = [model.coordinates[int(abs(shape).argmax())] for shape in shapes.T]
+    rows = [(str(k + 1), f"{value:.3f}", name) for k, (value, name) in enumerate(zip(hertz, names, strict=True))]
+    return table(("mode", "Hz", "largest at"), rows, left=0)

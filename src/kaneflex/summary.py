@@ -1,0 +1,242 @@
+"""The summary of a run: what ``summary.json`` holds, and its documentation from the same source.
+
+``python -m kaneflex.summary`` prints the documentation that is kept in ``docs/summary.md``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from kaneflex.sensors import Series
+    from kaneflex.solution import Solution
+
+SCHEMA_VERSION = 1
+MOST_FREQUENCIES = 50
+"""Natural frequencies listed at most: those of hundreds of elements take longer than the run."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Instant(_Table):
+    """When something happened."""
+
+    time_s: float = Field(description="time, s")
+    drive_deg: float | None = Field(
+        description="angle of the first drive, degrees: within its cycle where it has one; null without a drive"
+    )
+
+
+class SensorSummary(_Table):
+    """A sensor over the stored times, in SI."""
+
+    unit: str = Field(description="SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1")
+    meaning: str = Field(description="what is measured, where and in which axes")
+    min: float = Field(description="smallest value")
+    max: float = Field(description="largest value")
+    at_min: Instant = Field(description="where the smallest value was first reached")
+    at_max: Instant = Field(description="where the largest value was first reached")
+    rms: float = Field(description="root of the mean square over time, by the trapezoidal rule")
+    mean: float = Field(description="mean over time, by the trapezoidal rule")
+
+
+class Timing(_Table):
+    """Wall time of the stages."""
+
+    derive_s: float = Field(description="deriving the equations, s; 0 where their module existed")
+    compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
+    set_up_s: float = Field(description="everything else before the first step, s")
+    integrate_s: float = Field(description="solving, s")
+    ns_per_step: float = Field(description="one step in the compiled loop, ns; 0 where nothing is integrated")
+
+
+class Operations(_Table):
+    """Arithmetic operations of one call of a kernel."""
+
+    written_out: int = Field(description="as the equations stand")
+    shared: int = Field(description="with common subexpressions shared, as emitted")
+
+
+class Summary(_Table):
+    """What a run was and gave."""
+
+    schema_version: Literal[1] = Field(default=SCHEMA_VERSION, description="raised when a field changes its meaning")
+    kaneflex: str = Field(description="version of kaneflex")
+    scene: str = Field(description="name of the scene")
+    settings: list[str] = Field(description="what the command line changed in the scene, as path=value")
+    structure: str = Field(description="structure hash: names the generated module")
+    preset: str = Field(description="named model the options started from")
+    options: dict[str, Any] = Field(description="every option in force, in SI, as kaneflex.options.Options lists them")
+    elements: dict[str, int] = Field(description="number of elements of each elastic link")
+    outcome: str = Field(description="completed, unstable, singular or no_periodic_state")
+    message: str = Field(description="the outcome in words, with time and reason")
+    warnings: list[str] = Field(description="what to know before trusting the numbers")
+    duration_s: float = Field(description="time that the stored results cover, s")
+    step_s: float = Field(description="time step, s")
+    steps: int = Field(description="steps asked for")
+    stored: int = Field(description="instants stored, over which the sensors are summed up")
+    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is the rigid mechanism's value")
+    frequencies_hz: list[float] = Field(
+        description=f"natural frequencies at options.mode_angle, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; "
+        "empty where nothing is elastic"
+    )
+    degrees_of_freedom: int = Field(description="elastic degrees of freedom before reduction")
+    modes_kept: int = Field(description="coordinates solved for: the degrees of freedom where nothing is reduced")
+    floquet_multiplier_max: float | None = Field(
+        description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
+    )
+    timing: Timing = Field(description="wall time")
+    operations: dict[str, Operations] = Field(description="by kernel of the generated module")
+
+
+def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
+    """The summary of a solution; ``settings`` are those that were laid over the scene.
+
+    A run that stopped before its first step has no sensors.
+    """
+    import kaneflex
+
+    model, trajectory = solution.model, solution.trajectory
+    seconds, times = model.seconds, solution.times
+    multipliers = trajectory.multipliers
+    return Summary(
+        kaneflex=kaneflex.__version__,
+        scene=model.scene.name,
+        settings=list(settings),
+        structure=model.scene.structure_hash(),
+        preset=model.options.preset,
+        options=model.options.as_dict(),
+        elements={name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links},
+        outcome=trajectory.outcome.name.lower(),
+        message=trajectory.message,
+        warnings=list(model.warnings),
+        duration_s=float(times[-1] - times[0]) if len(times) else 0.0,
+        step_s=model.step,
+        steps=model.options.steps,
+        stored=len(times),
+        sensors=_sensors(solution) if len(times) else {},
+        frequencies_hz=_frequencies(solution),
+        degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
+        modes_kept=model.reduced.size,
+        floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
+        timing=Timing(
+            derive_s=seconds["derive"],
+            compile_s=seconds["compile"],
+            set_up_s=seconds["set_up"],
+            integrate_s=solution.seconds,
+            ns_per_step=trajectory.ns_per_step,
+        ),
+        operations={
+            kernel: Operations(written_out=written_out, shared=shared)
+            for kernel, (written_out, shared) in model.module.OPERATIONS.items()
+        },
+    )
+
+
+def _sensors(solution: Solution) -> dict[str, SensorSummary]:
+    degrees = drive_degrees(solution)
+    return {name: _sensor(series, solution.times, degrees) for name, series in solution.series.items()}
+
+
+def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> SensorSummary:
+    def instant(index: int) -> Instant:
+        return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
+
+    values = series.values
+    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
+    largest = max(abs(float(values[lowest])), abs(float(values[highest]))) or 1.0
+    return SensorSummary(
+        unit=series.unit,
+        meaning=series.meaning,
+        min=values[lowest],
+        max=values[highest],
+        at_min=instant(lowest),
+        at_max=instant(highest),
+        # scaled, because the values of an unstable run may be too large to be squared
+        rms=largest * math.sqrt(_mean((values / largest) ** 2, times)),
+        mean=_mean(values, times),
+    )
+
+
+def _mean(values: np.ndarray, times: np.ndarray) -> float:
+    """Mean over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
+    if len(times) == 1:
+        return float(values[0])
+    middles = 0.5 * (values[1:] + values[:-1])
+    return float(middles @ np.diff(times) / (times[-1] - times[0]))
+
+
+def drive_degrees(solution: Solution) -> np.ndarray | None:
+    """Angle of the first drive in degrees, within its cycle where it has one; None without a drive."""
+    for name, drive in solution.model.scene.drives.items():
+        degrees = np.degrees(solution.drive_angles[name])
+        if drive.cycle is None:
+            return degrees
+        # rounded before it is folded, or the end of a cycle could read 719.9999999 or 0
+        return np.mod(np.round(degrees, 9), round(math.degrees(drive.cycle), 9))
+    return None
+
+
+def _frequencies(solution: Solution) -> list[float]:
+    from kaneflex.building import reference_modes
+
+    count = min(solution.model.equations.size, MOST_FREQUENCIES)
+    if count == 0:
+        return []
+    omega, _ = reference_modes(solution.model, count)
+    return [float(value) for value in omega / (2.0 * math.pi)]
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of ``summary.json``."""
+    schema = Summary.model_json_schema(mode="serialization")
+    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+
+
+def documentation() -> str:
+    """The text of ``docs/summary.md``: every field, and the JSON Schema."""
+    parts = [_HEAD.format(version=SCHEMA_VERSION)]
+    for table in (Summary, SensorSummary, Instant, Timing, Operations):
+        parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
+        parts += [
+            f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
+            for name, field in table.model_fields.items()
+        ]
+    schema = json.dumps(json_schema(), indent=2, ensure_ascii=False)
+    parts.append(f"\n## JSON Schema\n\n```json\n{schema}\n```\n")
+    return "".join(parts)
+
+
+_HEAD = """# summary.json
+
+`kaneflex run` writes `summary.json` beside `results.nc`. All numbers are SI but for angles of drives, which are in
+degrees, and times of a step in ns, as their names say. This is version {version} of the schema: a field that is added
+leaves the version as it is, a field that goes or changes its meaning raises it.
+
+Made by `python -m kaneflex.summary`; do not edit.
+"""
+
+
+def _type_name(kind: Any) -> str:
+    if get_origin(kind) is dict:
+        return f"table of {_type_name(get_args(kind)[1])}"
+    if get_origin(kind) is list:
+        return f"list of {_type_name(get_args(kind)[0])}"
+    if get_origin(kind) is Literal:
+        return str(get_args(kind)[0])
+    if get_args(kind):
+        return " or ".join(_type_name(option) for option in get_args(kind))
+    names = {float: "number", int: "integer", str: "text", type(None): "null", Any: "any"}
+    return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
+
+
+if __name__ == "__main__":
+    print(documentation(), end="")
