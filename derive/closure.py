@@ -49,7 +49,7 @@ def place_bodies(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], steps: S
     Raises
     ------
     UnsupportedLoop
-        If bodies remain that are neither driven nor in a dyad of two revolutes and a guide; it names them.
+        If bodies remain that are neither driven nor in a dyad with at most one guide; it names them.
     """
     poses = {GROUND: Pose(sm.S.Zero, sm.S.Zero, sm.S.One, sm.S.Zero)}
     margins: dict[str, sm.Expr] = {}
@@ -58,7 +58,7 @@ def place_bodies(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], steps: S
             open_bodies = [name for name in mechanism.bodies if name not in poses]
             raise UnsupportedLoop(
                 f"the position of {', '.join(open_bodies)} does not follow from the drives: each body must be driven, "
-                "welded, or closed by a dyad of a rod and a guided body"
+                "welded, or closed by a dyad (two bodies, three joints, one guide at most)"
             )
     return Closure(poses, margins)
 
@@ -99,57 +99,160 @@ def _one_open(joint: JointModel, poses: dict[str, Pose]) -> bool:
 
 
 def _place_dyad(mechanism, poses, margins, steps) -> bool:
-    """Place a rod and the guided body at its end: revolute - revolute - prismatic."""
-    for guide in mechanism.joints.values():
-        if guide.kind != "prismatic" or not _one_open(guide, poses):
+    """Place two bodies that a joint connects to each other and one joint each to placed bodies."""
+    for middle in mechanism.joints.values():
+        if (
+            middle.first.body in poses
+            or middle.second.body in poses
+            or GROUND in (middle.first.body, middle.second.body)
+        ):
             continue
-        slider = guide.second.body if guide.first.body in poses else guide.first.body
-        for link in _revolutes_of(mechanism, slider, guide):
-            rod_side, slider_side = (
-                (link.first, link.second) if link.second.body == slider else (link.second, link.first)
-            )
-            if rod_side.body in poses:
-                continue
-            for pivot in _revolutes_of(mechanism, rod_side.body, link):
-                base, foot = (pivot.first, pivot.second) if pivot.first.body in poses else (pivot.second, pivot.first)
-                if base.body in poses and foot.body == rod_side.body:
-                    rod, body, margin = _close_slider(guide, poses, base, foot, rod_side, slider_side, steps)
-                    poses[rod_side.body], poses[slider], margins[guide.name] = rod, body, margin
-                    return True
+        for outer in _outer_joints(mechanism, poses, middle.first.body, middle):
+            for other in _outer_joints(mechanism, poses, middle.second.body, middle):
+                kinds = (outer.kind, middle.kind, other.kind)
+                if kinds not in _DYADS:
+                    continue
+                closing = next((joint for joint in (middle, outer, other) if joint.closes_loop), other)
+                dyad = _Dyad(middle, _side(outer, poses), _side(other, poses), closing)
+                margins[closing.name] = _DYADS[kinds](dyad, poses, steps)
+                return True
     return False
 
 
-def _revolutes_of(mechanism: Mechanism, body: str, but: JointModel) -> list[JointModel]:
+@dataclass(frozen=True)
+class _Side:
+    """An outer joint of a dyad: its point on a placed body and its point on the dyad's body."""
+
+    joint: JointModel
+    base: BodyPoint
+    foot: BodyPoint
+
+
+@dataclass(frozen=True)
+class _Dyad:
+    """Two bodies with their joints; the branch is that of the joint that closes the loop."""
+
+    middle: JointModel
+    first: _Side
+    second: _Side
+    closing: JointModel
+
+
+def _outer_joints(mechanism: Mechanism, poses: dict[str, Pose], body: str, but: JointModel) -> list[JointModel]:
     return [
         joint
         for joint in mechanism.joints.values()
-        if joint.kind == "revolute" and joint is not but and body in (joint.first.body, joint.second.body)
+        if joint is not but and body in (joint.first.body, joint.second.body) and _one_open(joint, poses)
     ]
 
 
-def _close_slider(guide, poses, base, foot, head, slider_point, steps) -> tuple[Pose, Pose, sm.Expr]:
-    """Intersect the circle of the rod's head about its foot with the line on which the guide leads it.
+def _side(joint: JointModel, poses: dict[str, Pose]) -> _Side:
+    known = joint.first.body in poses
+    return _Side(joint, *((joint.first, joint.second) if known else (joint.second, joint.first)))
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1]
+
+
+def _dot(a: Vector, b: Vector) -> sm.Expr:
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def _turned(a: Vector) -> Vector:
+    """S a: a quarter turn counter-clockwise."""
+    return -a[1], a[0]
+
+
+def _assigned(name: str, vector: Vector, steps: Steps) -> Vector:
+    return tuple(steps.assign(sm.Symbol(f"{name}_{axis}"), v) for axis, v in zip("xy", vector, strict=True))
+
+
+def _align(name: str, inside: Vector, outside: Vector, square: sm.Expr, at: Vector, foot: BodyPoint, steps) -> Pose:
+    """The pose that turns a body-fixed vector of squared length ``square`` into a global one, ``foot`` being ``at``."""
+    return _assign_pose(name, _dot(inside, outside) / square, _dot(_turned(inside), outside) / square, at, foot, steps)
+
+
+def _close_slider(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
+    """Revolute, revolute, guide: the circle of the rod's head about its foot meets the line of the guide.
 
     With t along the guide and n = S t, the rod's vector is R(phi) ab = gamma n + branch w t, where gamma is given
     by the guide's line and w^2 = |ab|^2 - gamma^2 (at gamma = |ab| the linkage is about to break apart).
     """
-    known = guide.first if guide.first.body in poses else guide.second
-    sliding = guide.second if known is guide.first else guide.first
-    frame = poses[known.body]  # a guide locks rotation, so the slider has the direction cosines of its guide
-    t = frame.turn(guide.direction)
-    n = (-t[1], t[0])
-    offset = frame.turn((slider_point.at[0] - sliding.at[0], slider_point.at[1] - sliding.at[1]))
-    line, pivot = frame.place(known), poses[base.body].place(base)
+    rod, guide = dyad.first, dyad.second
+    head, slider_point = dyad.middle.first, dyad.middle.second
+    if rod.joint.kind == "prismatic":
+        rod, guide, head, slider_point = guide, rod, slider_point, head
+    frame = poses[guide.base.body]  # a guide locks rotation, so the slider has the direction cosines of its carrier
+    t = frame.turn(guide.joint.direction)
+    n = _turned(t)
+    offset = frame.turn(_minus(slider_point.at, guide.foot.at))
+    line, pivot = frame.place(guide.base), poses[rod.base.body].place(rod.base)
     name = head.body
-    gamma = steps.assign(sm.Symbol(f"gamma_{name}"), sum(n[k] * (line[k] + offset[k] - pivot[k]) for k in range(2)))
-    ab = (head.at[0] - foot.at[0], head.at[1] - foot.at[1])
-    reach_squared = ab[0] ** 2 + ab[1] ** 2
-    margin = steps.assign(sm.Symbol(f"closure_{guide.name}"), 1 - gamma**2 / reach_squared)
-    reach = steps.assign(sm.Symbol(f"w_{name}"), guide.branch * sm.sqrt(reach_squared * margin))
-    v = tuple(steps.assign(sm.Symbol(f"rod_{'xy'[k]}_{name}"), gamma * n[k] + reach * t[k]) for k in range(2))
-    c = (ab[0] * v[0] + ab[1] * v[1]) / reach_squared
-    s = (ab[0] * v[1] - ab[1] * v[0]) / reach_squared
-    rod = _assign_pose(name, c, s, pivot, foot, steps)
+    gap = tuple(line[k] + offset[k] - pivot[k] for k in range(2))
+    gamma = steps.assign(sm.Symbol(f"gamma_{name}"), _dot(n, gap))
+    ab = _minus(head.at, rod.foot.at)
+    square = _dot(ab, ab)
+    margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - gamma**2 / square)
+    reach = steps.assign(sm.Symbol(f"w_{name}"), dyad.closing.branch * sm.sqrt(square * margin))
+    v = _assigned(f"span_{name}", (gamma * n[0] + reach * t[0], gamma * n[1] + reach * t[1]), steps)
+    poses[name] = _align(name, ab, v, square, pivot, rod.foot, steps)
     tip = (pivot[0] + v[0], pivot[1] + v[1])
-    slider = _assign_pose(sliding.body, frame.c, frame.s, tip, slider_point, steps)
-    return rod, slider, margin
+    poses[slider_point.body] = _assign_pose(slider_point.body, frame.c, frame.s, tip, slider_point, steps)
+    return margin
+
+
+def _close_triangle(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
+    """Three revolutes: two circles meet. Branch + puts the middle joint to the left of the line between the pivots.
+
+    With d from the first pivot to the second, the first body's span is v = a d + branch h S d,
+    a = (r_1^2 - r_2^2 + d^2) / (2 d^2) and h^2 = r_1^2 / d^2 - a^2.
+    """
+    one, two = dyad.first, dyad.second
+    pivot, other = (poses[side.base.body].place(side.base) for side in (one, two))
+    name = one.foot.body
+    inside_1 = _minus(dyad.middle.first.at, one.foot.at)
+    inside_2 = _minus(dyad.middle.second.at, two.foot.at)
+    d = _assigned(f"d_{name}", _minus(other, pivot), steps)
+    square = steps.assign(sm.Symbol(f"square_{name}"), _dot(d, d))
+    r_1, r_2 = _dot(inside_1, inside_1), _dot(inside_2, inside_2)
+    a = steps.assign(sm.Symbol(f"share_{name}"), (r_1 - r_2 + square) / (2 * square))
+    margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - a**2 * square / r_1)
+    h = steps.assign(sm.Symbol(f"height_{name}"), dyad.closing.branch * sm.sqrt(r_1 * margin / square))
+    v = _assigned(f"span_{name}", (a * d[0] - h * d[1], a * d[1] + h * d[0]), steps)
+    poses[name] = _align(name, inside_1, v, r_1, pivot, one.foot, steps)
+    poses[two.foot.body] = _align(two.foot.body, inside_2, _minus(v, d), r_2, other, two.foot, steps)
+    return margin
+
+
+def _close_lever(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
+    """Revolute, guide, revolute: a slider on a lever, both turning by one angle. Branch + has the slider ahead.
+
+    In the lever's axes the pivots are apart by w = w_n n + u t with t along the guide, w_n fixed by the bodies, and
+    u^2 = d^2 - w_n^2.
+    """
+    one, two = dyad.first, dyad.second
+    pivot, other = (poses[side.base.body].place(side.base) for side in (one, two))
+    name, t = one.foot.body, dyad.middle.direction
+    d = _assigned(f"d_{name}", _minus(other, pivot), steps)
+    square = steps.assign(sm.Symbol(f"square_{name}"), _dot(d, d))
+    fixed = tuple(
+        dyad.middle.first.at[k] - one.foot.at[k] + two.foot.at[k] - dyad.middle.second.at[k] for k in range(2)
+    )
+    across = steps.assign(sm.Symbol(f"across_{name}"), _dot(_turned(t), fixed))
+    margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - across**2 / square)
+    along = steps.assign(sm.Symbol(f"along_{name}"), dyad.closing.branch * sm.sqrt(square * margin))
+    w = (along * t[0] - across * t[1], along * t[1] + across * t[0])
+    lever = _align(name, w, d, square, pivot, one.foot, steps)
+    poses[name] = lever
+    poses[two.foot.body] = _assign_pose(two.foot.body, lever.c, lever.s, other, two.foot, steps)
+    return margin
+
+
+_DYADS = {
+    ("revolute", "revolute", "prismatic"): _close_slider,
+    ("prismatic", "revolute", "revolute"): _close_slider,
+    ("revolute", "revolute", "revolute"): _close_triangle,
+    ("revolute", "prismatic", "revolute"): _close_lever,
+}
+"""Kinds of the first body's outer joint, of the middle joint, of the second body's outer joint."""

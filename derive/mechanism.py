@@ -45,6 +45,7 @@ class JointModel:
     first: BodyPoint
     second: BodyPoint
     direction: Vector = (sm.S.One, sm.S.Zero)
+    closes_loop: bool = False
     branch: sm.Expr = sm.S.One
 
 
@@ -121,11 +122,12 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
     joints = {}
     for name, joint in structure["joints"].items():
         first, second = (point(address) for address in joint["between"])
+        direction = (sm.S.One, sm.S.Zero)
         if joint["kind"] == "prismatic":
             direction = tuple(pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
-            joints[name] = JointModel(name, "prismatic", first, second, direction, number(f"{name}.branch", "1"))
-        else:
-            joints[name] = JointModel(name, joint["kind"], first, second)
+        closes = joint["closes_loop"]
+        branch = number(f"{name}.branch", "1") if closes else sm.S.One
+        joints[name] = JointModel(name, joint["kind"], first, second, direction, closes, branch)
     for drive in structure["drives"]:
         unit = "m" if joints[drive].kind == "prismatic" else "rad"
         number(f"{drive}.speed", f"{unit}/s")

@@ -565,7 +565,7 @@ def C(p, s, out):
 
 @njit(**OPTIONS)
 def F(p, s, out):
-    """Load of inertia and gravity F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
+    """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
     rho_A = p[0]
