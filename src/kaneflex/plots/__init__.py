@@ -1,1 +1,74 @@
-"""Pictures of a solution: one module for each kind, written as PNG and SVG."""
+"""Pictures of a solution: one module for each kind, written as PNG and SVG, the animation as GIF.
+
+Every module's ``figures(solution)`` returns its pictures by file name, none where the scene has nothing to show.
+matplotlib is imported with the first picture, never with this package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from kaneflex.solution import Solution
+
+Progress = Callable[[float], None]
+
+
+def draw_all(solution: Solution, folder: Path | str, progress: Progress | None = None) -> list[Path]:
+    """Write every picture that applies to the scene.
+
+    Parameters
+    ----------
+    solution : Solution
+        From :func:`kaneflex.simulate`; one that stopped early is drawn up to where it stopped.
+    folder : path
+        Made where it does not exist; pictures of the same names are replaced.
+    progress : callable, optional
+        Called with the finished share of the work, 0 to 1.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of writing. The same solution gives the same bytes.
+
+    Raises
+    ------
+    OSError
+        If the folder or a file in it can't be written.
+    """
+    from kaneflex.plots.animation import animate
+    from kaneflex.plots.style import save, styled
+
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    with styled():
+        for done, pictures in enumerate(_kinds()):
+            for name, figure in pictures(solution).items():
+                written += save(figure, folder / name)
+            if progress is not None:
+                progress((done + 1) / (len(_kinds()) + 1))
+        written.append(animate(solution, folder / "animation.gif"))
+    if progress is not None:
+        progress(1.0)
+    return written
+
+
+def figures(solution: Solution) -> Iterator[tuple[str, Figure]]:
+    """Name and matplotlib Figure of every still picture, for a notebook or another page."""
+    from kaneflex.plots.style import styled
+
+    with styled():
+        for pictures in _kinds():
+            yield from pictures(solution).items()
+
+
+def _kinds() -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
+    from kaneflex.plots import displacements, loads, modes, motion, records, sensors, surfaces
+
+    kinds = (loads, motion, modes, displacements, surfaces, records, sensors)
+    return tuple(kind.figures for kind in kinds)

@@ -1,0 +1,84 @@
+"""The moving mechanism with its deformation enlarged, as a small GIF."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.animation import PillowWriter
+
+from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
+from kaneflex.plots.mechanism import outline, scenery
+from kaneflex.plots.style import new_figure, round_down
+from kaneflex.plots.view import View, view
+
+if TYPE_CHECKING:
+    from kaneflex.solution import Solution
+
+_FRAMES, _PER_SECOND, _DPI = 60, 12, 80
+_DRAWN = 0.1
+"""Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
+
+
+def animate(solution: Solution, path: Path) -> Path:
+    """Write the animation over what :func:`kaneflex.plots.view.view` shows.
+
+    The title states the factor by which the deformation is enlarged, 1, 2 or 5 times a power of ten.
+    """
+    shown = _frames(view(solution))
+    model, fixed = solution.model, scenery(solution.model)
+    still = outline(model, shown.rigid, fixed)
+    factor = enlargement(shown)
+    moved = outline(model, shown.rigid, fixed, shown.coordinates, factor)
+    figure = new_figure(6.0, 4.0, title(factor if model.frame is not None else None))
+    axes = figure.subplots()
+    width, height = frame_axes(axes, [still, moved], fixed)
+    figure.set_size_inches(6.0, min(6.0, 5.2 * height / width + 1.1))
+    draw_scenery(axes, fixed)
+    grounded = {name: model.scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
+    draw_guides(axes, fixed, grounded, still)
+    ghost = draw_outline(axes, still, 0, ghost=True)
+    solid = draw_outline(axes, moved, 0)
+    caption = axes.set_title("")
+    writer = PillowWriter(fps=_PER_SECOND)
+    with writer.saving(figure, str(path), _DPI):
+        for k in range(len(shown.instants)):
+            ghost.move(still, k)
+            solid.move(moved, k)
+            caption.set_text(_caption(shown, k))
+            writer.grab_frame()
+    return path
+
+
+def _frames(shown: View) -> View:
+    """Instants at equal distances; the last one of a cycle is left out, as it is the first again."""
+    periodic = shown.solution.model.options.cycles
+    picked = np.linspace(0, len(shown.instants) - 1, _FRAMES, endpoint=not periodic).round().astype(int)
+    return View(shown.solution, shown.instants[np.unique(picked)], shown.turns)
+
+
+def enlargement(shown: View) -> float:
+    """Factor that makes the largest elastic displacement a tenth of the mechanism, rounded down to 1, 2 or 5."""
+    largest = 0.0
+    for deformation in shown.links.values():
+        for x in deformation.link.nodes:
+            u, v, _ = deformation.at(float(x))[0]
+            largest = max(largest, float(np.hypot(u, v).max()))
+    return round_down(_DRAWN * scenery(shown.solution.model).size / largest) if largest else 1.0
+
+
+def title(factor: float | None) -> str:
+    """States the enlargement; None for a rigid mechanism."""
+    if factor is None:
+        return "Rigid mechanism"
+    power = math.floor(math.log10(factor))
+    number = f"{factor:,.0f}".replace(",", "\u2009") if 0 <= power < 6 else f"{factor / 10.0**power:.0f} \u00d7 10$^{{{power}}}$"
+    return f"Deformation enlarged {number} times"
+
+
+def _caption(shown: View, k: int) -> str:
+    name, angle = next(((name, shown.rigid[f"{name}.angle"][k]) for name in shown.solution.model.scene.drives), (None, 0.0))
+    time = f"t = {1e3 * shown.times[k]:.2f} ms" if shown.times[-1] < 0.5 else f"t = {shown.times[k]:.2f} s"
+    return time if name is None else f"{name} = {math.degrees(angle):.0f} deg, {time}"

@@ -1,0 +1,127 @@
+"""Drawing a mechanism's outline on axes in mm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from kaneflex.plots.mechanism import Outline, Scenery
+from kaneflex.plots.style import GREY, shade
+
+MM = 1e3
+_MARGIN = 0.06
+_HATCHES = 26
+"""Strokes of the hatching along one size of the mechanism."""
+
+
+@dataclass(frozen=True, eq=False)
+class Artists:
+    """What an outline was drawn with, so that it can be moved to another instant."""
+
+    lines: Mapping[tuple[str, str], Line2D]
+    boxes: Mapping[str, Polygon]
+    pins: Line2D | None
+
+    def move(self, outline: Outline, k: int) -> None:
+        """Show instant k of an outline with the same parts."""
+        for (kind, name), line in self.lines.items():
+            line.set_data(*(MM * getattr(outline, kind)[name][k]).T)
+        for name, box in self.boxes.items():
+            box.set_xy(MM * outline.boxes[name][k])
+        if self.pins is not None:
+            self.pins.set_data(*(MM * np.array([place[k] for place in outline.pins.values()])).T)
+
+
+def draw_scenery(axes: Axes, fixed: Scenery) -> None:
+    """Ground pivots as triangles on a hatched base, fixed guides as hatched lines, and the frame of the picture."""
+    size = MM * fixed.size
+    strokes: list[np.ndarray] = []
+    for x, y in MM * fixed.pivots:
+        half, depth = 0.022 * size, 0.04 * size
+        triangle = np.array([(x, y), (x - half, y - depth), (x + half, y - depth)])
+        axes.add_patch(Polygon(triangle, facecolor="white", edgecolor="black", linewidth=0.9, zorder=1.5))
+        strokes += _hatched(np.array([(x - 1.8 * half, y - depth), (x + 1.8 * half, y - depth)]), size, below=True)
+    axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
+    axes.set_aspect("equal")
+    axes.grid(False)
+    axes.set_xlabel("x [mm]")
+    axes.set_ylabel("y [mm]")
+
+
+def draw_guides(axes: Axes, fixed: Scenery, grounded: Mapping[str, bool], outline: Outline) -> None:
+    """Both faces of every guide on the ground, at the width of the body between them."""
+    size = MM * fixed.size
+    strokes: list[np.ndarray] = []
+    drawn: set[tuple[int, ...]] = set()
+    for name, ends in fixed.guides.items():
+        key = tuple(np.round(ends.ravel() / fixed.size * 1e6).astype(int))
+        if not grounded[name] or key in drawn:  # cylinders that share a bore are drawn once
+            continue
+        drawn.add(key)
+        box = outline.boxes[name][0]
+        across = 0.5 * MM * (box[0] - box[3])
+        faces = (MM * ends + across, MM * ends[::-1] - across)
+        strokes += [stroke for face in faces for stroke in _hatched(face, size, below=False)]
+    axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
+
+
+def _hatched(face: np.ndarray, size: float, below: bool) -> list[np.ndarray]:
+    """A line and the slanted strokes behind it: on the left of its direction, or on the right."""
+    start, end = face
+    length = float(np.hypot(*(end - start)))
+    t = (end - start) / length
+    n = np.array([t[1], -t[0]]) if below else np.array([-t[1], t[0]])
+    stroke = 0.018 * size
+    roots = np.arange(0.5, length / size * _HATCHES * (2 if below else 1)) / (_HATCHES * (2 if below else 1)) * size
+    return [face, *(np.array([start + root * t, start + root * t + stroke * (n - t)]) for root in roots)]
+
+
+def draw_outline(
+    axes: Axes, outline: Outline, k: int, colour: str = "#0072B2", ghost: bool = False, links_only: bool = False
+) -> Artists:
+    """One instant of an outline: elastic links in colour, rigid bodies black; a ghost all pale and thin."""
+    body = GREY if ghost else "black"
+    lines: dict[tuple[str, str], Line2D] = {}
+    boxes: dict[str, Polygon] = {}
+    pins = None
+    below = -1.0 if ghost or links_only else 0.0
+    if not links_only:
+        for name, corners in outline.boxes.items():
+            boxes[name] = Polygon(
+                MM * corners[k], facecolor="none" if ghost else shade(GREY, 0.7), edgecolor=body,
+                linewidth=0.7 if ghost else 1.1, zorder=2.4 + below,
+            )  # fmt: skip
+            axes.add_patch(boxes[name])
+        for name, points in outline.bars.items():
+            width = 0.9 if ghost else 3.0
+            lines["bars", name] = _line(axes, points[k], body, width, 3.0 + below)
+    for name, points in outline.links.items():
+        width = 0.9 if ghost else 1.4 if links_only else 2.4
+        lines["links", name] = _line(axes, points[k], body if ghost else colour, width, 3.2 + below)
+    if not ghost and not links_only and outline.pins:
+        places = MM * np.array([place[k] for place in outline.pins.values()])
+        style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
+        pins = axes.plot(*places.T, linestyle="none", zorder=4.0, **style)[0]
+    return Artists(lines, boxes, pins)
+
+
+def _line(axes: Axes, points: np.ndarray, colour, width: float, zorder: float) -> Line2D:
+    style = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": zorder}
+    return axes.plot(*(MM * points).T, color=colour, linewidth=width, **style)[0]
+
+
+def frame_axes(axes: Axes, outlines: list[Outline], fixed: Scenery) -> tuple[float, float]:
+    """Limits that hold the scenery and every instant of the outlines; returns width and height [mm]."""
+    parts = [part for outline in outlines for part in (*outline.links.values(), *outline.bars.values(), *outline.boxes.values())]
+    points = np.concatenate([part.reshape(-1, 2) for part in parts] + [fixed.pivots - [0, 0.07 * fixed.size]])
+    margin = _MARGIN * fixed.size
+    lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
+    axes.set_xlim(lower[0], upper[0])
+    axes.set_ylim(lower[1], upper[1])
+    return float(upper[0] - lower[0]), float(upper[1] - lower[1])

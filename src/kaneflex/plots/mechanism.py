@@ -1,0 +1,208 @@
+"""Where everything of a mechanism is: fixed pivots and guides once, bodies and joints at any instant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.deformation import deform, slide
+from kaneflex.model import Model, RigidMotion
+from kaneflex.scene.parts import Joint
+
+_SWEEP = 180
+"""Instants of the run from which the travel along guides and the frame of the picture are found."""
+_ALONG_LINK = 33
+_BOX = (0.10, 0.07)
+"""Half length and half width of a guided body, in sizes of the mechanism."""
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """What does not move, found over the whole run.
+
+    Attributes
+    ----------
+    pivots : ndarray (n, 2)
+        Points of the ground that revolute joints and welds use [m].
+    guides : mapping of str to ndarray (2, 2)
+        Ends of each guide's centre line over the travel of its body, in the axes of the body that carries it [m].
+    size : float
+        Diagonal of the region that the rigid mechanism sweeps [m].
+    lower, upper : ndarray (2,)
+        Corners of that region [m].
+    """
+
+    pivots: np.ndarray
+    guides: Mapping[str, np.ndarray]
+    size: float
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A mechanism at some instants; all points global [m].
+
+    Attributes
+    ----------
+    links : mapping of str to ndarray (n_times, n_points, 2)
+        Axis of each elastic link.
+    bars : mapping of str to ndarray (n_times, n_points, 2)
+        Path through the used points of each rigid body, and the guides that it carries.
+    boxes : mapping of str to ndarray (n_times, 5, 2)
+        Closed outline of the body on each guide, by the guide's joint.
+    pins : mapping of str to ndarray (n_times, 2)
+        Each revolute joint.
+    """
+
+    links: Mapping[str, np.ndarray]
+    bars: Mapping[str, np.ndarray]
+    boxes: Mapping[str, np.ndarray]
+    pins: Mapping[str, np.ndarray]
+
+
+def scenery(model: Model) -> Scenery:
+    """Pivots, guides and extent of a scene."""
+    scene = model.scene
+    horizon = scene.period if model.options.cycles else model.options.duration
+    rigid = model.motion.at(np.linspace(0.0, horizon, _SWEEP, endpoint=False))
+    swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in _used_points(model, name)]
+    swept = np.concatenate(swept)
+    lower, upper = swept.min(axis=0), swept.max(axis=0)
+    size = float(np.hypot(*(upper - lower))) or 1.0
+    guides = {}
+    for name, joint in scene.joints.items():
+        if joint.kind == "prismatic":
+            carrier, rider = joint.addresses
+            points = _rigid_point(rigid, rider.body, scene.point(rider))
+            if carrier.body != "ground":
+                points = _to_body(rigid, carrier.body, points)
+            guides[name] = _travel(points, np.array(joint.direction), _BOX[0] * size)
+    pivots = [
+        scene.point(address)
+        for joint in scene.joints.values()
+        for address in joint.addresses
+        if joint.kind != "prismatic" and address.body == "ground"
+    ]
+    return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper)
+
+
+def _travel(points: np.ndarray, direction: np.ndarray, margin: float) -> np.ndarray:
+    """Ends of the line along a direction that covers points (n_times, 2) with a margin."""
+    along = points @ direction
+    across = points[0] - along[0] * direction
+    return across + np.outer([along.min() - margin, along.max() + margin], direction)
+
+
+def outline(
+    model: Model,
+    rigid: RigidMotion,
+    fixed: Scenery,
+    coordinates: tuple[np.ndarray, ...] | None = None,
+    factor: float = 0.0,
+) -> Outline:
+    """The mechanism at the times of a rigid motion, its elastic displacements multiplied by ``factor``.
+
+    ``coordinates`` are z, z', z'' of the elastic coordinates, each (n, n_times); without them nothing is deformed.
+    """
+    return _Pose(model, rigid, fixed, coordinates if model.frame is not None else None, factor).outline()
+
+
+class _Pose:
+    """Everything of one outline that more than one part of it needs."""
+
+    def __init__(self, model: Model, rigid: RigidMotion, fixed: Scenery, coordinates, factor: float):
+        self.model, self.scene, self.rigid, self.fixed = model, model.scene, rigid, fixed
+        self.axes = {name: self._axis(name, coordinates, factor) for name, body in self.scene.bodies.items() if body.elastic}
+        guided = [] if coordinates is None else [name for name in model.parts if name not in model.links]
+        self.slides = {name: factor * slide(model, rigid, coordinates, name)[0].T for name in guided}
+
+    def outline(self) -> Outline:
+        links = {name: _to_global(self.rigid, name, axis) for name, axis in self.axes.items()}
+        bars = {name: bar for name in self.scene.bodies if (bar := self._bar(name)).size}
+        boxes, pins = {}, {}
+        for name, joint in self.scene.joints.items():
+            if joint.kind == "prismatic":
+                boxes[name] = self._box(joint)
+            elif joint.kind == "revolute":
+                address = max(joint.addresses, key=lambda side: side.body in self.axes)
+                pins[name] = self._point(address.body, self.scene.point(address))
+        return Outline(links, bars, boxes, pins)
+
+    def _axis(self, name: str, coordinates, factor: float) -> np.ndarray:
+        """Points along a link in its own axes, displaced, (n_times, n_points, 2)."""
+        x = np.linspace(0.0, self.scene.bodies[name].length, _ALONG_LINK)
+        axis = np.zeros((len(self.rigid.times), _ALONG_LINK, 2))
+        axis[:, :, 0] = x
+        if coordinates is not None:
+            deformation = deform(self.model, self.rigid, coordinates, name)
+            for k, at in enumerate(x):
+                axis[:, k] += factor * deformation.at(at)[0][:2].T
+        return axis
+
+    def _point(self, body: str, at: Place) -> np.ndarray:
+        """Global position of a body's point, displaced, (n_times, 2)."""
+        if body not in self.axes:
+            return _rigid_point(self.rigid, body, at) + self.slides.get(body, 0.0)
+        x, y = at
+        share = x / self.scene.bodies[body].length * (_ALONG_LINK - 1)
+        k = min(int(share), _ALONG_LINK - 2)
+        axis = self.axes[body]
+        local = axis[:, k] + (share - k) * (axis[:, k + 1] - axis[:, k]) + np.array([0.0, y])
+        return _to_global(self.rigid, body, local[:, None])[:, 0]
+
+    def _bar(self, name: str) -> np.ndarray:
+        """From the first used point of a rigid body to every other and back, then along the guides that it carries."""
+        path = []
+        if name not in self.axes:
+            hub, *rest = (self._point(name, at) for at in _used_points(self.model, name))
+            path = [part for tip in rest for part in (hub, tip, hub)]
+        for joint, ends in self.fixed.guides.items():
+            if self.scene.joints[joint].addresses[0].body == name:
+                path += [self._point(name, tuple(end)) for end in ends]
+        return np.stack(path, axis=1) if path else np.zeros((0, 0, 2))
+
+    def _box(self, joint: Joint) -> np.ndarray:
+        """Corners of a guided body about its joint, along its guide, (n_times, 5, 2)."""
+        carrier, rider = joint.addresses
+        centre = self._point(rider.body, self.scene.point(rider))
+        t = np.tile(joint.direction, (len(self.rigid.times), 1))
+        if carrier.body != "ground":
+            c, s = self.rigid[f"{carrier.body}.c"], self.rigid[f"{carrier.body}.s"]
+            t = np.stack([c * t[:, 0] - s * t[:, 1], s * t[:, 0] + c * t[:, 1]], axis=-1)
+        n = np.stack([-t[:, 1], t[:, 0]], axis=-1)
+        corners = self.fixed.size * np.array(_BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
+        return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
+
+
+def _used_points(model: Model, body: str) -> list[Place]:
+    """Points of a body that joints use, and its ends, in its axes; each place once, the first joint's first."""
+    scene = model.scene
+    used = [scene.point(side) for joint in scene.joints.values() for side in joint.addresses if side.body == body]
+    if body != "ground" and scene.bodies[body].length is not None:
+        used += [(0.0, 0.0), (scene.bodies[body].length, 0.0)]
+    return list(dict.fromkeys(used)) or [(0.0, 0.0)]
+
+
+def _rigid_point(rigid: RigidMotion, body: str, at: Place) -> np.ndarray:
+    """Global position of a point of the rigid mechanism, (n_times, 2)."""
+    points = np.tile(at, (len(rigid.times), 1))
+    return points if body == "ground" else _to_global(rigid, body, points[:, None])[:, 0]
+
+
+def _to_global(rigid: RigidMotion, body: str, local: np.ndarray) -> np.ndarray:
+    """Points (n_times, n_points, 2) from a body's axes to global ones."""
+    c, s, x_0, y_0 = (rigid[f"{body}.{part}"][:, None] for part in "csxy")
+    x, y = local[..., 0], local[..., 1]
+    return np.stack([x_0 + c * x - s * y, y_0 + s * x + c * y], axis=-1)
+
+
+def _to_body(rigid: RigidMotion, body: str, points: np.ndarray) -> np.ndarray:
+    """Points (n_times, 2) from global axes to a body's."""
+    c, s, x_0, y_0 = (rigid[f"{body}.{part}"] for part in "csxy")
+    x, y = points[:, 0] - x_0, points[:, 1] - y_0
+    return np.stack([c * x + s * y, c * y - s * x], axis=-1)

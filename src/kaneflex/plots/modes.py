@@ -1,0 +1,95 @@
+"""The lowest mode shapes drawn on the mechanism at the reference angle; paper Figs. 11-16."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from kaneflex.building import reference_modes
+from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
+from kaneflex.plots.mechanism import Outline, outline, scenery
+from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
+
+if TYPE_CHECKING:
+    from kaneflex.model import Model
+    from kaneflex.solution import Solution
+
+_MOST = 6
+_DRAWN = 0.09
+"""Largest displacement of a drawn mode, in sizes of the mechanism."""
+_SMALL = 1e-9
+"""Largest displacement at which shapes are evaluated, in sizes: the foreshortening, of second order, vanishes."""
+
+
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``modes``: up to six, each at the largest positive and negative deflection, frequency in the title."""
+    model = solution.model
+    if model.frame is None or model.equations.size == 0:
+        return {}
+    count = min(_MOST, model.equations.size)
+    omega, shapes = reference_modes(model, count)
+    fixed = scenery(model)
+    rigid = model.motion.at(np.full(count, model.reference_time))
+    still = outline(model, rigid, fixed)
+    positive, negative = (_deflected(model, rigid, fixed, sign * shapes, still) for sign in (1.0, -1.0))
+    grounded = {name: model.scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
+    figure, panels = _panels(count, fixed.size, (still, positive, negative), fixed)
+    figure.suptitle(_title(solution))
+    for k, axes in enumerate(panels):
+        draw_scenery(axes, fixed)
+        draw_guides(axes, fixed, grounded, still)
+        draw_outline(axes, still, k, ghost=True)
+        draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
+        draw_outline(axes, positive, k)
+        frame_axes(axes, [still, positive, negative], fixed)
+        axes.set_title(f"Mode {k + 1}: {omega[k] / (2 * math.pi):,.1f} Hz".replace(",", "\u2009"))
+        axes.label_outer()
+    figure.legend(handles=_handles(), loc="outside lower center", ncols=3)
+    return {"modes": figure}
+
+
+def _deflected(model: Model, rigid, fixed, shapes: np.ndarray, still: Outline) -> Outline:
+    """One mode an instant, each enlarged to the same largest displacement."""
+    still_rates = np.zeros_like(shapes)
+    unit = outline(model, rigid, fixed, (shapes, still_rates, still_rates), 1.0)
+    largest = np.max([_shift(unit, still, name) for name in still.links], axis=0)
+    small = shapes * (_SMALL * fixed.size / largest)
+    return outline(model, rigid, fixed, (small, still_rates, still_rates), _DRAWN / _SMALL)
+
+
+def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:
+    """Largest displacement of a link at each instant, (n_times,)."""
+    return np.hypot(*np.moveaxis(moved.links[link] - still.links[link], -1, 0)).max(axis=1)
+
+
+def _panels(count: int, size: float, outlines: tuple[Outline, ...], fixed) -> tuple[Figure, list]:
+    """Panels side by side or one above the other, whichever suits the mechanism's shape."""
+    probe = Figure().subplots()
+    width, height = frame_axes(probe, list(outlines), fixed)
+    columns = min(count, 2 if width > 1.2 * height else 3)
+    rows = -(-count // columns)
+    panel = min(9.0 / columns, 4.4)
+    figure = new_figure(panel * columns + 0.4, (panel * height / width + 0.35) * rows + 1.0, "")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for axes in grid[count:]:
+        axes.remove()
+    return figure, list(grid[:count])
+
+
+def _title(solution: Solution) -> str:
+    model = solution.model
+    drive = next(iter(model.scene.drives), None)
+    at = f" at {drive} = {math.degrees(model.options.mode_angle):g}\u2009deg" if drive else ""
+    return f"Mode shapes{at}, undamped"
+
+
+def _handles() -> list[Line2D]:
+    return [
+        Line2D([], [], color=PALETTE[0], linewidth=2.4, label="mode shape"),
+        Line2D([], [], color=shade(PALETTE[5], 0.3), linewidth=1.4, label="half a period later"),
+        Line2D([], [], color=GREY, linewidth=0.9, label="undeformed"),
+    ]

@@ -1,0 +1,102 @@
+"""The rigid mechanism: kinematics of what is guided and of what turns, and the torque of the drives."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kaneflex.plots.style import new_figure, plot_curves
+from kaneflex.plots.view import View, view
+
+if TYPE_CHECKING:
+    from kaneflex.solution import Solution
+
+Curves = list[tuple[str, np.ndarray]]
+
+
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``motion``: positions, velocities and accelerations, translation left and rotation right, drives below."""
+    shown = view(solution)
+    columns = [column for column in (_guided(shown), _turning(shown)) if any(curves for *_, curves in column)]
+    drives = _drives(shown)
+    rows = 3 * bool(columns)
+    if not columns and not drives:
+        return {}
+    figure = new_figure(4.9 * max(1, len(columns)), 0.7 + 1.9 * (rows + len(drives)), f"Rigid motion{shown.note}")
+    grid = figure.add_gridspec(rows + len(drives), max(1, len(columns)))
+    below = []
+    for column, panels in enumerate(columns):
+        first = None
+        for row, (title, quantity, unit, curves) in enumerate(panels):
+            first = axes = figure.add_subplot(grid[row, column], sharex=first)
+            plot_curves(axes, shown.x, curves, unit, title, quantity)
+        below.append(axes)
+    for row, (title, quantity, unit, curves) in enumerate(drives):
+        axes = figure.add_subplot(grid[rows + row, :])
+        plot_curves(axes, shown.x, curves, unit, title, quantity)
+        below.append(axes)
+    for axes in below:
+        shown.label_x(axes)
+    return {"motion": figure}
+
+
+def _guided(shown: View) -> list[tuple[str, str, str, Curves]]:
+    """Position along the guide from the guide's origin, velocity and acceleration, of bodies on fixed guides."""
+    scene, rigid = shown.solution.model.scene, shown.rigid
+    position, velocity, acceleration = [], [], []
+    for joint in scene.joints.values():
+        first, second = joint.addresses
+        if joint.kind != "prismatic" or first.body != "ground":
+            continue
+        t_x, t_y = joint.direction
+        name, origin = second.body, scene.point(first)
+
+        def along(x: str, y: str, name: str = name, t_x: float = t_x, t_y: float = t_y) -> np.ndarray:
+            return t_x * rigid[f"{name}.{x}"] + t_y * rigid[f"{name}.{y}"]
+
+        position.append((name, along("x", "y") - t_x * origin[0] - t_y * origin[1]))
+        velocity.append((name, along("v_x", "v_y")))
+        acceleration.append((name, along("a_x", "a_y")))
+    whose = f" of {position[0][0]}" if len(position) == 1 else ""
+    return [
+        (f"Position{whose} along its guide", "position", "m", position),
+        (f"Velocity{whose}", "velocity", "m/s", velocity),
+        (f"Acceleration{whose}", "acceleration", "m/s^2", acceleration),
+    ]
+
+
+def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
+    """Angle, angular velocity and acceleration of the bodies that turn without being driven."""
+    scene, rigid = shown.solution.model.scene, shown.rigid
+    driven = {address.body for name in scene.drives for address in scene.joints[name].addresses}
+    names = [name for name in scene.bodies if name not in driven and np.ptp(rigid[f"{name}.s"]) > 1e-9]
+    angles = [(name, np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))) for name in names]
+    whose = f" of {names[0]}" if len(names) == 1 else ""
+    return [
+        (f"Angle{whose}", "angle", "rad", angles),
+        (f"Angular velocity{whose}", "ang. velocity", "rad/s", [(name, rigid[f"{name}.omega"]) for name in names]),
+        (
+            f"Angular acceleration{whose}",
+            "ang. acceleration",
+            "rad/s^2",
+            [(name, rigid[f"{name}.epsilon"]) for name in names],
+        ),
+    ]
+
+
+def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
+    """What each drive must apply to hold its speed, torques and forces apart, with the mean over what is shown."""
+    scene, rigid = shown.solution.model.scene, shown.rigid
+    panels = []
+    for revolute, what, unit in ((True, "torque", "N m"), (False, "force", "N")):
+        curves: Curves = []
+        for name in scene.drives:
+            if (scene.joints[name].kind == "revolute") == revolute and f"{name}.drive" in rigid:
+                values = rigid[f"{name}.drive"]
+                curves += [(name, values), (f"{name}, mean", np.full(len(values), np.trapezoid(values, shown.times)))]
+                curves[-1][1][:] /= np.ptp(shown.times) or 1.0
+        if curves:
+            panels.append((f"Drive {what} that holds the speed", what, unit, curves))
+    return panels

@@ -1,0 +1,159 @@
+"""What a test bench records: accelerations, stroke and forces over time with the forces' reversals, and spectra.
+
+Paper Figs. 30, 31. Drawn where accelerometers are read over a horizon that is not one cycle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kaneflex.plots.style import PALETTE, new_figure, plot_curves, readable
+from kaneflex.plots.view import View, view
+
+if TYPE_CHECKING:
+    from kaneflex.scene.sensors import Sensor
+    from kaneflex.solution import Solution
+
+_FLOOR = 1e-4
+"""A spectrum is drawn up to the last frequency whose amplitude exceeds this share of the largest."""
+_RANGE = 1e-6
+
+
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``records`` and ``spectra``."""
+    sensors = solution.model.scene.sensors
+    accelerometers = [name for name, sensor in sensors.items() if _is_accelerometer(sensor)]
+    if solution.model.options.cycles or not accelerometers or len(solution.times) < 16:
+        return {}
+    return {"records": _records(solution, accelerometers), "spectra": _spectra(solution, accelerometers)}
+
+
+def _is_accelerometer(sensor: Sensor) -> bool:
+    return sensor.kind == "acceleration" and sensor.reading == "accelerometer" and sensor.component != "angle"
+
+
+def reversals(times: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Times [s] at which a force changes its sign, linear between samples; a zero that is only touched is none.
+
+    Parameters
+    ----------
+    times, force : ndarray (n,)
+
+    Returns
+    -------
+    ndarray (n_reversals,)
+    """
+    signs = np.sign(force)
+    known = np.flatnonzero(signs)
+    before = known[:-1][signs[known[:-1]] != signs[known[1:]]]
+    after = known[1:][signs[known[:-1]] != signs[known[1:]]]
+    # From the last sample of one sign to the first of the other; zeros between them lie on the line.
+    share = force[before] / (force[before] - force[after])
+    return times[before] + share * (times[after] - times[before])
+
+
+def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One-sided amplitude spectrum of a record, mean removed, Hann window with its gain corrected (Harris 1978).
+
+    Parameters
+    ----------
+    times : ndarray (n + 1,)
+        Equally spaced instants [s]; the last sample only ends the record, whose length is T = times[-1] - times[0].
+    values : ndarray (n + 1,)
+
+    Returns
+    -------
+    ndarray, ndarray
+        Frequencies [Hz], their distance 1/T, and amplitudes in the unit of ``values``; both (n // 2 + 1,).
+    """
+    n = len(times) - 1
+    window = 0.5 - 0.5 * np.cos(2 * math.pi * np.arange(n) / n)
+    record = values[:-1] - np.mean(values[:-1])
+    amplitudes = 2.0 / window.sum() * np.abs(np.fft.rfft(window * record))
+    return np.arange(len(amplitudes)) / (times[-1] - times[0]), amplitudes
+
+
+def _records(solution: Solution, accelerometers: list[str]) -> Figure:
+    shown = view(solution)
+    kinds = [("Accelerometers (a - g)", "acceleration", "m/s^2", accelerometers, False)]
+    kinds += [(title, quantity, unit, names, forces) for title, quantity, unit, names, forces in _others(solution) if names]
+    figure = new_figure(8.4, 0.7 + 1.9 * len(kinds), f"Records over time{shown.note}")
+    panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (title, quantity, unit, names, forces) in zip(panels, kinds, strict=True):
+        curves = [(name, solution.series[name].values[shown.instants]) for name in names]
+        plot_curves(axes, shown.x, curves, unit, title, quantity)
+        if forces:
+            _mark_reversals(axes, shown, curves, title)
+    shown.label_x(panels[-1])
+    return figure
+
+
+def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
+    """Stroke, axial forces and guide forces, as far as sensors read them."""
+    scene = solution.model.scene
+
+    def named(kind: str, unit: str, guided: bool = False) -> list[str]:
+        return [
+            name
+            for name, sensor in scene.sensors.items()
+            if sensor.kind == kind and sensor.unit == unit
+            and (not guided or scene.joints[sensor.joint_force].kind == "prismatic")
+        ]  # fmt: skip
+
+    return [
+        ("Position", "position", "m", named("position", "m"), False),
+        ("Axial force, tension positive", "force", "N", named("axial_force", "N"), True),
+        ("Force on the guide", "force", "N", named("joint_force", "N", guided=True), True),
+    ]
+
+
+def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]], title: str) -> None:
+    """A triangle where each force changes its sign, and in the title how often that is."""
+    counts = []
+    for colour, (name, values) in zip(PALETTE, curves, strict=False):
+        at = reversals(shown.times, values)
+        counts.append(len(at))
+        if len(at):
+            x = np.interp(at, shown.times, shown.x)
+            axes.plot(
+                x, np.zeros(len(x)), linestyle="none", marker="v", markersize=5, markerfacecolor="white",
+                markeredgecolor=colour, label=f"reversals ({len(at)})",
+            )  # fmt: skip
+    axes.set_title(title if any(counts) else f"{title}: no reversal")
+    if any(counts):
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+
+
+def _spectra(solution: Solution, accelerometers: list[str]) -> Figure:
+    times = solution.times
+    resolution = 1.0 / (times[-1] - times[0])
+    names = accelerometers + [name for name, sensor in solution.model.scene.sensors.items() if sensor.kind == "axial_force"]
+    spectra = {name: spectrum(times, solution.series[name].values) for name in names}
+    title = f"Amplitude spectra, resolution 1/T = {resolution:.3g} Hz (Hann window)"
+    figure = new_figure(7.4, 0.7 + 1.8 * len(names), title)
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    reach = max(_last_above(*spectra[name]) for name in names)
+    scale, unit = readable("Hz", np.array([reach]))
+    for axes, name in zip(panels, names, strict=True):
+        frequencies, amplitudes = spectra[name]
+        factor, label = readable(solution.series[name].unit, amplitudes)
+        axes.semilogy(scale * frequencies, factor * amplitudes, linewidth=0.9)
+        top = factor * amplitudes.max() or 1.0
+        axes.set_ylim(_RANGE * top, 3 * top)
+        axes.set_ylabel(f"amplitude [{label}]")
+        axes.set_title(name)
+    panels[-1].set_xlim(0, scale * reach)
+    panels[-1].set_xlabel(f"frequency [{unit}]")
+    return figure
+
+
+def _last_above(frequencies: np.ndarray, amplitudes: np.ndarray) -> float:
+    """Frequency [Hz] above which nothing is left to see, with a tenth more."""
+    visible = np.flatnonzero(amplitudes > _FLOOR * amplitudes.max())
+    last = visible[-1] if len(visible) else len(frequencies) - 1
+    return float(min(1.1 * frequencies[last], frequencies[-1])) or float(frequencies[-1])

@@ -1,0 +1,80 @@
+"""All sensors of a scene on one page, by kind; the rigid mechanism's values dashed beside the elastic ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kaneflex.plots.style import PALETTE, new_figure, readable, shade
+from kaneflex.plots.view import View, view
+
+if TYPE_CHECKING:
+    from kaneflex.scene.sensors import Sensor
+    from kaneflex.solution import Solution
+
+_QUANTITY = {
+    "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
+    "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
+    "joint_force": "force", "drive_torque": "torque",
+}  # fmt: skip
+
+
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``sensors``: one panel for each kind, unit and direction."""
+    groups = _groups(solution)
+    if not groups:
+        return {}
+    shown = view(solution)
+    figure = new_figure(8.6, 0.8 + 1.6 * len(groups), f"Sensors{shown.note}")
+    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (title, names) in zip(panels, groups.items(), strict=True):
+        _panel(axes, shown, title, names)
+    shown.label_x(panels[-1])
+    return {"sensors": figure}
+
+
+def _groups(solution: Solution) -> dict[str, list[str]]:
+    """Title of each panel -> its sensors, at most as many as there are colours."""
+    groups: dict[str, list[str]] = {}
+    for name, sensor in solution.model.scene.sensors.items():
+        groups.setdefault(_title(sensor), []).append(name)
+    most = len(PALETTE)
+    return {
+        title + (f" ({first // most + 1})" if len(names) > most else ""): names[first : first + most]
+        for title, names in groups.items()
+        for first in range(0, len(names), most)
+    }
+
+
+def _title(sensor: Sensor) -> str:
+    what = sensor.kind.replace("_", " ").capitalize()
+    if sensor.component == "angle":
+        return f"{what}, rotation"
+    if sensor.kind not in ("displacement", "velocity", "acceleration"):
+        return what + (", tension positive" if sensor.kind == "axial_force" else "")
+    reading = ", as an accelerometer reads" if sensor.kind == "acceleration" and sensor.reading == "accelerometer" else ""
+    if sensor.axes == "global":
+        return f"{what}, global axes{reading}"
+    if sensor.kind == "acceleration":
+        return f"{what}, body axes{reading}"
+    return f"{what}, {'along' if sensor.component == 'x' else 'across'} the body"
+
+
+def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
+    series = shown.solution.series
+    values = {name: series[name].values[shown.instants] for name in names}
+    sensor = shown.solution.model.scene.sensors[names[0]]
+    factor, label = readable(sensor.unit, *values.values())
+    for name, colour in zip(names, PALETTE, strict=False):
+        axes.plot(shown.x, factor * values[name], color=colour, label=name)
+        if f"{name}_rigid" in series:
+            rigid = factor * series[f"{name}_rigid"].values[shown.instants]
+            axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)
+    if f"{names[0]}_rigid" in series:
+        axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
+    axes.set_title(title)
+    axes.set_ylabel(f"{_QUANTITY[sensor.kind]} [{label}]")
+    axes.margins(x=0)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.2)

@@ -1,0 +1,125 @@
+"""The look of every picture: palette, units of people, panels, and reproducible files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Colours that the colour-blind tell apart (Okabe & Ito 2008), yellow left out: too pale for a line on white."""
+GREY = "#9A9A9A"
+
+_STYLE = {
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.prop_cycle": matplotlib.cycler(color=PALETTE),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "figure.titlesize": 11,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "savefig.dpi": 150,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "kaneflex",  # or the ids in the file are random
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+}
+
+# SI unit -> what people read: label, factor, and the least largest value that it is used for.
+_READ_AS = {
+    "m": (("mm", 1e3, 1e-2), ("µm", 1e6, 1e-2), ("nm", 1e9, 0.0)),
+    "rad": (("deg", 180 / math.pi, 0.1), ("mdeg", 180e3 / math.pi, 0.1), ("µdeg", 180e6 / math.pi, 0.0)),
+    "N": (("kN", 1e-3, 0.5), ("N", 1.0, 0.5), ("mN", 1e3, 0.0)),
+    "N m": (("N m", 1.0, 0.5), ("mN m", 1e3, 0.0)),
+    "m/s": (("m/s", 1.0, 0.05), ("mm/s", 1e3, 0.05), ("µm/s", 1e6, 0.0)),
+    "m/s^2": (("km/s²", 1e-3, 1.0), ("m/s²", 1.0, 0.0)),
+    "rad/s": (("rad/s", 1.0, 0.0),),
+    "rad/s^2": (("krad/s²", 1e-3, 1.0), ("rad/s²", 1.0, 0.0)),
+    "1": (("µm/m", 1e6, 0.5), ("nm/m", 1e9, 0.0)),
+    "bar": (("bar", 1.0, 0.0),),
+    "s": (("s", 1.0, 0.5), ("ms", 1e3, 0.0)),
+    "Hz": (("kHz", 1e-3, 1.0), ("Hz", 1.0, 0.0)),
+}
+
+
+def styled() -> AbstractContextManager[None]:
+    """The context in which pictures are made and written; the caller's own settings come back after it."""
+    return matplotlib.rc_context(_STYLE)
+
+
+def new_figure(width: float, height: float, title: str) -> Figure:
+    """An empty figure [inches] with a canvas of its own, outside pyplot's global state."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title)
+    return figure
+
+
+def save(figure: Figure, stem: Path) -> list[Path]:
+    """Write STEM.png and STEM.svg, without a date in them."""
+    png, svg = stem.with_name(f"{stem.name}.png"), stem.with_name(f"{stem.name}.svg")
+    figure.savefig(png)
+    figure.savefig(svg, metadata={"Date": None})
+    return [png, svg]
+
+
+def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:
+    """Factor from the SI ``unit`` and label of the unit in which all of ``values`` are read at ease."""
+    largest = max((float(np.abs(part).max(initial=0.0)) for part in values), default=0.0)
+    choices = _READ_AS[unit]
+    if largest == 0.0:
+        return choices[0][1], choices[0][0]
+    return next((factor, label) for label, factor, least in choices if largest * factor >= least)
+
+
+def shade(colour: str, towards: float) -> tuple[float, float, float]:
+    """A colour mixed with black (towards < 0) or white (> 0) by that share."""
+    mixed = 0.0 if towards < 0 else 1.0
+    return tuple((1 - abs(towards)) * part + abs(towards) * mixed for part in to_rgb(colour))
+
+
+def plot_curves(
+    axes: Axes, x: np.ndarray, curves: Iterable[tuple[str, np.ndarray]], unit: str, title: str, quantity: str
+) -> None:
+    """Curves (label, values in SI) of one quantity on one panel, with its axis label, title and legend."""
+    curves = list(curves)
+    factor, label = readable(unit, *(values for _, values in curves))
+    for name, values in curves:
+        axes.plot(x, factor * values, label=name)
+    axes.set_ylabel(f"{quantity} [{label}]")
+    axes.set_title(title)
+    axes.margins(x=0)
+    if len(curves) > 1:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+
+
+def mark_angles(axes: Axes, span: float) -> None:
+    """Ticks at round angles of an abscissa in degrees."""
+    steps = (5, 15, 30, 45, 90, 180, 360, 720, 1440)
+    axes.xaxis.set_major_locator(MultipleLocator(next((step for step in steps if span / step <= 9), span / 8)))
+
+
+def round_down(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is at most ``value``; 1 for a value that is not positive."""
+    if not (value > 0 and math.isfinite(value)):
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= value * (1 + 1e-12))

@@ -1,0 +1,114 @@
+"""What of a solution is drawn: the instants, and the axis that they are drawn over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from kaneflex.deformation import Deformation, deform
+from kaneflex.model import RigidMotion
+from kaneflex.plots.style import mark_angles, readable
+
+if TYPE_CHECKING:
+    from kaneflex.solution import Solution
+
+_MOST_TURNS = 8
+"""Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""
+_TURNS_SHOWN = 3
+_MOST_POINTS = 3000
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Some instants of a solution.
+
+    Attributes
+    ----------
+    solution : Solution
+    instants : ndarray of int
+        Indices into ``solution.times``.
+    turns : float or None
+        Turns of the drive that are shown, where that is not the whole run.
+    """
+
+    solution: Solution
+    instants: np.ndarray
+    turns: float | None = None
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Instants [s], (n_times,)."""
+        return self.solution.times[self.instants]
+
+    @cached_property
+    def rigid(self) -> RigidMotion:
+        """The rigid motion at the instants."""
+        return RigidMotion(self.solution.model.motion, self.times, self.solution.rigid.values[self.instants])
+
+    @cached_property
+    def coordinates(self) -> tuple[np.ndarray, ...]:
+        """z, z', z'' at the instants, each (n, n_times)."""
+        return tuple(part[:, self.instants] for part in self.solution.coordinates)
+
+    @cached_property
+    def links(self) -> dict[str, Deformation]:
+        """Every elastic link's deformation at the instants."""
+        model = self.solution.model
+        return {name: deform(model, self.rigid, self.coordinates, name) for name in model.links}
+
+    @cached_property
+    def x(self) -> np.ndarray:
+        """Abscissa: the angle [deg] of the drive with the cycle, else the time in ``time_unit``."""
+        return np.degrees(self.rigid[f"{self.drive}.angle"]) if self.drive else self._time[0] * self.times
+
+    @property
+    def x_label(self) -> str:
+        return angle_label(self.solution, self.drive) if self.drive else f"time [{self._time[1]}]"
+
+    @cached_property
+    def drive(self) -> str | None:
+        """The drive whose angle is the abscissa: the one with the cycle that the run covers."""
+        if not self.solution.model.options.cycles:
+            return None
+        return next((name for name, drive in self.solution.model.scene.drives.items() if drive.period), None)
+
+    @cached_property
+    def _time(self) -> tuple[float, str]:
+        return readable("s", self.times)
+
+    @property
+    def note(self) -> str:
+        """What the title has to add where the picture does not show the whole run."""
+        return "" if self.turns is None else f" (last {self.turns:g} turns)"
+
+    def label_x(self, axes: Axes) -> None:
+        """Name the abscissa and put its ticks at round angles."""
+        axes.set_xlabel(self.x_label)
+        if self.drive:
+            mark_angles(axes, float(np.ptp(self.x)))
+
+
+def view(solution: Solution) -> View:
+    """The instants to draw: finite ones, of a long run the last turns, thinned where there are very many."""
+    motion = solution.trajectory.z
+    instants = np.flatnonzero(np.isfinite(motion).all(axis=1))
+    speed = max((abs(drive.speed) for drive in solution.model.scene.drives.values()), default=0.0)
+    turns = speed * float(np.ptp(solution.times[instants])) / (2 * math.pi) if len(instants) else 0.0
+    shown = None
+    if turns > _MOST_TURNS and not solution.model.options.cycles:
+        shown = float(_TURNS_SHOWN)
+        first = solution.times[instants[-1]] - _TURNS_SHOWN * 2 * math.pi / speed
+        instants = instants[solution.times[instants] >= first]
+    stride = max(1, -(-len(instants) // _MOST_POINTS))
+    return View(solution, instants[::stride], shown)
+
+
+def angle_label(solution: Solution, drive: str) -> str:
+    """Axis label of a drive's angle, by the body that it turns."""
+    first, second = (address.body for address in solution.model.scene.joints[drive].addresses)
+    return f"{second if second != 'ground' else first} angle [deg]"
