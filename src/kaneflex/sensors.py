@@ -11,6 +11,7 @@ import numpy as np
 
 from kaneflex.deformation import Deformation, deform, slide
 from kaneflex.reactions import consistent_reactions
+from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import RIGID_COMPANIONS, Sensor
 
@@ -153,15 +154,46 @@ class _Reader:
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = sensor.target
-        body = address.body
-        d = self._elastic(address)[0]
+        if address.body in self.scene.joints:
+            return self._joint_coordinate(address.body)
         if sensor.component == "angle":
-            return np.unwrap(np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])) + d[2]
-        x, y = self.scene.point(address)
-        turned = self._turn(body, (x + d[0], y + d[1]))
-        place = np.array([self.rigid[f"{body}.x"] + turned[0], self.rigid[f"{body}.y"] + turned[1]])
-        vector = place if sensor.axes == "global" else self._turn_back(body, place)
+            return self._angle(address)
+        place = self._place(address)
+        vector = place if sensor.axes == "global" else self._turn_back(address.body, place)
         return vector["xy".index(sensor.component)]
+
+    def _joint_coordinate(self, name: str) -> np.ndarray:
+        """Angle of a joint's second body relative to its first [rad], or its slide along a guide [m]."""
+        joint = self.scene.joints[name]
+        first, second = joint.addresses
+        if joint.kind != "prismatic":
+            return self._angle(second) - self._angle(first)
+        gap = self._place(second) - self._place(first)
+        t = self._direction(joint)
+        return t[0] * gap[0] + t[1] * gap[1]
+
+    def _angle(self, address: Address) -> np.ndarray:
+        """Angle of a body at a point, elastic rotation included [rad]."""
+        if address.body == "ground":
+            return np.zeros(self.steps)
+        c, s = self.rigid[f"{address.body}.c"], self.rigid[f"{address.body}.s"]
+        return np.unwrap(np.arctan2(s, c)) + self._elastic(address)[0][2]
+
+    def _place(self, address: Address) -> np.ndarray:
+        """Global position of a point, its elastic displacement included, (2, n_times) [m]."""
+        x, y = self.scene.point(address)
+        if address.body == "ground":
+            return np.outer((x, y), np.ones(self.steps))
+        d = self._elastic(address)[0]
+        turned = self._turn(address.body, (x + d[0], y + d[1]))
+        return np.array([self.rigid[f"{address.body}.x"] + turned[0], self.rigid[f"{address.body}.y"] + turned[1]])
+
+    def _direction(self, joint: Joint) -> np.ndarray:
+        """Global direction of a guide, which its first body carries, (2, n_times)."""
+        carrier = joint.addresses[0].body
+        if carrier == "ground":
+            return np.outer(joint.direction, np.ones(self.steps))
+        return self._turn(carrier, joint.direction)
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
         body = sensor.target.body
@@ -269,8 +301,6 @@ class _Reader:
         joint = self.scene.joints[name]
         if joint.kind != "prismatic":
             return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
-        carrier = joint.addresses[0].body
-        t = np.outer(joint.direction, np.ones(self.steps))
-        t = t if carrier == "ground" else self._turn(carrier, joint.direction)
+        t = self._direction(joint)
         force = reaction(f"{name}.normal") * np.array([-t[1], t[0]])
         return force + reaction(f"{name}.drive") * t if name in self.scene.drives else force
