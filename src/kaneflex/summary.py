@@ -54,7 +54,7 @@ class Timing(_Table):
     derive_s: float = Field(description="deriving the equations, s; 0 where their module existed")
     compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
     set_up_s: float = Field(description="everything else before the first step, s")
-    integrate_s: float = Field(description="solving, s")
+    integrate_s: float = Field(description="solving, s; the first time the integrator is compiled in it")
     ns_per_step: float = Field(description="one step in the compiled loop, ns; 0 where nothing is integrated")
 
 
@@ -68,7 +68,7 @@ class Operations(_Table):
 class Summary(_Table):
     """What a run was and gave."""
 
-    schema_version: Literal[1] = Field(default=SCHEMA_VERSION, description="raised when a field changes its meaning")
+    schema_version: Literal[1] = Field(description="raised when a field goes or changes its meaning")
     kaneflex: str = Field(description="version of kaneflex")
     scene: str = Field(description="name of the scene")
     settings: list[str] = Field(description="what the command line changed in the scene, as path=value")
@@ -108,6 +108,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
     seconds, times = model.seconds, solution.times
     multipliers = trajectory.multipliers
     return Summary(
+        schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,
         scene=model.scene.name,
         settings=list(settings),
