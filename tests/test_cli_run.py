@@ -56,6 +56,7 @@ def test_summary_file_holds_every_sensor_and_what_was_set(finished):
     assert summary.settings == ["rod.elements=1", "solve.preset=quasistatic", "solve.steps=240"]
     assert summary.options["steps"] == summary.steps == 240 and summary.elements == {"rod": 1}
     assert summary.degrees_of_freedom == summary.modes_kept == len(summary.frequencies_hz) == 3
+    assert summary.mode_angle_spread == {}
     assert summary.operations["M"].shared < summary.operations["M"].written_out
 
 
@@ -75,6 +76,20 @@ def test_run_without_output_writes_beside_and_options_win_over_settings():
     assert result.exit_code == 0, result.output
     summary = Summary.model_validate_json(Path("engine-results/summary.json").read_text())
     assert (summary.steps, summary.preset, summary.frequencies_hz) == (240, "rigid", [])
+
+
+def test_a_frozen_model_reports_how_its_peaks_depend_on_the_angle_at_which_it_is_frozen():
+    result = cli("run", "engine-paper", "--no-plots", "-o", "r")
+    summary = Summary.model_validate_json(Path("r/summary.json").read_text())
+    spread, entry = summary.mode_angle_spread["mid_transverse"], summary.sensors["mid_transverse"]
+    # mode_angle 0, the default, is one of the angles
+    assert spread.smallest <= max(-entry.min, entry.max) * (1 + 1e-9)
+    assert max(-entry.min, entry.max) <= spread.largest * (1 + 1e-9)
+    assert spread.largest > 2 * spread.smallest
+    shown = re.search(r"^mid_transverse +mm +(\S+) +(\S+)$", result.stdout, re.MULTILINE)
+    assert [float(text) for text in shown.groups()] == pytest.approx(
+        [1e3 * spread.smallest, 1e3 * spread.largest], rel=1e-3
+    )
 
 
 def test_integrator_is_taken():

@@ -16,6 +16,7 @@ from kaneflex.results import write_netcdf
 from kaneflex.summary import (
     Instant,
     Operations,
+    PeakSpread,
     SensorSummary,
     Summary,
     Timing,
@@ -163,7 +164,7 @@ def test_documentation_is_that_of_the_code():
 
 
 def test_every_field_of_the_summary_is_described():
-    tables = (Summary, SensorSummary, Instant, Timing, Operations)
+    tables = (Summary, SensorSummary, Instant, PeakSpread, Timing, Operations)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []
     assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}
@@ -173,7 +174,7 @@ def test_every_field_of_the_summary_is_described():
 def test_fields_of_the_summary_change_only_with_its_version():
     """Whoever takes a field away or renames it raises SCHEMA_VERSION and writes the new list here."""
     promised = """schema_version kaneflex scene settings structure preset options elements outcome message warnings
-    duration_s step_s steps stored sensors frequencies_hz degrees_of_freedom modes_kept floquet_multiplier_max timing
-    operations"""
+    duration_s step_s steps stored sensors mode_angle_spread frequencies_hz degrees_of_freedom modes_kept
+    floquet_multiplier_max timing operations"""
     version = re.search(r"This is version (\d+) of the schema", documentation())[1]
     assert (version, set(promised.split()) - set(Summary.model_fields)) == ("1", set())

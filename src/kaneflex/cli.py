@@ -162,10 +162,12 @@ def run(
 
 
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.presentation import run_lines, summary_table
+    from kaneflex.presentation import run_lines, spread_table, summary_table
 
     if summary.sensors:
         click.echo(summary_table(summary))
+    if summary.mode_angle_spread:
+        click.echo(spread_table(summary))
     click.echo(run_lines(summary))
     click.echo(f"Written to {folder}")
     for warning in summary.warnings:

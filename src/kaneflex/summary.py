@@ -65,6 +65,13 @@ class Operations(_Table):
     shared: int = Field(description="with common subexpressions shared, as emitted")
 
 
+class PeakSpread(_Table):
+    """A sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+
+    smallest: float = Field(description="smallest peak")
+    largest: float = Field(description="largest peak")
+
+
 class Summary(_Table):
     """What a run was and gave."""
 
@@ -84,6 +91,10 @@ class Summary(_Table):
     steps: int = Field(description="steps asked for")
     stored: int = Field(description="instants stored, over which the sensors are summed up")
     sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is the rigid mechanism's value")
+    mode_angle_spread: dict[str, PeakSpread] = Field(
+        description="preset paper: by sensor, how its peak depends on options.mode_angle, at equal angles over a turn; "
+        "empty for equations that are not frozen"
+    )
     frequencies_hz: list[float] = Field(
         description=f"natural frequencies at options.mode_angle, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; "
         "empty where nothing is elastic"
@@ -124,6 +135,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         steps=model.options.steps,
         stored=len(times),
         sensors=_sensors(solution) if len(times) else {},
+        mode_angle_spread=_spread(solution),
         frequencies_hz=_frequencies(solution),
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
         modes_kept=model.reduced.size,
@@ -186,6 +198,15 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
     return None
 
 
+def _spread(solution: Solution) -> dict[str, PeakSpread]:
+    if solution.model.options.dynamics != "frozen":
+        return {}
+    from kaneflex.spread import mode_angle_spread
+
+    peaks = mode_angle_spread(solution.model)
+    return {name: PeakSpread(smallest=smallest, largest=largest) for name, (smallest, largest) in peaks.items()}
+
+
 def _frequencies(solution: Solution) -> list[float]:
     from kaneflex.building import reference_modes
 
@@ -205,7 +226,7 @@ def json_schema() -> dict[str, Any]:
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field, and the JSON Schema."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
-    for table in (Summary, SensorSummary, Instant, Timing, Operations):
+    for table in (Summary, SensorSummary, Instant, PeakSpread, Timing, Operations):
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
