@@ -163,7 +163,7 @@ def test_the_cantilever_bends_as_textbooks_say(solved):
     series = simulate(load(quasistatic)).series
     E_I = 2.1e11 * 1.3333e-8
     assert series["tip"].values.min() == pytest.approx(-100 * 0.5**3 / (3 * E_I), rel=1e-4)  # F l^3 / (3 E I)
-    assert series["root_moment"].values.min() == pytest.approx(-100 * 0.5, rel=1e-6)  # bends towards -y
+    assert series["root_moment"].values.min() == pytest.approx(-100 * 0.5, rel=1e-6)  # hollow towards -y
     assert series["wall_force"].values.max() == pytest.approx(100, rel=1e-6)  # the wall's force on the bar
 
 
