@@ -155,6 +155,20 @@ def test_motion_and_reactions_are_the_closed_forms(seed):
         assert close(rigid[name], expected, 1e-11), name
 
 
+def test_gravity_in_the_axes_of_a_link_is_an_acceleration_upwards():
+    """The loads of an elastic link are those of a - g, in its own axes; the tension holds its weight."""
+    rigid, n = motion_at_angles("engine-rig", 0)
+    r, l, speed, g = n["crank.length"], n["rod.length"], n["main.speed"], n["gravity_x"]
+    assert g == -9.81
+    phi_2 = by_hand.slider_crank(r, l, ANGLES, speed)["phi2"]
+    a_x, a_y = -r * speed**2 * np.cos(ANGLES) - g, -r * speed**2 * np.sin(ANGLES)
+    c, s = np.cos(phi_2), np.sin(phi_2)
+    for name, expected in (("a_x", c * a_x + s * a_y), ("a_y", -s * a_x + c * a_y)):
+        assert close(rigid[f"rod.link.{name}"], expected, 1e-12)
+        without = expected + g * (c if name == "a_x" else -s)
+        assert not close(rigid[f"rod.link.{name}"], without, 1e-6)
+
+
 def test_dead_centres_are_exact():
     """At 0 and 180 degrees, where a symbolic LU would divide sin by sin: crank and rod in line, no side force."""
     found = model("engine").motion
