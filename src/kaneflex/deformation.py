@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from kaneflex.affine import Monomial
-from kaneflex.assembly import spin_or_euler
+from kaneflex.affine import Affine, Monomial
+from kaneflex.assembly import spin_or_euler, with_loads
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
 
@@ -166,7 +166,27 @@ def deform(model: Model, rigid: RigidMotion, coordinates: tuple[np.ndarray, ...]
     if name in model.bases:
         basis = model.bases[name]
         q, q_rate, q_accel = basis @ q, basis @ q_rate, basis @ q_accel
-    return Deformation(model, model.links[name], rigid, q, q_rate, q_accel)
+    found = Deformation(model, model.links[name], rigid, q, q_rate, q_accel)
+    return _with_static_share(found) if name in model.bases else found
+
+
+def _with_static_share(found: Deformation) -> Deformation:
+    """What the modes that a reduction left out add statically: the mode-acceleration method (Craig 1981, ch. 15).
+
+    Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
+    """
+    from scipy.sparse.linalg import splu
+
+    link, model = found.link, found.model
+    unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
+    residual = -found.rigid.column_of(with_loads(model.scene, unloaded, link).matrices["F"])
+    for e in range(len(link.nodes) - 1):
+        residual[3 * e : 3 * e + 6] += found.end_forces(e)
+    inner = np.setdiff1d(np.arange(link.part.size), sorted(model.interfaces.held_rows(link.part)))
+    stiffness = link.part.matrices["K_s"].at({})[inner][:, inner]
+    q = found.q.copy()
+    q[inner] -= splu(stiffness.tocsc()).solve(residual[inner])
+    return replace(found, q=q)
 
 
 def slide(model: Model, rigid: RigidMotion, coordinates: tuple[np.ndarray, ...], name: str) -> tuple[np.ndarray, ...]:
