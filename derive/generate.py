@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy as sm
+from sympy.core.function import AppliedUndef
 
 from kaneflex.contract import ELEMENT_KERNELS, ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS
 from kaneflex.derive import emit
@@ -172,7 +173,7 @@ def _force_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
 
 def print_module(equations: Equations, kernels: list[tuple[emit.Kernel, Program]], scene: str, structure: str) -> str:
     counts = emit.operations(kernels)
-    blocks = [emit.TABLE_LOOKUP] if any(load.kind == "table" for load in equations.mechanism.loads.values()) else []
+    blocks = [text for name, text in emit.TABLE_LOOKUPS.items() if _calls(equations.motion, name)]
     blocks += [emit.print_kernel(kernel) for kernel, _ in kernels] + [TABULATE]
     if equations.element is not None:
         blocks.append(_print_dispatch(equations.element))
@@ -185,6 +186,11 @@ def print_module(equations: Equations, kernels: list[tuple[emit.Kernel, Program]
         tables="\n".join(_tables(equations, counts)),
         kernels="\n\n".join(blocks),
     )
+
+
+def _calls(motion: Motion, function: str) -> bool:
+    applied = set().union(*(value.atoms(AppliedUndef) for _, value in motion.steps), set())
+    return any(call.func.__name__ == function for call in applied)
 
 
 def _about(scene: str, structure: str, counts: dict[str, tuple[int, int]]) -> str:
@@ -206,8 +212,8 @@ def _about(scene: str, structure: str, counts: dict[str, tuple[int, int]]) -> st
 def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[str]:
     mechanism, motion = equations.mechanism, equations.motion
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
-    loads = mechanism.loads.items()
-    tables = [name for name, load in loads if load.kind == "table"]
+    readers = {**mechanism.loads, **mechanism.drives}
+    tables = [name for name, reader in readers.items() if reader.kind == "table"]
     stored = [scalar for block in motion.links.values() for scalar in block]
     stored += [scalar for scalar in motion.scalars if not scalar.value.is_number]
     constants = {s.name: float(s.value) for s in motion.scalars if s.value.is_number}
@@ -219,7 +225,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     links = {link: k * len(LINK_SCALARS) for k, link in enumerate(motion.links)}
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
-        emit.literal("TABLES", tables, "loads whose tables follow in p, at the index that <load>.table holds"),
+        emit.literal("TABLES", tables, "loads and drives whose tables follow in p, at the index that <name>.table holds"),
         emit.literal("SCALARS", [(s.name, s.unit, s.meaning) for s in stored], "s: name, unit, meaning"),
         emit.literal("CONSTANTS", constants, "scalars that the structure fixes"),
         emit.literal("LINKS", links, "elastic link -> where its LINK_SCALARS begin in s"),

@@ -38,7 +38,7 @@ class BodyModel:
 
 @dataclass(frozen=True)
 class JointModel:
-    """A joint between a point of the first body and a point of the second; ``direction`` is fixed in the first."""
+    """A joint between a point of the first body and a point of the second; ``direction`` is fixed in the first; ``angle`` is a weld's."""
 
     name: str
     kind: str
@@ -47,6 +47,25 @@ class JointModel:
     direction: Vector = (sm.S.One, sm.S.Zero)
     closes_loop: bool = False
     branch: sm.Expr = sm.S.One
+    angle: sm.Expr = sm.S.Zero
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """Prescribed motion of a joint: "constant speed", "spin up", "law" (in t) or "table" (against t)."""
+
+    kind: str
+    law: str | None
+
+
+@dataclass(frozen=True)
+class MassModel:
+    """A lumped mass [kg] with its inertia [kg m^2], fixed to a point of a body."""
+
+    name: str
+    point: BodyPoint
+    mass: sm.Expr
+    inertia: sm.Expr
 
 
 @dataclass(frozen=True)
@@ -84,7 +103,8 @@ class Mechanism:
 
     bodies: dict[str, BodyModel]
     joints: dict[str, JointModel]
-    drives: tuple[str, ...]
+    masses: dict[str, MassModel]
+    drives: dict[str, DriveModel]
     loads: dict[str, LoadModel]
     gravity: Vector
     viscous: bool
@@ -127,11 +147,22 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             direction = tuple(pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
         closes = joint["closes_loop"]
         branch = number(f"{name}.branch", "1") if closes else sm.S.One
-        joints[name] = JointModel(name, joint["kind"], first, second, direction, closes, branch)
-    for drive in structure["drives"]:
-        unit = "m" if joints[drive].kind == "prismatic" else "rad"
-        number(f"{drive}.speed", f"{unit}/s")
-        number(f"{drive}.angle", unit)
+        angle = number(f"{name}.angle", "rad") if "angle" in joint else sm.S.Zero
+        joints[name] = JointModel(name, joint["kind"], first, second, direction, closes, branch, angle)
+    masses = {}
+    for name, mass in structure["masses"].items():
+        inertia = pattern(mass["inertia"], f"{name}.inertia", "kg m^2")
+        masses[name] = MassModel(name, point(mass["at"]), number(f"{name}.mass", "kg"), inertia)
+    drives = {}
+    for name, drive in structure["drives"].items():
+        drives[name] = DriveModel(drive["kind"], drive.get("law"))
+        if drive["kind"] == "table":
+            number(f"{name}.table", "1")
+        elif drive["kind"] != "law":
+            number(f"{name}.speed", "rad/s")
+            number(f"{name}.angle", "rad")
+        if drive["kind"] == "spin up":
+            number(f"{name}.spin_up", "s")
     loads = {}
     for name, load in structure["loads"].items():
         direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
@@ -150,5 +181,4 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")
     gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
-    drives = tuple(structure["drives"])
-    return Mechanism(bodies, joints, drives, loads, gravity, structure["viscous"], number.entries)
+    return Mechanism(bodies, joints, masses, drives, loads, gravity, structure["viscous"], number.entries)

@@ -15,13 +15,15 @@ from kaneflex.contract import LINK_SCALARS
 from kaneflex.derive.closure import Pose, place_bodies
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import solve_blocks
-from kaneflex.derive.mechanism import Mechanism
+from kaneflex.derive.mechanism import BodyPoint, Mechanism, Vector
 from kaneflex.derive.program import Program
 from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
 from kaneflex.derive.steps import Steps
 
 table = sm.Function("table")
-"""Stands for the periodic cubic table of a load: table(x, start of its block in the parameters)."""
+"""Stands for a cubic table: table(x, start of its block in the parameters); its derivatives have names of their own."""
+table_rate = sm.Function("table_rate")
+table_curvature = sm.Function("table_curvature")
 
 T = sm.Symbol("t")
 
@@ -53,9 +55,9 @@ class Motion:
 
 
 def derive_motion(mechanism: Mechanism) -> Motion:
-    """Solve the rigid mechanism for its motion at constant drive speeds.
+    """Solve the rigid mechanism for its motion under its drives.
 
-    The drives' coordinates are free in Kane's equations; their constant speed is substituted here, which removes
+    The drives' coordinates are free in Kane's equations; their courses are substituted here: a constant speed removes
     every angular acceleration that comes from a drive alone.
     """
     equations = rigid_equations(mechanism)
@@ -83,21 +85,54 @@ def derive_motion(mechanism: Mechanism) -> Motion:
         for name, body in mechanism.bodies.items()
         if body.elastic
     }
+    for name in links:
+        scalars += _jump_scalars(mechanism, name, rates, reactions, loads, steps)
     return Motion(tuple(steps.assignments), links, tuple(scalars))
 
 
 @dataclass(frozen=True)
 class _Drive:
+    """Coordinate of a drive with its first and second time derivative."""
+
     angle: sm.Expr
     speed: sm.Expr
+    acceleration: sm.Expr
 
 
 def _drives(mechanism: Mechanism, steps: Steps) -> dict[str, _Drive]:
     drives = {}
     for name in mechanism.drives:
-        start, speed = mechanism.symbol(f"{name}.angle"), mechanism.symbol(f"{name}.speed")
-        drives[name] = _Drive(steps.assign(sm.Symbol(f"{name}_coordinate"), start + speed * T), speed)
+        angle, speed, acceleration = _course(mechanism, name, steps)
+        drives[name] = _Drive(
+            steps.assign(sm.Symbol(f"{name}_coordinate"), angle),
+            steps.assign(sm.Symbol(f"{name}_rate"), speed),
+            steps.assign(sm.Symbol(f"{name}_acceleration"), acceleration),
+        )
     return drives
+
+
+def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
+    """theta(t), theta'(t), theta''(t) of a drive."""
+    drive = mechanism.drives[name]
+    if drive.kind == "law":
+        angle = law_expression(drive.law, {"t": T})
+        return angle, angle.diff(T), angle.diff(T, 2)
+    if drive.kind == "table":
+        start = mechanism.symbol(f"{name}.table")
+        return table(T, start), table_rate(T, start), table_curvature(T, start)
+    start, speed = mechanism.symbol(f"{name}.angle"), mechanism.symbol(f"{name}.speed")
+    if drive.kind == "constant speed":
+        return start + speed * T, speed, sm.S.Zero
+    # The smooth spin-up of Kane, Ryan & Banerjee (1987): theta'' = (speed / end) (1 - cos(2 pi t / end)) until ``end``.
+    end = mechanism.symbol(f"{name}.spin_up")
+    tau = steps.assign(sm.Symbol(f"tau_{name}"), sm.Min(T, end))
+    turn = steps.assign(sm.Symbol(f"turn_{name}"), 2 * sm.pi * tau / end)
+    rise = tau**2 / 2 + (end / (2 * sm.pi)) ** 2 * (sm.cos(turn) - 1)
+    return (
+        start + speed / end * rise + speed * (T - tau),
+        speed / end * (tau - end / (2 * sm.pi) * sm.sin(turn)),
+        speed / end * (1 - sm.cos(turn)),
+    )
 
 
 def _loads(mechanism: Mechanism, drives: dict[str, _Drive], steps: Steps) -> dict[str, sm.Expr]:
@@ -135,7 +170,7 @@ class _Rates:
                 unknown_v.append(v)
                 unknown_a.append(a)
         for name, coordinate in equations.drive_coordinate.items():
-            rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): sm.S.Zero}
+            rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): drives[name].acceleration}
         # Velocity level, J v = -dg/dt; acceleration level, J a = -dJ/dt v; both by the constraint's total derivative.
         first = [
             (c.name, c.residual.diff(TIME).xreplace(rate).xreplace(self.to_symbols)) for c in equations.constraints
@@ -158,6 +193,16 @@ class _Rates:
             ):
                 self.to_symbols |= {speed.diff(TIME): acceleration, speed: velocity}
             self.value[name] = dict(v_x=v_x, v_y=v_y, omega=omega, a_x=a_x, a_y=a_y, epsilon=epsilon)
+
+    def felt(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
+        """a - g of a body-fixed point, global: a_O + epsilon S R r - omega^2 R r - g."""
+        value = self.value[body]
+        x, y = self.poses[body].turn(point.at)
+        omega_squared = value["omega"] ** 2
+        return (
+            value["a_x"] - value["epsilon"] * y - omega_squared * x - gravity[0],
+            value["a_y"] + value["epsilon"] * x - omega_squared * y - gravity[1],
+        )
 
     def scalars(self, body: str) -> list[Scalar]:
         pose, value = self.poses[body], self.value[body]
@@ -192,34 +237,63 @@ def _reactions(
 
 
 def _link_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps) -> tuple[Scalar, ...]:
-    """The scalars of design formula M q'' + ... = sum s_k f_k, in the link's own axes.
+    """The scalars of M q'' + ... = sum s_k f_k, in the link's own axes.
 
     P(X) starts at P_0 = -(axial part of all forces that act on the link at its origin); its growth along the
     link follows from a_x - g_x and omega^2 and is in the element's geometric terms.
     """
     pose, value, gravity = rates.poses[name], rates.value[name], mechanism.gravity
     a, b = value["a_x"] - gravity[0], value["a_y"] - gravity[1]
-    force = [sm.S.Zero, sm.S.Zero]
-    for joint in mechanism.joints.values():
-        for point, sign in ((joint.second, 1), (joint.first, -1)):
-            if point.body == name and point.at == (0, 0):
-                on_second = _joint_force(joint, rates, reactions)
-                force = [force[k] + sign * on_second[k] for k in range(2)]
-    for load_name, load in mechanism.loads.items():
-        if load.point.body == name and load.point.at == (0, 0):
-            direction = load.direction if load.axes == "global" else pose.turn(load.direction)
-            force = [force[k] + loads[load_name] * direction[k] for k in range(2)]
     values = {
         "omega": value["omega"],
         "epsilon": value["epsilon"],
         "a_x": pose.c * a + pose.s * b,
         "a_y": -pose.s * a + pose.c * b,
-        "P_0": -(pose.c * force[0] + pose.s * force[1]),
+        "P_0": -_axial_force(mechanism, name, "start", rates, reactions, loads),
     }
     return tuple(
         Scalar(f"{name}.link.{key}", unit, meaning, steps.assign(sm.Symbol(f"{name}_link_{key}"), values[key]))
         for key, unit, meaning in LINK_SCALARS
     )
+
+
+def _jump_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps) -> list[Scalar]:
+    """What P(X) falls by where forces act on the link between its ends: one scalar a point."""
+    found = []
+    for point in sorted(_forced_points(mechanism, name) - {"start", "end"}):
+        force = _axial_force(mechanism, name, point, rates, reactions, loads)
+        value = steps.assign(sm.Symbol(f"{name}_link_jump_{point}"), -force)
+        found.append(Scalar(f"{name}.link.jump_{point}", "N", f"growth of the axial force at {point}", value))
+    return found
+
+
+def _forced_points(mechanism: Mechanism, body: str) -> set[str]:
+    """Points of a body at which joints, loads or lumped masses act."""
+    points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
+    points += [load.point for load in mechanism.loads.values()] + [mass.point for mass in mechanism.masses.values()]
+    return {point.name for point in points if point.body == body}
+
+
+def _axial_force(mechanism, name: str, point: str, rates: _Rates, reactions, loads) -> sm.Expr:
+    """Axial part of the forces of joints, loads and lumped masses on a link at one of its points."""
+    pose, force = rates.poses[name], [sm.S.Zero, sm.S.Zero]
+
+    def push(vector: Vector) -> None:
+        force[0] += vector[0]
+        force[1] += vector[1]
+
+    for joint in mechanism.joints.values():
+        for side, sign in ((joint.second, 1), (joint.first, -1)):
+            if (side.body, side.name) == (name, point):
+                push(tuple(sign * component for component in _joint_force(joint, rates, reactions)))
+    for load_name, load in mechanism.loads.items():
+        if (load.point.body, load.point.name) == (name, point):
+            direction = load.direction if load.axes == "global" else pose.turn(load.direction)
+            push(tuple(loads[load_name] * component for component in direction))
+    for mass in mechanism.masses.values():
+        if (mass.point.body, mass.point.name) == (name, point):
+            push(tuple(-mass.mass * component for component in rates.felt(name, mass.point, mechanism.gravity)))
+    return pose.c * force[0] + pose.s * force[1]
 
 
 def _joint_force(joint, rates: _Rates, reactions) -> tuple[sm.Expr, sm.Expr]:

@@ -99,6 +99,11 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         coordinates[name], speeds[name], joint = _free_body(name, ground, rigid, start)
         system.add_joints(joint)
         points[name] = (frame, start)
+    for mass in mechanism.masses.values():
+        frame, start = points[mass.point.body]
+        point = start.locatenew(f"{mass.name}_point", mass.point.at[0] * frame.x + mass.point.at[1] * frame.y)
+        point.v2pt_theory(start, system.frame, frame)
+        system.add_bodies(RigidBody(mass.name, point, frame, mass.mass, (inertia(frame, 0, 0, mass.inertia), point)))
     constraints, drive_coordinate = _constraints(mechanism, coordinates)
     system.add_holonomic_constraints(*(constraint.residual for constraint in constraints))
     system.apply_uniform_gravity(mechanism.gravity[0] * system.x + mechanism.gravity[1] * system.y)
@@ -156,7 +161,7 @@ def _constraints(
     found = []
     for name, joint in mechanism.joints.items():
         gap_x, gap_y = _gap(joint.first, joint.second, coordinates)
-        turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi
+        turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi - joint.angle
         on = f"on {joint.second.body} by {joint.first.body}"
         force_x = (f"{name}.force_x", gap_x, "N", f"force {on}, global x")
         force_y = (f"{name}.force_y", gap_y, "N", f"force {on}, global y")

@@ -2,10 +2,10 @@
 
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {
-    "5c48be519588b478": "engine",
-    "04a39a8c53a4e68f": "engine_3",
-    "c78c002d41172b07": "engine_elastic_crank",
-    "b4c0ca36bc13b35c": "engine_rig",
+    "42f33b586bba8283": "engine",
+    "cef96ed7bd3ac6d6": "engine_3",
+    "0a56ed069bcccfeb": "engine_elastic_crank",
+    "da129ecbf97f7ab9": "engine_rig",
 }
 
 # Scene -> module that serves it.

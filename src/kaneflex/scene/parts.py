@@ -14,14 +14,14 @@ from kaneflex.scene.quantities import (
     AddressPair,
     Angle,
     AngleOrTime,
-    AngularSpeed,
     CountOrAll,
     Direction,
     Force,
     FrequencyPair,
+    Inertia,
     NonNegativeRatio,
     NonNegativeViscosity,
-    PositiveAngle,
+    PositiveMass,
     PositiveTime,
     Ratios,
     WholeNumber,
@@ -50,7 +50,7 @@ class Joint(SceneTable):
 
     `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
-    paper's welded pin).
+    paper's welded pin). `angle` (rad) turns the second body against the first in a weld.
     """
 
     revolute: AddressPair | None = None
@@ -59,6 +59,7 @@ class Joint(SceneTable):
     direction: Direction | None = None
     branch: Literal["+", "-"] = "+"
     rotation: Literal["released", "shared"] = "released"
+    angle: Angle = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
@@ -67,6 +68,8 @@ class Joint(SceneTable):
             raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
         if kind != "prismatic" and self.direction is not None:
             raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
+        if kind != "weld" and self.angle:
+            raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="angle")
         if self.addresses[0].body == self.addresses[1].body:
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
         return self
@@ -80,22 +83,12 @@ class Joint(SceneTable):
         return getattr(self, self.kind)
 
 
-class Drive(SceneTable):
-    """Prescribed motion of the joint of the same name: constant `speed` (rad/s) from `angle` (rad) at t = 0.
+class Mass(SceneTable):
+    """A lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body."""
 
-    `cycle` (rad) is the drive's angle in which everything repeats. `rotation` is the elastic rotation at the
-    driven joint: held by the drive, or free.
-    """
-
-    speed: AngularSpeed
-    angle: Angle = 0.0
-    cycle: PositiveAngle | None = None
-    rotation: Literal["held", "free"] = "held"
-
-    @property
-    def period(self) -> float | None:
-        """Duration of a cycle in s, where there is one."""
-        return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
+    at: AddressField
+    mass: PositiveMass
+    inertia: Inertia = 0.0
 
 
 class Load(SceneTable):

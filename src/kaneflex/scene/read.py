@@ -90,9 +90,9 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
             "scene", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file"
         ) from None
     raw.setdefault("name", path.stem)
-    for load in _tables(raw.get("loads")):
-        if isinstance(load.get("table"), str) and load["table"] != "none":
-            load["table"] = str((path.parent / load["table"]).resolve())
+    for entry in (*_tables(raw.get("loads")), *_tables(raw.get("drives"))):
+        if isinstance(entry.get("table"), str) and entry["table"] != "none":
+            entry["table"] = str((path.parent / entry["table"]).resolve())
     if isinstance(raw.get("like"), str):
         raw = merged(_read_raw(_located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)

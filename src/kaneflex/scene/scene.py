@@ -8,7 +8,8 @@ from typing import Any, Literal
 from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body, SceneTable
-from kaneflex.scene.parts import Damping, Drive, Joint, Load, Solve
+from kaneflex.scene.drives import Drive
+from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
 
@@ -42,6 +43,7 @@ class Scene(SceneTable):
     ground: dict[str, Point] = Field(default={})
     bodies: dict[str, Body] = Field(min_length=1)
     joints: dict[str, Joint] = Field(default={})
+    masses: dict[str, Mass] = Field(default={})
     drives: dict[str, Drive] = Field(default={})
     loads: dict[str, Load] = Field(default={})
     damping: Damping | None = None
