@@ -155,15 +155,24 @@ def expanded_operation_count(program: Program) -> int:
 
 
 def _cost(expression: sm.Expr, cost_of: Mapping[sm.Symbol, int]) -> int:
-    """Operations of an expression; a sign is free, a division counts once, x**3 is two products."""
+    """Operations of an expression as it is printed: a sign is free, x**3 is two products, 1/x**3 one division more."""
     if expression.is_Symbol:
         return cost_of.get(expression, 0)
     own = 0
-    if expression.is_Add or expression.is_Mul:
-        own = len(expression.args) - 1 - (expression.is_Mul and expression.args[0] == -1)
+    if expression.is_Add:
+        own = len(expression.args) - 1
+    elif expression.is_Mul:
+        # A negative power brings its own division: a/(b c) is two operations, as 1/(b c) is.
+        factors = [factor for factor in expression.args if factor != -1 and not _is_divisor(factor)]
+        own = max(len(factors) - 1, 0)
     elif expression.is_Pow:
         exponent = expression.exp
-        own = max(abs(int(exponent)) - 1, 0) if exponent.is_Integer else 1
+        own = abs(int(exponent)) - 1 if exponent.is_Integer else 1
+        own += _is_divisor(expression)
     elif expression.args:
         own = 1
     return own + sum(_cost(argument, cost_of) for argument in expression.args)
+
+
+def _is_divisor(expression: sm.Expr) -> bool:
+    return bool(expression.is_Pow and expression.exp.is_negative)

@@ -7,11 +7,11 @@ In link axes, with one scalar of the motion before each constant matrix:
     q = (u1, v1, theta1, u2, v2, theta2); K_g = P_0 K_g0 + a_x K_g1 + omega^2 K_g2
 
 Operations of one call, written out -> with shared subexpressions:
-    motion                      12971 -> 266
+    motion                      12971 -> 269
     M                              56 -> 14
-    K_s                            52 -> 11
+    K_s                            52 -> 12
     K_d                           152 -> 24
-    K_g                           348 -> 94
+    K_g                           348 -> 95
     C                              56 -> 8
     F                              80 -> 38
     term_mass                      56 -> 14
@@ -27,7 +27,7 @@ Operations of one call, written out -> with shared subexpressions:
     term_tension_origin             8 -> 3
     term_tension_acceleration      76 -> 20
     term_tension_spin             168 -> 39
-    F_t                          2110 -> 217
+    F_t                          2110 -> 220
 """
 
 import math
@@ -263,11 +263,11 @@ TERMS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'motion': (12971, 266),
+    'motion': (12971, 269),
     'M': (56, 14),
-    'K_s': (52, 11),
+    'K_s': (52, 12),
     'K_d': (152, 24),
-    'K_g': (348, 94),
+    'K_g': (348, 95),
     'C': (56, 8),
     'F': (80, 38),
     'term_mass': (56, 14),
@@ -283,7 +283,7 @@ OPERATIONS = {
     'term_tension_origin': (8, 3),
     'term_tension_acceleration': (76, 20),
     'term_tension_spin': (168, 39),
-    'F_t': (2110, 217),
+    'F_t': (2110, 220),
 }
 
 

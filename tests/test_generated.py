@@ -1,0 +1,309 @@
+"""The generated modules: what is committed is what is derived, and the compiled kernels compute the equations."""
+
+import ast
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import closed_forms as by_hand
+import numpy as np
+import pytest
+import sympy as sm
+from numba import njit
+from runs import model
+
+import kaneflex.generated
+from kaneflex.contract import ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS, REQUIRED_ATTRIBUTES
+from kaneflex.derive import generate
+from kaneflex.derive.__main__ import modules
+from kaneflex.derive.beam import euler_bernoulli
+from kaneflex.generated.engine import C, F, F_t, K_d, K_g, K_s, M, motion, tabulate, terms
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
+
+FOLDER = Path(kaneflex.generated.__file__).parent
+NAMES = sorted(set(kaneflex.generated.SCENES.values()))
+KERNELS = {"M": M, "K_s": K_s, "K_d": K_d, "K_g": K_g, "C": C, "F": F}
+
+# Operations of one call on the engine. Fewer is welcome: then lower the number here.
+MOST_OPERATIONS = {"motion": 88, "M": 14, "K_s": 12, "K_d": 24, "K_g": 95, "C": 8, "F": 38, "F_t": 70}
+
+
+@pytest.fixture(scope="session")
+def derived() -> dict[str, str]:
+    """File name -> text, of all shipped scenes."""
+    return modules()
+
+
+def module(name: str):
+    return importlib.import_module(f"kaneflex.generated.{name}")
+
+
+# ---- what is committed ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*NAMES, "__init__"])
+def test_committed_text_is_the_derived_text(derived, name):
+    assert (FOLDER / f"{name}.py").read_text(encoding="utf-8") == derived[f"{name}.py"]
+
+
+def test_no_orphans(derived):
+    assert {path.name for path in FOLDER.glob("*.py")} == set(derived)
+
+
+def test_every_shipped_scene_is_served_by_a_module_of_its_structure():
+    assert set(kaneflex.generated.SCENES) == set(shipped_scenes())
+    for name, served_by in kaneflex.generated.SCENES.items():
+        structure = read_scene(name).structure_hash()
+        assert kaneflex.generated.STRUCTURES[structure] == served_by
+        assert module(served_by).STRUCTURE == structure
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_contract(name):
+    found = module(name)
+    assert [attribute for attribute in REQUIRED_ATTRIBUTES if not hasattr(found, attribute)] == []
+    assert found.FORMAT == FORMAT
+    assert (found.LINK_SCALARS, found.ELEMENT_PARAMETERS) == (LINK_SCALARS, ELEMENT_PARAMETERS)
+    names = [entry for entry, *_ in found.SCALARS]
+    assert len(set(names)) == len(names) and not set(names) & set(found.CONSTANTS)
+    for link, first in found.LINKS.items():
+        block = [f"{link}.link.{entry}" for entry, *_ in LINK_SCALARS]
+        assert names[first : first + len(block)] == block
+
+
+@pytest.mark.parametrize("seed", ["0", "1", "2"])
+def test_bytes_do_not_hang_on_the_hash_seed(seed):
+    code = "import sys; from kaneflex.derive import generate; from kaneflex.scene import read_scene\n"
+    code += "sys.stdout.reconfigure(newline=''); sys.stdout.write(generate(read_scene('engine')))"
+    environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONUTF8": "1"}
+    written = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True).stdout
+    assert written == (FOLDER / "engine.py").read_bytes()
+
+
+def test_numbers_do_not_enter_the_text():
+    """Lengths, masses, speeds, elements and damping are run-time: the same structure gives the same text."""
+    other = with_settings(
+        read_scene("engine"),
+        ["rod.length=150 mm", "rod.elements=9", "main.speed=300 rad/s", "crank.mass=2 kg", "solve.preset=linear"],
+    )
+    assert generate(other) == (FOLDER / "engine.py").read_text(encoding="utf-8")
+
+
+def test_a_module_needs_nothing_of_kaneflex(tmp_path):
+    """Copied elsewhere, with kaneflex and SymPy out of reach, it computes the same."""
+    (tmp_path / "alone.py").write_text((FOLDER / "engine.py").read_text(encoding="utf-8"), encoding="utf-8")
+    code = """
+import sys
+sys.modules |= {"kaneflex": None, "sympy": None, "scipy": None}
+import alone, numpy
+out = numpy.zeros((6, 6))
+alone.M(numpy.array([1.1, 3e7, 1500.0, 0.03, 0.06]), out)
+print(repr(float(out.sum())))
+"""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    assert float(result.stdout) == pytest.approx(by_hand.mass(1.1, 0.03).sum(), rel=1e-13)
+
+
+# ---- only what the scene requires -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kernel", MOST_OPERATIONS)
+def test_operations_are_held_down(kernel):
+    written_out, shared = module("engine").OPERATIONS[kernel]
+    assert shared <= MOST_OPERATIONS[kernel]
+    assert shared < written_out
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_operations_stated_are_those_printed(name):
+    """Counted anew in the text: operators and calls; a sign is free, a lookup in a table is one call."""
+    tree = ast.parse((FOLDER / f"{name}.py").read_text(encoding="utf-8"))
+    functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+    for kernel, (_, stated) in module(name).OPERATIONS.items():
+        nodes = list(ast.walk(functions[kernel]))
+        calls = [node for node in nodes if isinstance(node, ast.Call) and getattr(node.func, "id", "") != "int"]
+        printed = sum(isinstance(node, ast.BinOp) for node in nodes) + len(calls) - 1  # the decorator's call
+        assert printed == stated, kernel
+
+
+def test_what_the_engine_does_not_have_is_not_there():
+    engine, rig, elastic = (module(name) for name in ("engine", "engine_rig", "engine_elastic_crank"))
+    text = {name: (FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in NAMES}
+    assert "gravity_" not in text["engine"] and "gravity_" in text["engine_rig"]
+    assert "gas" not in text["engine_rig"] and rig.TABLES == ()
+    # The crank turns at constant speed about a fixed pivot: no acceleration of its own is computed.
+    assert "epsilon_crank" not in text["engine"] and engine.CONSTANTS["crank.epsilon"] == 0
+    assert all(engine.CONSTANTS[f"crank.{entry}"] == 0 for entry in ("x", "y", "v_x", "v_y", "a_x", "a_y"))
+    # A rigid crank has no element, an undamped or Rayleigh-damped rod no viscous term.
+    assert set(engine.LINKS) == {"rod"} and set(elastic.LINKS) == {"crank", "rod"}
+    assert not [path for path, _ in engine.PARAMETERS if path.startswith("crank.element")]
+    assert not [name for name, *_ in engine.TERMS if name == "viscous"]
+    # The piston can't turn, so its inertia is no parameter.
+    assert "piston.inertia" not in dict(engine.PARAMETERS)
+
+
+# ---- compiled kernels against the equations ---------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def element():
+    return euler_bernoulli()
+
+
+def random_point(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """p and s of the element kernels, of the orders of magnitude of a real rod."""
+    rng = np.random.default_rng(seed)
+    p = np.array([1.1, 3e7, 1.5e3, 0.03, 0.06]) * rng.uniform(0.3, 3.0, 5)
+    s = np.array([600.0, 1e5, 2e4, 2e4, 3e4]) * rng.uniform(-1.0, 1.0, 5)
+    return p, s
+
+
+def computed(name: str, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    out = np.zeros(6) if name == "F" else np.zeros((6, 6))
+    KERNELS[name](*((p, out) if name in ("M", "K_s") else (p, s, out)))
+    return out
+
+
+def assert_equal(found: np.ndarray, expected: np.ndarray) -> None:
+    """To 1e-12 of each entry's largest possible neighbour: the largest entry with the same units."""
+    scale = np.abs(expected).max()
+    assert np.abs(found - expected).max() <= 1e-12 * scale
+
+
+GROUPS = {
+    "M": ("M", ("inertia",)),
+    "K_s": ("K", ("elastic",)),
+    "K_d": ("K", ("spin", "euler")),
+    "K_g": ("K", ("geometric",)),
+    "C": ("C", ("gyroscopic",)),
+    "F": ("F", ("load",)),
+}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", KERNELS)
+def test_kernel_is_its_equation(element, name, seed):
+    """The compiled, shared, printed program against the derived matrix in exact rational arithmetic."""
+    p, s = random_point(seed)
+    symbols = [symbol for _, symbol, *_ in (*element.parameters, *element.scalars)]
+    values = dict(zip(symbols, (sm.Rational(number) for number in (*p, *s)), strict=True))
+    target, groups = GROUPS[name]
+    chosen = [term for term in element.terms if term.target == target and term.group in groups]
+    exact = sum((term.scalar * term.matrix for term in chosen), sm.zeros(*chosen[0].matrix.shape)).xreplace(values)
+    expected = np.array(exact.evalf(20).tolist(), dtype=float)
+    assert_equal(computed(name, p, s), expected[:, 0] if name == "F" else expected)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_kernels_are_the_closed_forms(seed):
+    p, s = random_point(seed)
+    rhoA, EA, EI, L, x0 = p
+    w, e, ax, ay, P_0 = s
+    assert_equal(computed("M", p, s), by_hand.mass(rhoA, L))
+    assert_equal(computed("K_s", p, s), by_hand.stiffness(EA, EI, L))
+    assert_equal(computed("C", p, s), by_hand.gyroscopic(rhoA, L, w))
+    assert_equal(computed("K_d", p, s), by_hand.dynamic_stiffness(rhoA, L, w, e))
+    load = by_hand.load_acceleration(rhoA, L, ax, ay)
+    load = load + by_hand.load_centrifugal(rhoA, L, x0, w) + by_hand.load_euler(rhoA, L, x0, e)
+    assert_equal(computed("F", p, s), load)
+    # P(X) = P_0 + rhoA a_x X - rhoA w^2 X^2 / 2 of the link, written in the element's own s = X - x0.
+    c0 = P_0 + rhoA * ax * x0 - rhoA * w**2 * x0**2 / 2
+    c1 = rhoA * ax - rhoA * w**2 * x0
+    assert_equal(computed("K_g", p, s), by_hand.geometric(c0, c1, -rhoA * w**2 / 2, L))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_composed_kernels_are_the_sums_of_the_terms(seed):
+    p, s = random_point(seed)
+    scalar = dict(zip((name for name, *_ in LINK_SCALARS), s, strict=True))
+    totals = {name: np.zeros(6) if name == "F" else np.zeros((6, 6)) for name in KERNELS}
+    for k, (_, group, target, factors) in enumerate(module("engine").TERMS):
+        out = np.zeros((6, 1) if target == "F" else (6, 6))
+        terms(k, p, out)
+        name = next(name for name, (matrix, groups) in GROUPS.items() if matrix == target and group in groups)
+        totals[name] += np.prod([scalar[factor] for factor in factors]) * (out[:, 0] if target == "F" else out)
+    for name, total in totals.items():
+        assert_equal(computed(name, p, s), total)
+
+
+def test_structural_zeros_are_never_stored():
+    """Outputs are zeroed by the caller; what a kernel leaves alone is zero by structure."""
+    p, s = random_point(7)
+    out = np.full((6, 6), np.nan)
+    M(p, out)
+    assert (by_hand.mass(p[0], p[3])[np.isnan(out)] == 0).all() and np.isnan(out).any()
+    out = np.full((6, 6), np.nan)
+    K_g(p, s, out)
+    assert np.isnan(out[[0, 3]]).all() and np.isnan(out[:, [0, 3]]).all()
+
+
+def test_tabulate_and_F_t_are_motion_and_F():
+    found = model("engine").motion
+    p, times = found.parameters, np.linspace(0.0, 0.02, 37)
+    names = [path for path, _ in found.module.PARAMETERS]
+    own = p[names.index("rod.element.rho_A") : names.index("rod.element.x_0") + 1]
+    table = np.zeros((len(times), len(found.module.SCALARS)))
+    tabulate(times, p, table)
+    for t, row in zip(times, table, strict=True):
+        s, composed, separate = np.zeros(len(row)), np.zeros((1, 6)), np.zeros(6)
+        motion(t, p, s)
+        assert (s == row).all()
+        F_t(t, p, composed)
+        F(own, s[:5], separate)
+        assert composed[0] == pytest.approx(separate, rel=1e-12, abs=1e-9)
+
+
+def test_kernels_in_a_loop_of_the_users_own():
+    """Every kernel called from one jitted function that is not ours."""
+
+    @njit
+    def energy(times, p, element, q, v):
+        s, matrix, load = np.zeros(33), np.zeros((6, 6)), np.zeros(6)
+        total = 0.0
+        for t in times:
+            motion(t, p, s)
+            matrix[:] = 0.0
+            M(element, matrix)
+            total += 0.5 * v @ (matrix @ v)
+            for part in (1, 2, 3, 4):
+                matrix[:] = 0.0
+                if part == 1:
+                    K_s(element, matrix)
+                elif part == 2:
+                    K_d(element, s, matrix)
+                elif part == 3:
+                    K_g(element, s, matrix)
+                else:
+                    C(element, s, matrix)
+                total += 0.5 * q @ (matrix @ (v if part == 4 else q))
+            load[:] = 0.0
+            F(element, s, load)
+            total -= load @ q
+        return total
+
+    found = model("engine").motion
+    assert len(found.module.SCALARS) <= 33
+    rng = np.random.default_rng(1)
+    q, v = 1e-5 * rng.standard_normal(6), 1e-2 * rng.standard_normal(6)
+    element, times = random_point(3)[0], np.linspace(0.0, 0.02, 5)
+    expected = 0.0
+    for t in times:
+        s = np.ascontiguousarray(found.table(t)[0])
+        K = sum(computed(name, element, s) for name in ("K_s", "K_d", "K_g"))
+        expected += 0.5 * v @ computed("M", element, s) @ v + 0.5 * q @ K @ q
+        expected += 0.5 * q @ computed("C", element, s) @ v - computed("F", element, s) @ q
+    assert energy(times, found.parameters, element, q, v) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", kaneflex.generated.SCENES)
+def test_motion_is_finite_at_every_angle(name):
+    """0.1 degree steps over four turns, dead centres included."""
+    found = model(name).motion
+    speed = next(iter(model(name).scene.drives.values())).speed
+    times = np.radians(np.arange(0, 14400) / 10) / speed
+    assert np.isfinite(found.table(times)).all()
