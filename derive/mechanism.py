@@ -38,7 +38,10 @@ class BodyModel:
 
 @dataclass(frozen=True)
 class JointModel:
-    """A joint between a point of the first body and a point of the second; ``direction`` is fixed in the first; ``angle`` is a weld's."""
+    """A joint between a point of the first body and a point of the second.
+
+    ``direction`` is a guide's, fixed in the first body; ``angle`` a weld's, of the second against the first.
+    """
 
     name: str
     kind: str

@@ -103,8 +103,9 @@ def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
     for path, _ in module.PARAMETERS:
         owner, _, name = path.partition(".")
         if name == "table":
-            load_table = scene.loads[owner]
-            block = load_table.read_table().coefficients(load_table.period)
+            reader = scene.loads[owner] if owner in scene.loads else scene.drives[owner]
+            period = reader.period
+            block = reader.read_table().coefficients(period)
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)
@@ -122,10 +123,12 @@ def _number(scene: Scene, owner: str, name: str) -> float:
     if owner == "ground":
         point, _, axis = name.partition(".")
         return scene.ground[point]["xy".index(axis)]
-    if owner in scene.drives and name in ("speed", "angle"):
+    if owner in scene.drives and name in ("speed", "angle", "spin_up"):
         return getattr(scene.drives[owner], name)
     if owner in scene.joints and name == "branch":
         return 1.0 if scene.joints[owner].branch == "+" else -1.0
+    if owner in scene.masses:
+        return getattr(scene.masses[owner], name)
     table = scene.joints if owner in scene.joints else scene.loads
     if name.startswith("direction_"):
         return table[owner].direction["xy".index(name[-1])]

@@ -9,9 +9,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from kaneflex.affine import Affine
-from kaneflex.assembly import Equations, assemble, guided_part, with_loads
+from kaneflex.assembly import Equations, assemble, load_on_link, place_masses, place_rigid
+from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
-from kaneflex.frame import Interfaces, build_frame, find_interfaces, guided_bodies, prescribed_bodies
+from kaneflex.frame import build_frame
+from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.model import Model, Motion, RigidMotion, keep_terms
 from kaneflex.modes import lowest_modes
@@ -21,7 +23,7 @@ from kaneflex.scene import Scene
 
 def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     """Mesh the links, assemble, reduce."""
-    reference = _reference_time(scene, options)
+    reference = _reference_time(scene, options, motion)
     if options.dynamics == "rigid":
         empty = {
             key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
@@ -33,10 +35,16 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
         for name, body in scene.bodies.items()
         if body.elastic
     }
-    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
+    carried = carried_bodies(scene)
+    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces)
-    frame = build_frame(scene, parts, interfaces)
-    equations = assemble(parts, frame, options.convective)
+    frame = build_frame(scene, parts, carried, interfaces)
+    placed = [(part, frame.maps[name]) for name, part in parts.items()]
+    placed += place_rigid(scene, carried, frame) + place_masses(scene, links, parts, frame)
+    if scene.damping is not None and scene.damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
+        placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+    equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model)
@@ -68,11 +76,21 @@ def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
     return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
-def _reference_time(scene: Scene, options: Options) -> float:
-    drive = next(iter(scene.drives.values()), None)
+def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
+    """The first instant [s] at which the first drive stands at the mode angle; 0 where it never does."""
+    name, drive = next(iter(scene.drives.items()), (None, None))
     if drive is None or drive.speed == 0:
         return 0.0
-    return (options.mode_angle - drive.angle) / drive.speed
+    if drive.kind == "constant speed":
+        return (options.mode_angle - drive.angle) / drive.speed
+    times = np.linspace(0.0, scene.horizon, 4001)
+    ahead = motion.at(times)[f"{name}.angle"] - options.mode_angle
+    crossings = np.flatnonzero(ahead[:-1] * ahead[1:] <= 0.0)
+    if not len(crossings):
+        return 0.0
+    k = int(crossings[0])
+    rise = ahead[k + 1] - ahead[k]
+    return float(times[k] - (times[k + 1] - times[k]) * ahead[k] / rise) if rise else float(times[k])
 
 
 def _parts(
@@ -81,9 +99,9 @@ def _parts(
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}
     for name, link in links.items():
-        parts[name] = with_loads(scene, link.part, link)
+        parts[name] = load_on_link(scene, link.part, link)
         if options.reduction == "craig-bampton":
-            held = interfaces.held_rows(parts[name])
+            held = interfaces.held_rows(parts[name]) | _mass_rows(scene, link)
             limit = parts[name].size - len(held)
             count = limit if options.modes == "all" else options.modes
             if count > limit:
@@ -92,12 +110,13 @@ def _parts(
                     "Ask for fewer modes, or give the link more elements",
                 )  # fmt: skip
             parts[name], bases[name] = craig_bampton(parts[name], held, count)
-    for name in guided_bodies(scene, prescribed_bodies(scene)):
-        parts[name] = with_loads(scene, guided_part(scene, name), None)
-    if scene.damping is not None and scene.damping.kind == "rayleigh":
-        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
-        parts = {name: with_rayleigh(part, alpha, beta) for name, part in parts.items()}
     return parts, bases
+
+
+def _mass_rows(scene: Scene, link: Link) -> set[int]:
+    """Rows of the nodes with lumped masses, which a reduction keeps."""
+    nodes = [link.node_at(scene.point(mass.at)[0]) for mass in scene.masses.values() if mass.at.body == link.name]
+    return {row for node in nodes for row in link.part.place[node]}
 
 
 def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:

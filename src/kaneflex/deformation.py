@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.affine import Monomial
+from kaneflex.affine import Affine, Monomial
 from kaneflex.assembly import spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
@@ -154,28 +154,23 @@ class Deformation:
         }.get(key, True)  # fmt: skip
 
 
-def deform(model: Model, rigid: RigidMotion, coordinates: tuple[np.ndarray, ...], name: str) -> Deformation:
-    """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z of one link, reduced coordinates expanded."""
+Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
+    """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
     z, v, a = coordinates
-    L = model.frame.maps[name]
     q, q_rate, q_accel = rigid.apply(L, z), rigid.apply(L, v), rigid.apply(L, a)
     if model.options.convective:
         rate = L.rate()
         q_rate += rigid.apply(rate, z)
         q_accel += 2.0 * rigid.apply(rate, v) + rigid.apply(rate.rate(), z)
+    return q, q_rate, q_accel
+
+
+def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
+    """The deformation of one link, reduced coordinates expanded."""
+    series = follow(model, rigid, coordinates, model.frame.maps[name])
     if name in model.bases:
-        basis = model.bases[name]
-        q, q_rate, q_accel = basis @ q, basis @ q_rate, basis @ q_accel
-    return Deformation(model, model.links[name], rigid, q, q_rate, q_accel)
-
-
-def slide(model: Model, rigid: RigidMotion, coordinates: tuple[np.ndarray, ...], name: str) -> tuple[np.ndarray, ...]:
-    """Global displacement of a guided rigid body and its rates; each (2, n_times)."""
-    z, v, a = coordinates
-    L = model.frame.maps[name]
-    d, d_rate, d_accel = rigid.apply(L, z), rigid.apply(L, v), rigid.apply(L, a)
-    if model.options.convective:
-        rate = L.rate()
-        d_rate += rigid.apply(rate, z)
-        d_accel += 2.0 * rigid.apply(rate, v) + rigid.apply(rate.rate(), z)
-    return d, d_rate, d_accel
+        series = tuple(model.bases[name] @ part for part in series)
+    return Deformation(model, model.links[name], rigid, *series)

@@ -11,9 +11,9 @@ import numpy as np
 
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
+from kaneflex.carried import carried_bodies, check_guides
 from kaneflex.contract import ELEMENT_PARAMETERS
 from kaneflex.errors import SceneError
-from kaneflex.frame import guided_bodies, prescribed_bodies
 from kaneflex.model import Model, Motion
 from kaneflex.options import Options, resolve_options
 from kaneflex.scene import Scene
@@ -43,7 +43,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     """
     started = time.perf_counter()
     options = resolve_options(scene)
-    guided_bodies(scene, prescribed_bodies(scene))
+    check_guides(scene)
+    carried_bodies(scene)
     module, derived = find_module(scene, progress)
     bound = time.perf_counter()
     motion = Motion(module, bind_parameters(scene, module))

@@ -135,6 +135,10 @@ def _joint(scene: Scene, name: str) -> str:
 def _drive(scene: Scene, name: str) -> str:
     drive = scene.drives[name]
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
+    if drive.kind in ("law", "table"):
+        return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
+    if drive.kind == "spin up":
+        cycle = f", reached in {drive.spin_up:.6g} s"
     return f"{drive.speed * 30.0 / math.pi:.6g} rpm from {math.degrees(drive.angle):.6g} deg{cycle}"
 
 

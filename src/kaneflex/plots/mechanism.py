@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.deformation import deform, slide
+from kaneflex.deformation import deform, follow
 from kaneflex.model import Model, RigidMotion
 from kaneflex.scene.parts import Joint
 
@@ -118,8 +118,7 @@ class _Pose:
     def __init__(self, model: Model, rigid: RigidMotion, fixed: Scenery, coordinates, factor: float):
         self.model, self.scene, self.rigid, self.fixed = model, model.scene, rigid, fixed
         self.axes = {name: self._axis(name, coordinates, factor) for name, body in self.scene.bodies.items() if body.elastic}
-        guided = [] if coordinates is None else [name for name in model.parts if name not in model.links]
-        self.slides = {name: factor * slide(model, rigid, coordinates, name)[0].T for name in guided}
+        self.coordinates, self.factor = coordinates, factor
 
     def outline(self) -> Outline:
         links = {name: _to_global(self.rigid, name, axis) for name, axis in self.axes.items()}
@@ -147,7 +146,11 @@ class _Pose:
     def _point(self, body: str, at: Place) -> np.ndarray:
         """Global position of a body's point, displaced, (n_times, 2)."""
         if body not in self.axes:
-            return _rigid_point(self.rigid, body, at) + self.slides.get(body, 0.0)
+            place = _rigid_point(self.rigid, body, at)
+            if self.coordinates is None or body not in self.model.frame.bodies:
+                return place
+            moved = follow(self.model, self.rigid, self.coordinates, self.model.frame.body_point(body, at))[0]
+            return place + self.factor * moved[:2].T
         x, y = at
         share = x / self.scene.bodies[body].length * (_ALONG_LINK - 1)
         k = min(int(share), _ALONG_LINK - 2)

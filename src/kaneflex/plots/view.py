@@ -97,7 +97,7 @@ def view(solution: Solution) -> View:
     """The instants to draw: finite ones, of a long run the last turns, thinned where there are very many."""
     motion = solution.trajectory.z
     instants = np.flatnonzero(np.isfinite(motion).all(axis=1))
-    speed = max((abs(drive.speed) for drive in solution.model.scene.drives.values()), default=0.0)
+    speed = max((abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()), default=0.0)
     turns = speed * float(np.ptp(solution.times[instants])) / (2 * math.pi) if len(instants) else 0.0
     shown = None
     if turns > _MOST_TURNS and not solution.model.options.cycles:
