@@ -17,12 +17,10 @@ if TYPE_CHECKING:
 
     from kaneflex.model import Model
     from kaneflex.scene import Scene
-    from kaneflex.solution import Solution
     from kaneflex.summary import Summary
 
 USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
 """Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
-SUMMARY_FILE, RESULTS_FILE = "summary.json", "results.nc"
 
 
 class _Refusal(click.ClickException):
@@ -119,9 +117,7 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
     "--json-schema", is_flag=True, is_eager=True, expose_value=False, callback=_print_schema,
     help="Print the JSON Schema of scene files, for editors, and stop.",
 )  # fmt: skip
-def check(
-    name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None
-) -> None:
+def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None) -> None:
     """Say what SCENE is and whether it can be run; nothing is solved.
 
     Every entry is checked, and the linkage is closed over the whole range of its drives.
@@ -153,52 +149,25 @@ def run(
     The folder appears when it is complete; a run that fails leaves none. A run that goes unstable keeps what came
     before, says when and why, and ends with exit code 3.
     """
-    from kaneflex.folders import whole_folder, writing
-    from kaneflex.terminal import Waiting
+    from kaneflex.running import run_into, uncollected
 
     chosen = _settings(preset, settings, steps, integrator)
-    scene = _read(name, chosen)
+    with uncollected():
+        scene = _read(name, chosen)
     folder = output or Path(f"{scene.name}-results")
-    with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
-        from kaneflex.loading import load
-        from kaneflex.simulate import simulate
-        from kaneflex.summary import summarise
-
-        model = load(scene, waiting.stage)
-        waiting.stage("solving")
-        solution = simulate(model, waiting.share)
-        waiting.stage("writing the results")
-        summary = summarise(solution, chosen)
-        with writing(folder):
-            _write(solution, summary, partial)
-            if plots and summary.outcome == "completed":
-                waiting.stage("drawing the pictures")
-                _draw(solution, partial)
+    summary = run_into(scene, folder, chosen, plots, force)
     _report(summary, folder)
     if summary.outcome != "completed":
         ctx.exit(STOPPED_EARLY)
 
 
-def _write(solution: Solution, summary: Summary, folder: Path) -> None:
-    from kaneflex.results import write_netcdf
-
-    text = summary.model_dump_json(indent=2) + "\n"
-    (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
-    if summary.sensors:
-        write_netcdf(solution, folder / RESULTS_FILE)
-
-
-def _draw(solution: Solution, folder: Path) -> None:
-    from kaneflex.plots import draw_all
-
-    draw_all(solution, folder)
-
-
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.presentation import run_lines, summary_table
+    from kaneflex.presentation import run_lines, spread_table, summary_table
 
     if summary.sensors:
         click.echo(summary_table(summary))
+    if summary.mode_angle_spread:
+        click.echo(spread_table(summary))
     click.echo(run_lines(summary))
     click.echo(f"Written to {folder}")
     for warning in summary.warnings:
@@ -210,8 +179,9 @@ def _report(summary: Summary, folder: Path) -> None:
 @main.command()
 @scene_options
 @click.option(
-    "--at", metavar="DRIVE=ANGLE", help="Configuration, like main=90deg. [default: solve.mode_angle of the scene]"
-)
+    "--at", metavar="DRIVE=ANGLE",
+    help="Configuration, like main=90deg; a plain number is in rad. [default: solve.mode_angle of the scene]",
+)  # fmt: skip
 @click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
 def modes(
@@ -258,9 +228,17 @@ def _angle(scene: Scene, at: str) -> float:
         cure = f"Give the angle of {first}"
         raise SceneError("--at", at, "a configuration is given by the first drive's angle", cure)
     try:
-        return to_si(angle.strip(), ANGLE)
+        return to_si(float(angle) if _is_number(angle) else angle, ANGLE)
     except Fault as fault:
         raise SceneError("--at", at, fault.reason, fault.cure) from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _mode_count(model: Model, count: int | None) -> int:

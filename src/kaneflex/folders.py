@@ -34,7 +34,8 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
         If ``path`` exists and may not be replaced, or can't be written.
     """
     path = path.resolve()
-    _refuse_existing(path, mark, force)
+    with writing(path):
+        _refuse_existing(path, mark, force)
     missing = [parent for parent in path.parents if not parent.exists()]
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from kaneflex.model import Model
     from kaneflex.scene import Scene
-    from kaneflex.summary import SensorSummary, Summary
+    from kaneflex.summary import Instant, SensorSummary, Summary
 
 PRESETS_IN_WORDS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
@@ -52,17 +52,33 @@ def summary_table(summary: Summary) -> str:
     return table(head, [_sensor_row(name, entry) for name, entry in summary.sensors.items()], left=2)
 
 
-def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
-    unit, factor = _FOR_PEOPLE.get(entry.unit, (entry.unit, 1.0))
+def _unit_shown(unit: str) -> tuple[str, Callable[[float], str]]:
+    """The unit for people, and what writes an SI value in it."""
+    shown, factor = _FOR_PEOPLE.get(unit, (unit, 1.0))
 
     def number(value: float) -> str:
         return f"{value * factor:.4g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
 
-    def where(instant) -> str:
+    return shown, number
+
+
+def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
+    unit, number = _unit_shown(entry.unit)
+
+    def where(instant: Instant) -> str:
         return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
 
     lowest, highest = where(entry.at_min), where(entry.at_max)
     return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(entry.mean), number(entry.rms))
+
+
+def spread_table(summary: Summary) -> str:
+    """How the peaks of a frozen model depend on the angle at which it is frozen."""
+    rows = []
+    for name, spread in summary.mode_angle_spread.items():
+        unit, number = _unit_shown(summary.sensors[name].unit)
+        rows.append((name, unit, number(spread.smallest), number(spread.largest)))
+    return table(("frozen at any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
 
 
 def run_lines(summary: Summary) -> str:

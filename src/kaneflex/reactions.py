@@ -89,9 +89,7 @@ class _Balances:
 
     def _joint(self, name: str, joint, address: Address, node: int | None) -> np.ndarray:
         rows = np.zeros((self.steps, 3, len(self.index)))
-        arm = (
-            np.zeros((2, self.steps)) if node is not None else self._turn(address.body, self.model.scene.point(address))
-        )
+        arm = np.zeros((2, self.steps)) if node is not None else self._arm(joint, address)
 
         def push(reaction: str, direction: np.ndarray) -> None:
             k = self.index[f"{name}.{reaction}"]
@@ -113,6 +111,18 @@ class _Balances:
         if joint.kind != "revolute":
             rows[:, 2, self.index[f"{name}.moment"]] += 1.0
         return rows
+
+    def _arm(self, joint, address: Address) -> np.ndarray:
+        """Where a joint's force acts on a rigid body, from the body's start, global components (2, n_times)."""
+        # What slides in a guide is pushed at its own point, and pushes the guide there: action is reaction.
+        touches = joint.addresses[1] if joint.kind == "prismatic" else address
+        arm = self._turn(touches.body, self.model.scene.point(touches))
+        return arm + self._start(touches.body) - self._start(address.body)
+
+    def _start(self, body: str) -> np.ndarray:
+        if body == "ground":
+            return np.zeros((2, self.steps))
+        return np.array([self.rigid[f"{body}.x"], self.rigid[f"{body}.y"]])
 
     def _turn(self, body: str, vector: tuple[float, float]) -> np.ndarray:
         """Global components of a body-fixed vector, shape (2, n_times)."""

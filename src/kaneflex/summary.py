@@ -54,7 +54,7 @@ class Timing(_Table):
     derive_s: float = Field(description="deriving the equations, s; 0 where their module existed")
     compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
     set_up_s: float = Field(description="everything else before the first step, s")
-    integrate_s: float = Field(description="solving, s")
+    integrate_s: float = Field(description="solving, s; the first time the integrator is compiled in it")
     ns_per_step: float = Field(description="one step in the compiled loop, ns; 0 where nothing is integrated")
 
 
@@ -65,10 +65,17 @@ class Operations(_Table):
     shared: int = Field(description="with common subexpressions shared, as emitted")
 
 
+class PeakSpread(_Table):
+    """A sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+
+    smallest: float = Field(description="smallest peak")
+    largest: float = Field(description="largest peak")
+
+
 class Summary(_Table):
     """What a run was and gave."""
 
-    schema_version: Literal[1] = Field(default=SCHEMA_VERSION, description="raised when a field changes its meaning")
+    schema_version: Literal[1] = Field(description="raised when a field goes or changes its meaning")
     kaneflex: str = Field(description="version of kaneflex")
     scene: str = Field(description="name of the scene")
     settings: list[str] = Field(description="what the command line changed in the scene, as path=value")
@@ -84,6 +91,10 @@ class Summary(_Table):
     steps: int = Field(description="steps asked for")
     stored: int = Field(description="instants stored, over which the sensors are summed up")
     sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is the rigid mechanism's value")
+    mode_angle_spread: dict[str, PeakSpread] = Field(
+        description="preset paper: by sensor, how its peak depends on options.mode_angle, at equal angles over a turn; "
+        "empty for equations that are not frozen"
+    )
     frequencies_hz: list[float] = Field(
         description=f"natural frequencies at options.mode_angle, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; "
         "empty where nothing is elastic"
@@ -108,6 +119,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
     seconds, times = model.seconds, solution.times
     multipliers = trajectory.multipliers
     return Summary(
+        schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,
         scene=model.scene.name,
         settings=list(settings),
@@ -123,6 +135,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         steps=model.options.steps,
         stored=len(times),
         sensors=_sensors(solution) if len(times) else {},
+        mode_angle_spread=_spread(solution),
         frequencies_hz=_frequencies(solution),
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
         modes_kept=model.reduced.size,
@@ -185,6 +198,15 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
     return None
 
 
+def _spread(solution: Solution) -> dict[str, PeakSpread]:
+    if solution.model.options.dynamics != "frozen":
+        return {}
+    from kaneflex.spread import mode_angle_spread
+
+    peaks = mode_angle_spread(solution.model)
+    return {name: PeakSpread(smallest=smallest, largest=largest) for name, (smallest, largest) in peaks.items()}
+
+
 def _frequencies(solution: Solution) -> list[float]:
     from kaneflex.building import reference_modes
 
@@ -204,7 +226,7 @@ def json_schema() -> dict[str, Any]:
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field, and the JSON Schema."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
-    for table in (Summary, SensorSummary, Instant, Timing, Operations):
+    for table in (Summary, SensorSummary, Instant, PeakSpread, Timing, Operations):
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-_PATIENCE = 0.5
+_PATIENCE = 1.0
 """Seconds that a stage may take before anything is shown of it."""
 
 
 class Waiting:
-    """Names the stage that is under way, once it has lasted half a second.
+    """Names the stage that is under way, once it has lasted a second.
 
     A terminal shows a bar that vanishes at the end; anything else gets one line a stage. rich is imported only when
     something is shown. To be used in a ``with`` statement.
@@ -48,11 +49,17 @@ class Waiting:
         self._timer.daemon = True
         self._timer.start()
 
-    def share(self, done: float) -> None:
-        """The finished share of the present stage, 0 to 1."""
-        with self._lock:
-            if self._task is not None:
-                self._bar.update(self._task, completed=done, total=1.0)
+    def share_of(self, name: str) -> Callable[[float], None]:
+        """What takes the finished share of a stage, 0 to 1; its first call begins the stage ``name``."""
+
+        def share(done: float) -> None:
+            if self._name != name:
+                self.stage(name)
+            with self._lock:
+                if self._task is not None:
+                    self._bar.update(self._task, completed=done, total=1.0)
+
+        return share
 
     def _finish_stage(self) -> None:
         if self._timer is not None:

@@ -12,7 +12,7 @@ from matplotlib.animation import PillowWriter
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import outline, scenery
 from kaneflex.plots.style import new_figure, round_down
-from kaneflex.plots.view import View, view
+from kaneflex.plots.view import View, angle_name, view
 
 if TYPE_CHECKING:
     from kaneflex.solution import Solution
@@ -42,6 +42,8 @@ def animate(solution: Solution, path: Path) -> Path:
     ghost = draw_outline(axes, still, 0, ghost=True)
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title("")
+    figure.canvas.draw()
+    figure.set_layout_engine("none")  # places are found once, not for every frame
     writer = PillowWriter(fps=_PER_SECOND)
     with writer.saving(figure, str(path), _DPI):
         for k in range(len(shown.instants)):
@@ -73,12 +75,15 @@ def title(factor: float | None) -> str:
     """States the enlargement; None for a rigid mechanism."""
     if factor is None:
         return "Rigid mechanism"
-    power = math.floor(math.log10(factor))
-    number = f"{factor:,.0f}".replace(",", "\u2009") if 0 <= power < 6 else f"{factor / 10.0**power:.0f} \u00d7 10$^{{{power}}}$"
+    power = math.floor(math.log10(factor) + 1e-9)
+    plain = f"{factor:.0f}"
+    number = plain if 0 <= power < 5 else f"{factor / 10.0**power:.0f} \u00d7 10$^{{{power}}}$"
     return f"Deformation enlarged {number} times"
 
 
 def _caption(shown: View, k: int) -> str:
-    name, angle = next(((name, shown.rigid[f"{name}.angle"][k]) for name in shown.solution.model.scene.drives), (None, 0.0))
+    drive = next(iter(shown.solution.model.scene.drives), None)
     time = f"t = {1e3 * shown.times[k]:.2f} ms" if shown.times[-1] < 0.5 else f"t = {shown.times[k]:.2f} s"
-    return time if name is None else f"{name} = {math.degrees(angle):.0f} deg, {time}"
+    if drive is None:
+        return time
+    return f"{angle_name(shown.solution, drive)} {math.degrees(shown.rigid[f'{drive}.angle'][k]):.0f} deg, {time}"

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from kaneflex.deformation import Deformation
     from kaneflex.solution import Solution
 
-_STILL = 1e-9
-"""Displacements below this share of the largest are those of a point that is held."""
+_STILL = 1e-3
+"""Displacements below this share of the largest are not shown: of held points, of second order."""
 Panel = tuple[str, str, str, list[tuple[str, np.ndarray]]]
 
 
@@ -63,8 +63,7 @@ def _nodal(shown: View) -> list[Panel]:
         shift = next(iter(q.values()))
         found += [(f"$q_{{{3 * number + k + 1}}}$: {name}, {'XY'[k]}", "m", [(name, shift[k])]) for k in (0, 1)]
         turns = [(body, series[2]) for body, series in q.items()]
-        shared = len(turns) == 2 and np.allclose(turns[0][1], turns[1][1], rtol=0, atol=_STILL)
-        found.append((f"$q_{{{3 * number + 3}}}$: {name}, rotation", "rad", turns[:1] if shared else turns))
+        found.append((f"$q_{{{3 * number + 3}}}$: {name}, rotation", "rad", _distinct(turns)))
     largest = {
         unit: max(np.abs(values).max() for _, of, curves in found if of == unit for _, values in curves)
         for unit in {unit for _, unit, _ in found}
@@ -76,6 +75,12 @@ def _nodal(shown: View) -> list[Panel]:
             whose = f" of {moving[0][0]}" if unit == "rad" and len(moving) == 1 and len(curves) > 1 else ""
             panels.append((title + whose, "rotation" if unit == "rad" else "displacement", unit, moving))
     return panels
+
+
+def _distinct(turns: list[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """Rotations of the links at a joint; once where they share it."""
+    gap = max(np.abs(values - turns[0][1]).max() for _, values in turns)
+    return turns if gap > _STILL * np.abs(turns[0][1]).max() else turns[:1]
 
 
 def _global(shown: View, link: str, x: float) -> np.ndarray:

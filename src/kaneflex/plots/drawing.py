@@ -18,6 +18,9 @@ MM = 1e3
 _MARGIN = 0.06
 _HATCHES = 26
 """Strokes of the hatching along one size of the mechanism."""
+_MARKED = 4
+_MARK = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgewidth": 0.9}
+_STILL_MARK = {"marker": "|", "markersize": 11, "markeredgecolor": GREY, "markeredgewidth": 0.8}
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +98,7 @@ def draw_outline(
         for name, corners in outline.boxes.items():
             boxes[name] = Polygon(
                 MM * corners[k], facecolor="none" if ghost else shade(GREY, 0.7), edgecolor=body,
-                linewidth=0.7 if ghost else 1.1, zorder=2.4 + below,
+                linewidth=0.7 if ghost else 1.1, zorder=2.0 + below,
             )  # fmt: skip
             axes.add_patch(boxes[name])
         for name, points in outline.bars.items():
@@ -103,7 +106,9 @@ def draw_outline(
             lines["bars", name] = _line(axes, points[k], body, width, 3.0 + below)
     for name, points in outline.links.items():
         width = 0.9 if ghost else 1.4 if links_only else 2.4
-        lines["links", name] = _line(axes, points[k], body if ghost else colour, width, 3.2 + below)
+        line = lines["links", name] = _line(axes, points[k], body if ghost else colour, width, 3.2 + below)
+        if not links_only:  # marks at equal distances show the longitudinal displacement
+            line.set(markevery=_MARKED, **(_STILL_MARK if ghost else _MARK | {"markeredgecolor": colour}))
     if not ghost and not links_only and outline.pins:
         places = MM * np.array([place[k] for place in outline.pins.values()])
         style = {"marker": "o", "markersize": 5, "markerfacecolor": "white", "markeredgecolor": "black"}
@@ -118,8 +123,10 @@ def _line(axes: Axes, points: np.ndarray, colour, width: float, zorder: float) -
 
 def frame_axes(axes: Axes, outlines: list[Outline], fixed: Scenery) -> tuple[float, float]:
     """Limits that hold the scenery and every instant of the outlines; returns width and height [mm]."""
-    parts = [part for outline in outlines for part in (*outline.links.values(), *outline.bars.values(), *outline.boxes.values())]
-    points = np.concatenate([part.reshape(-1, 2) for part in parts] + [fixed.pivots - [0, 0.07 * fixed.size]])
+    parts = [fixed.pivots - [0, 0.07 * fixed.size]]
+    for outline in outlines:
+        parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
+    points = np.concatenate([part.reshape(-1, 2) for part in parts])
     margin = _MARGIN * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
     axes.set_xlim(lower[0], upper[0])

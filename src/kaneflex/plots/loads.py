@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.plots.style import mark_angles, new_figure, plot_curves, readable
-from kaneflex.plots.view import angle_label
+from kaneflex.plots.view import angle_name
 from kaneflex.scene.parts import Load
-from kaneflex.tables import evaluate_block
+from kaneflex.tables import Table, evaluate_block
 
 if TYPE_CHECKING:
     from kaneflex.solution import Solution
@@ -70,7 +70,7 @@ def _axis(solution: Solution, against: str, x: np.ndarray) -> tuple[float, str]:
     if against == "t":
         factor, unit = readable("s", x)
         return factor, f"time [{unit}]"
-    return 180 / np.pi, angle_label(solution, against)
+    return 180 / np.pi, f"{angle_name(solution, against)} [deg]"
 
 
 def _force(load: Load, x: np.ndarray) -> np.ndarray:
@@ -79,14 +79,15 @@ def _force(load: Load, x: np.ndarray) -> np.ndarray:
 
 
 def _pressure(load: Load, x: np.ndarray) -> np.ndarray | None:
-    """The file's pressure [bar] at x, linear between its rows, where the file has it."""
+    """The file's pressure [bar] at x, where the file has it; between its rows as the force."""
     with open(load.table, encoding="utf-8-sig", newline="") as file:
         header, *rows = csv.reader(line for line in file if line.strip() and line[0] != "#")
     if _PRESSURE not in header:
         return None
     column = header.index(_PRESSURE)
     bar = np.array([float(row[column]) for row in rows])
-    return np.interp(x - load.offset, load.read_table().x, bar, period=load.period)
+    curve = Table(load.read_table().x, bar).coefficients(load.period)
+    return evaluate_block(curve, x - load.offset)
 
 
 def _mark_peak(axes: Axes, x: np.ndarray, values: np.ndarray, unit: str, label: str) -> None:
@@ -98,4 +99,5 @@ def _mark_peak(axes: Axes, x: np.ndarray, values: np.ndarray, unit: str, label: 
         f"{factor * values[peak]:.3g} {name} at {x[peak]:.4g} {x_unit}",
         (x[peak], factor * values[peak]), xytext=(8, -3), textcoords="offset points", fontsize=8,
     )  # fmt: skip
+    axes.margins(y=0.1)
     axes.plot(x[peak], factor * values[peak], "o", color="black", markersize=3)

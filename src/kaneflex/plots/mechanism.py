@@ -117,7 +117,8 @@ class _Pose:
 
     def __init__(self, model: Model, rigid: RigidMotion, fixed: Scenery, coordinates, factor: float):
         self.model, self.scene, self.rigid, self.fixed = model, model.scene, rigid, fixed
-        self.axes = {name: self._axis(name, coordinates, factor) for name, body in self.scene.bodies.items() if body.elastic}
+        elastic = [name for name, body in self.scene.bodies.items() if body.elastic]
+        self.axes = {name: self._axis(name, coordinates, factor) for name in elastic}
         self.coordinates, self.factor = coordinates, factor
 
     def outline(self) -> Outline:

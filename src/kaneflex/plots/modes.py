@@ -13,6 +13,7 @@ from kaneflex.building import reference_modes
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import Outline, outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
+from kaneflex.plots.view import angle_name
 
 if TYPE_CHECKING:
     from kaneflex.model import Model
@@ -46,7 +47,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
         draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
         draw_outline(axes, positive, k)
         frame_axes(axes, [still, positive, negative], fixed)
-        axes.set_title(f"Mode {k + 1}: {omega[k] / (2 * math.pi):,.1f} Hz".replace(",", "\u2009"))
+        axes.set_title(f"Mode {k + 1}: {_hertz(omega[k])}")
         axes.label_outer()
     figure.legend(handles=_handles(), loc="outside lower center", ncols=3)
     return {"modes": figure}
@@ -54,11 +55,12 @@ def figures(solution: Solution) -> dict[str, Figure]:
 
 def _deflected(model: Model, rigid, fixed, shapes: np.ndarray, still: Outline) -> Outline:
     """One mode an instant, each enlarged to the same largest displacement."""
-    still_rates = np.zeros_like(shapes)
-    unit = outline(model, rigid, fixed, (shapes, still_rates, still_rates), 1.0)
-    largest = np.max([_shift(unit, still, name) for name in still.links], axis=0)
-    small = shapes * (_SMALL * fixed.size / largest)
-    return outline(model, rigid, fixed, (small, still_rates, still_rates), _DRAWN / _SMALL)
+    rates = np.zeros_like(shapes)
+    small = shapes * (_SMALL * fixed.size / np.abs(shapes).max(axis=0))
+    tried = outline(model, rigid, fixed, (small, rates, rates), 1.0 / _SMALL)
+    largest = np.max([_shift(tried, still, name) for name in still.links], axis=0)
+    small *= _DRAWN * fixed.size / largest
+    return outline(model, rigid, fixed, (small, rates, rates), 1.0 / _SMALL)
 
 
 def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:
@@ -83,8 +85,14 @@ def _panels(count: int, size: float, outlines: tuple[Outline, ...], fixed) -> tu
 def _title(solution: Solution) -> str:
     model = solution.model
     drive = next(iter(model.scene.drives), None)
-    at = f" at {drive} = {math.degrees(model.options.mode_angle):g}\u2009deg" if drive else ""
+    at = f" at {angle_name(solution, drive)} {math.degrees(model.options.mode_angle):g} deg" if drive else ""
     return f"Mode shapes{at}, undamped"
+
+
+def _hertz(omega: float) -> str:
+    """A frequency to five digits."""
+    value = omega / (2 * math.pi)
+    return f"{value:.{max(0, 4 - math.floor(math.log10(value)))}f} Hz" if value > 1e-3 else "0 Hz"
 
 
 def _handles() -> list[Line2D]:

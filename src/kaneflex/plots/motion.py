@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import new_figure, plot_curves
+from kaneflex.plots.style import legend_above, new_figure, plot_curves
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
@@ -30,12 +31,14 @@ def figures(solution: Solution) -> dict[str, Figure]:
     for column, panels in enumerate(columns):
         first = None
         for row, (title, quantity, unit, curves) in enumerate(panels):
-            first = axes = figure.add_subplot(grid[row, column], sharex=first)
+            axes = figure.add_subplot(grid[row, column], sharex=first)
             plot_curves(axes, shown.x, curves, unit, title, quantity)
+            axes.tick_params(labelbottom=row == len(panels) - 1)
+            first = first or axes
         below.append(axes)
     for row, (title, quantity, unit, curves) in enumerate(drives):
         axes = figure.add_subplot(grid[rows + row, :])
-        plot_curves(axes, shown.x, curves, unit, title, quantity)
+        _with_means(axes, shown, curves, unit, title, quantity)
         below.append(axes)
     for axes in below:
         shown.label_x(axes)
@@ -87,16 +90,17 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
 
 
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """What each drive must apply to hold its speed, torques and forces apart, with the mean over what is shown."""
-    scene, rigid = shown.solution.model.scene, shown.rigid
-    panels = []
-    for revolute, what, unit in ((True, "torque", "N m"), (False, "force", "N")):
-        curves: Curves = []
-        for name in scene.drives:
-            if (scene.joints[name].kind == "revolute") == revolute and f"{name}.drive" in rigid:
-                values = rigid[f"{name}.drive"]
-                curves += [(name, values), (f"{name}, mean", np.full(len(values), np.trapezoid(values, shown.times)))]
-                curves[-1][1][:] /= np.ptp(shown.times) or 1.0
-        if curves:
-            panels.append((f"Drive {what} that holds the speed", what, unit, curves))
-    return panels
+    """What each drive must apply to hold its speed."""
+    names = [name for name in shown.solution.model.scene.drives if f"{name}.drive" in shown.rigid]
+    curves = [(name, shown.rigid[f"{name}.drive"]) for name in names]
+    return [("Drive torque that holds the speed", "torque", "N m", curves)] if curves else []
+
+
+def _with_means(axes: Axes, shown: View, curves: Curves, unit: str, title: str, quantity: str) -> None:
+    """Curves with their means over what is shown, dashed."""
+    factor, label = plot_curves(axes, shown.x, curves, unit, title, quantity)
+    for (name, values), line in zip(curves, axes.get_lines(), strict=True):
+        mean = factor * np.trapezoid(values, shown.times) / (np.ptp(shown.times) or 1.0)
+        style = {"color": line.get_color(), "linestyle": "--", "linewidth": 1.0}
+        axes.axhline(mean, label=f"{name}, mean {mean:.4g} {label}".replace("-", "\u2212"), **style)
+    legend_above(axes)

@@ -12,7 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, new_figure, plot_curves, readable
+from kaneflex.building import reference_modes
+from kaneflex.plots.style import GREY, PALETTE, legend_above, legend_beside, new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 _FLOOR = 1e-4
 """A spectrum is drawn up to the last frequency whose amplitude exceeds this share of the largest."""
 _RANGE = 1e-6
+"""Amplitudes below this share of the largest are left out."""
+_NATURAL = 6
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -58,7 +61,9 @@ def reversals(times: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One-sided amplitude spectrum of a record, mean removed, Hann window with its gain corrected (Harris 1978).
+    """One-sided amplitude spectrum of a record, Hann window with its gain corrected (Harris 1978).
+
+    The mean is removed as the window weighs it, so that nothing of it leaks into the lowest lines.
 
     Parameters
     ----------
@@ -73,15 +78,15 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     """
     n = len(times) - 1
     window = 0.5 - 0.5 * np.cos(2 * math.pi * np.arange(n) / n)
-    record = values[:-1] - np.mean(values[:-1])
+    record = values[:-1] - np.average(values[:-1], weights=window)
     amplitudes = 2.0 / window.sum() * np.abs(np.fft.rfft(window * record))
     return np.arange(len(amplitudes)) / (times[-1] - times[0]), amplitudes
 
 
 def _records(solution: Solution, accelerometers: list[str]) -> Figure:
     shown = view(solution)
-    kinds = [("Accelerometers (a - g)", "acceleration", "m/s^2", accelerometers, False)]
-    kinds += [(title, quantity, unit, names, forces) for title, quantity, unit, names, forces in _others(solution) if names]
+    kinds = [("Accelerometers (a \u2212 g)", "acceleration", "m/s^2", accelerometers, False), *_others(solution)]
+    kinds = [kind for kind in kinds if kind[3]]
     figure = new_figure(8.4, 0.7 + 1.9 * len(kinds), f"Records over time{shown.note}")
     panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (title, quantity, unit, names, forces) in zip(panels, kinds, strict=True):
@@ -89,6 +94,7 @@ def _records(solution: Solution, accelerometers: list[str]) -> Figure:
         plot_curves(axes, shown.x, curves, unit, title, quantity)
         if forces:
             _mark_reversals(axes, shown, curves, title)
+        legend_beside(axes)
     shown.label_x(panels[-1])
     return figure
 
@@ -115,7 +121,7 @@ def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
 def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]], title: str) -> None:
     """A triangle where each force changes its sign, and in the title how often that is."""
     counts = []
-    for colour, (name, values) in zip(PALETTE, curves, strict=False):
+    for colour, (_, values) in zip(PALETTE, curves, strict=False):
         at = reversals(shown.times, values)
         counts.append(len(at))
         if len(at):
@@ -125,31 +131,55 @@ def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]
                 markeredgecolor=colour, label=f"reversals ({len(at)})",
             )  # fmt: skip
     axes.set_title(title if any(counts) else f"{title}: no reversal")
-    if any(counts):
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
 
 
 def _spectra(solution: Solution, accelerometers: list[str]) -> Figure:
     times = solution.times
     resolution = 1.0 / (times[-1] - times[0])
-    names = accelerometers + [name for name, sensor in solution.model.scene.sensors.items() if sensor.kind == "axial_force"]
+    sensors = solution.model.scene.sensors
+    names = accelerometers + [name for name, sensor in sensors.items() if sensor.kind == "axial_force"]
     spectra = {name: spectrum(times, solution.series[name].values) for name in names}
     title = f"Amplitude spectra, resolution 1/T = {resolution:.3g} Hz (Hann window)"
     figure = new_figure(7.4, 0.7 + 1.8 * len(names), title)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     reach = max(_last_above(*spectra[name]) for name in names)
     scale, unit = readable("Hz", np.array([reach]))
+    lines = _marked(solution, reach)
     for axes, name in zip(panels, names, strict=True):
         frequencies, amplitudes = spectra[name]
         factor, label = readable(solution.series[name].unit, amplitudes)
-        axes.semilogy(scale * frequencies, factor * amplitudes, linewidth=0.9)
+        axes.semilogy(scale * frequencies[1:], factor * amplitudes[1:], linewidth=0.9)
+        for value, style, what in lines:
+            axes.axvline(scale * value, color=GREY, linestyle=style, linewidth=0.8, label=what, zorder=1)
         top = factor * amplitudes.max() or 1.0
         axes.set_ylim(_RANGE * top, 3 * top)
         axes.set_ylabel(f"amplitude [{label}]")
         axes.set_title(name)
+    if lines:
+        legend_above(panels[0])
     panels[-1].set_xlim(0, scale * reach)
     panels[-1].set_xlabel(f"frequency [{unit}]")
     return figure
+
+
+def _marked(solution: Solution, reach: float) -> list[tuple[float, str, str | None]]:
+    """Frequencies [Hz] to compare with, below ``reach``: drives', natural ones; the first of a kind has a label."""
+    model = solution.model
+    speeds = {abs(drive.speed) for drive in model.scene.drives.values()} - {0.0}
+    natural = reference_modes(model, min(_NATURAL, model.equations.size))[0] if model.frame is not None else []
+    natural = np.array(natural) / (2 * math.pi)
+    sampling = (len(solution.times) - 1) / np.ptp(solution.times)
+    # What is above half the sampling rate shows folded back; only exact modes keep their frequency there.
+    high = natural[natural > 0.5 * sampling] if model.options.dynamics == "frozen" else np.zeros(0)
+    kinds = (
+        (np.array(sorted(speeds)) / (2 * math.pi), ":", "drive"),
+        (natural, "--", "natural, at the reference angle"),
+        (np.abs(high - np.round(high / sampling) * sampling), "-.", "natural, folded back by sampling"),
+    )
+    marked = []
+    for values, style, what in kinds:
+        marked += [(value, style, what if k == 0 else None) for k, value in enumerate(values[values <= reach])]
+    return marked
 
 
 def _last_above(frequencies: np.ndarray, amplitudes: np.ndarray) -> float:

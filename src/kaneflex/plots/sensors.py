@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, new_figure, readable, shade
+from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable, shade
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solution import Solution
 
+_ONE_COLUMN = 4
+"""Most panels that stand one above the other."""
 _QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
@@ -27,11 +29,17 @@ def figures(solution: Solution) -> dict[str, Figure]:
     if not groups:
         return {}
     shown = view(solution)
-    figure = new_figure(8.6, 0.8 + 1.6 * len(groups), f"Sensors{shown.note}")
-    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (title, names) in zip(panels, groups.items(), strict=True):
+    columns = 1 if len(groups) <= _ONE_COLUMN else 2
+    rows = -(-len(groups) // columns)
+    figure = new_figure(7.2 * columns, 0.8 + 1.7 * rows, f"Sensors{shown.note}")
+    panels = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
+    for axes, (title, names) in zip(panels, groups.items(), strict=False):
         _panel(axes, shown, title, names)
-    shown.label_x(panels[-1])
+    for axes in panels[len(groups) :]:
+        axes.remove()
+    for last in {min(rows, len(groups)), len(groups)}:
+        panels[last - 1].tick_params(labelbottom=True)
+        shown.label_x(panels[last - 1])
     return {"sensors": figure}
 
 
@@ -54,12 +62,16 @@ def _title(sensor: Sensor) -> str:
         return f"{what}, rotation"
     if sensor.kind not in ("displacement", "velocity", "acceleration"):
         return what + (", tension positive" if sensor.kind == "axial_force" else "")
-    reading = ", as an accelerometer reads" if sensor.kind == "acceleration" and sensor.reading == "accelerometer" else ""
+    reading = ", as an accelerometer reads" if _reads_gravity(sensor) else ""
     if sensor.axes == "global":
         return f"{what}, global axes{reading}"
     if sensor.kind == "acceleration":
         return f"{what}, body axes{reading}"
     return f"{what}, {'along' if sensor.component == 'x' else 'across'} the body"
+
+
+def _reads_gravity(sensor: Sensor) -> bool:
+    return sensor.kind == "acceleration" and sensor.reading == "accelerometer"
 
 
 def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
@@ -77,4 +89,4 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
     axes.set_title(title)
     axes.set_ylabel(f"{_QUANTITY[sensor.kind]} [{label}]")
     axes.margins(x=0)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.2)
+    legend_beside(axes)

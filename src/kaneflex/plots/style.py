@@ -65,9 +65,9 @@ def styled() -> AbstractContextManager[None]:
     return matplotlib.rc_context(_STYLE)
 
 
-def new_figure(width: float, height: float, title: str) -> Figure:
+def new_figure(width: float, height: float, title: str, layout: str = "constrained") -> Figure:
     """An empty figure [inches] with a canvas of its own, outside pyplot's global state."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     figure.suptitle(title)
     return figure
@@ -77,6 +77,7 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     """Write STEM.png and STEM.svg, without a date in them."""
     png, svg = stem.with_name(f"{stem.name}.png"), stem.with_name(f"{stem.name}.svg")
     figure.savefig(png)
+    figure.set_layout_engine("none")  # places are found: half of the time to draw
     figure.savefig(svg, metadata={"Date": None})
     return [png, svg]
 
@@ -98,8 +99,11 @@ def shade(colour: str, towards: float) -> tuple[float, float, float]:
 
 def plot_curves(
     axes: Axes, x: np.ndarray, curves: Iterable[tuple[str, np.ndarray]], unit: str, title: str, quantity: str
-) -> None:
-    """Curves (label, values in SI) of one quantity on one panel, with its axis label, title and legend."""
+) -> tuple[float, str]:
+    """Curves (label, values in SI) of one quantity on one panel, with its axis label, title and legend.
+
+    Returns the factor and the label of the unit that the panel is drawn in.
+    """
     curves = list(curves)
     factor, label = readable(unit, *(values for _, values in curves))
     for name, values in curves:
@@ -108,7 +112,22 @@ def plot_curves(
     axes.set_title(title)
     axes.margins(x=0)
     if len(curves) > 1:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+        legend_above(axes)
+    return factor, label
+
+
+def legend_above(axes: Axes) -> None:
+    """A legend in one row at the right end of the title's line, where it hides no curve."""
+    count = len(axes.get_legend_handles_labels()[0])
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 0.985), borderaxespad=0.0, ncols=count,
+        columnspacing=1.2, handlelength=1.6, handletextpad=0.5, borderpad=0.2,
+    )  # fmt: skip
+
+
+def legend_beside(axes: Axes) -> None:
+    """A legend to the right of the panel, for names that are long or many."""
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.2, handlelength=1.6)
 
 
 def mark_angles(axes: Axes, span: float) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 
 from kaneflex.plots.style import new_figure, readable
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from kaneflex.deformation import Deformation
     from kaneflex.solution import Solution
 
-_ALONG, _INSTANTS = 21, 181
+_ALONG, _INSTANTS = 33, 181
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -32,7 +33,9 @@ def _thinned(shown: View) -> View:
 
 
 def _figure(shown: View, name: str, deformation: Deformation) -> Figure:
-    figure = new_figure(9.6, 7.6, f"Elastic displacement of {name} relative to its rigid frame{shown.note}")
+    title = f"Elastic displacement of {name} relative to its rigid frame{shown.note}"
+    figure = new_figure(9.6, 6.6, title, layout="none")  # the constrained one leaves axes in space a wide margin
+    figure.subplots_adjust(left=0.0, right=0.95, bottom=0.05, top=0.92, wspace=0.08, hspace=0.16)
     x = np.linspace(0.0, deformation.link.length, _ALONG)
     u, v = np.moveaxis(np.array([deformation.at(at)[0][:2] for at in x]), 1, 0)
     c, s = shown.rigid[f"{name}.c"], shown.rigid[f"{name}.s"]
@@ -43,7 +46,7 @@ def _figure(shown: View, name: str, deformation: Deformation) -> Figure:
     for k, (title, field) in enumerate(fields):
         axes = figure.add_subplot(2, 2, k + 1, projection="3d")
         _surface(axes, shown, x, field)
-        axes.set_title(title, loc="center")
+        axes.set_title(title, loc="center", y=0.97)
     return figure
 
 
@@ -51,15 +54,16 @@ def _surface(axes: Axes3D, shown: View, x: np.ndarray, field: np.ndarray) -> Non
     """One displacement (n_points, n_times) [m]."""
     factor, label = readable("m", field)
     along, instants = np.meshgrid(1e3 * x, shown.x, indexing="ij")
-    surface = axes.plot_surface(
-        instants, along, factor * field, cmap="viridis", rcount=_ALONG, ccount=_INSTANTS, linewidth=0.0, antialiased=False
-    )
+    style = {"cmap": "viridis", "rcount": _ALONG, "ccount": _INSTANTS, "linewidth": 0.0, "antialiased": False}
+    surface = axes.plot_surface(instants, along, factor * field, **style)
     surface.set_rasterized(True)  # thousands of facets: pixels inside the SVG
     axes.set_xlabel(shown.x_label, labelpad=4)
     axes.set_ylabel("x [mm]", labelpad=2)
     axes.set_zlabel(f"displacement [{label}]", labelpad=2)
     axes.tick_params(pad=0)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.zaxis.set_major_locator(MaxNLocator(5))
     if shown.drive:
         axes.set_xticks(np.arange(np.ceil(shown.x[0] / 180) * 180, shown.x[-1] + 1, 180))
     axes.view_init(elev=28, azim=-58)
-    axes.set_box_aspect((1.5, 0.9, 0.75), zoom=0.92)
+    axes.set_box_aspect((1.5, 0.9, 0.75), zoom=1.12)

@@ -68,7 +68,7 @@ class View:
 
     @property
     def x_label(self) -> str:
-        return angle_label(self.solution, self.drive) if self.drive else f"time [{self._time[1]}]"
+        return f"{angle_name(self.solution, self.drive)} [deg]" if self.drive else f"time [{self._time[1]}]"
 
     @cached_property
     def drive(self) -> str | None:
@@ -108,7 +108,7 @@ def view(solution: Solution) -> View:
     return View(solution, instants[::stride], shown)
 
 
-def angle_label(solution: Solution, drive: str) -> str:
-    """Axis label of a drive's angle, by the body that it turns."""
+def angle_name(solution: Solution, drive: str) -> str:
+    """A drive's angle, named by the body that it turns."""
     first, second = (address.body for address in solution.model.scene.joints[drive].addresses)
-    return f"{second if second != 'ground' else first} angle [deg]"
+    return f"{second if second != 'ground' else first} angle"

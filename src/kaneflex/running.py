@@ -1,0 +1,104 @@
+"""A run, from a scene to a complete result folder."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kaneflex.folders import whole_folder, writing
+from kaneflex.terminal import Waiting
+
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
+    from kaneflex.solution import Solution
+    from kaneflex.summary import Summary
+
+SUMMARY_FILE, RESULTS_FILE = "summary.json", "results.nc"
+
+
+def run_into(
+    scene: Scene, folder: Path, settings: Sequence[str] = (), plots: bool = True, force: bool = False
+) -> Summary:
+    """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
+
+    Parameters
+    ----------
+    scene : Scene
+        With all settings laid over it.
+    folder : Path
+        Appears when it is complete; what stops the run leaves none.
+    settings : sequence of str
+        The settings, for the summary.
+    plots : bool
+        Whether to draw. A run that stopped early is not drawn.
+    force : bool
+        Whether an earlier result folder may be replaced.
+
+    Returns
+    -------
+    Summary
+        Also of a run that stopped early, whose folder holds what came before.
+
+    Raises
+    ------
+    OutputError
+        If the folder exists or can't be written, before anything is computed where that can be known.
+    SceneError
+        If the scene can't be solved.
+    """
+    with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
+        with uncollected():
+            solution, summary = _solve(scene, settings, waiting)
+            with writing(folder):
+                _write(solution, summary, partial)
+        if plots and summary.outcome == "completed":
+            with writing(folder):
+                _draw(solution, partial, waiting)
+    return summary
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No garbage collection, now or later, of what is made within.
+
+    Most of it are modules, which live until the end; to look through them again and again for garbage, and once
+    more at the end, takes a third of a warm run.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def _solve(scene: Scene, settings: Sequence[str], waiting: Waiting) -> tuple[Solution, Summary]:
+    from kaneflex.loading import load
+    from kaneflex.simulate import simulate
+    from kaneflex.summary import summarise
+
+    model = load(scene, waiting.stage)
+    waiting.stage("compiling the integrator, first time only")
+    solution = simulate(model, waiting.share_of("solving"))
+    waiting.stage("writing the results")
+    return solution, summarise(solution, settings)
+
+
+def _write(solution: Solution, summary: Summary, folder: Path) -> None:
+    from kaneflex.results import write_netcdf
+
+    text = summary.model_dump_json(indent=2) + "\n"
+    (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
+    if summary.sensors:
+        write_netcdf(solution, folder / RESULTS_FILE)
+
+
+def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
+    from kaneflex.plots import draw_all
+
+    stage = "drawing the pictures"
+    waiting.stage(stage)
+    draw_all(solution, folder, waiting.share_of(stage))

@@ -1,0 +1,199 @@
+"""The command line: what it prints and refuses, and with which exit code."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import cli, refused
+
+import kaneflex
+from kaneflex.integrate.methods import METHODS
+from kaneflex.presentation import PRESETS_IN_WORDS
+from kaneflex.scene import json_schema, read_scene, shipped_scenes
+from kaneflex.scene.parts import PRESETS
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path, monkeypatch):
+    """Every test works in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+
+# ---- help and lists ---------------------------------------------------------------------------------------------
+
+
+def test_help_names_every_command_and_imports_nothing_heavy(tmp_path):
+    code = """
+import sys
+from kaneflex.cli import main
+try:
+    main(["--help"])
+except SystemExit:
+    pass
+heavy = ("numpy", "numba", "scipy", "sympy", "xarray", "pint", "pydantic", "rich", "matplotlib")
+print([name for name in heavy if name in sys.modules])
+"""
+    shown = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert shown.stdout.splitlines()[-1] == "[]"
+    for command in ("list", "check", "run", "modes", "derive"):
+        assert re.search(rf"^  {command} ", shown.stdout, re.MULTILINE)
+
+
+def test_presets_in_words_are_the_presets():
+    assert tuple(PRESETS_IN_WORDS) == PRESETS
+
+
+def test_list_shows_scenes_presets_and_integrators_with_their_descriptions():
+    shown = cli("list").stdout
+    described = {name: read_scene(name).description for name in shipped_scenes()}
+    described |= PRESETS_IN_WORDS | {name: method.description for name, method in METHODS.items()}
+    for name, text in described.items():
+        assert re.search(rf"^  {name}  .*{re.escape(text)}$", shown, re.MULTILINE), name
+
+
+def test_module_runs_as_a_program(tmp_path):
+    shown = subprocess.run(
+        [sys.executable, "-m", "kaneflex", "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert kaneflex.__version__ in shown.stdout
+
+
+# ---- what is refused --------------------------------------------------------------------------------------------
+
+BAD = {
+    ("run", "engin"): ("scene = 'engin'", "nearest known one is 'engine'"),
+    ("run", "missing.toml"): ("missing.toml", "no such file"),
+    ("run", "engine", "--preset", "stiff"): ("solve.preset = 'stiff'", "'stiffened'"),
+    ("run", "engine", "--steps", "0"): ("solve.steps = 0",),
+    ("run", "engine", "--steps", "many"): ("solve.steps = 'many'",),
+    ("run", "engine", "--integrator", "euler"): ("solve.integrator = 'euler'",),
+    ("run", "engine", "--set", "rod.lenght=1"): ("rod.lenght", "'length'"),
+    ("run", "engine", "--set", "rod"): ("'rod'", "path=value"),
+    ("run", "engine", "--set", "rod.length=137 kg"): ("bodies.rod.length", "137 kg"),
+    ("run", "engine", "--set", "rod.length=30 mm"): ("can't close", "main = "),
+    ("run", "engine", "--set", "solve.modes=99"): ("solve.modes = 99",),
+    ("check", "engine", "--set", "rod.elements=0"): ("elements", "0"),
+    ("check", "engine", "--set", "rod.length=30 mm"): ("can't close", "main = "),
+    ("modes", "engine", "--at", "pin=0"): ("--at = 'pin=0'", "main"),
+    ("modes", "engine", "--at", "90deg"): ("--at = '90deg'", "DRIVE=ANGLE"),
+    ("modes", "engine", "--at", "main=inf"): ("--at = 'main=inf'", "finite"),
+    ("modes", "engine", "--at", "main=5 mm"): ("--at = 'main=5 mm'", "angle"),
+    ("modes", "engine", "--preset", "rigid"): ("nothing is elastic",),
+    ("modes", "engine", "--count", "99"): ("--count = 99", "12 degrees of freedom"),
+    ("derive", "engin", "-o", "module.py"): ("scene = 'engin'",),
+}
+
+
+@pytest.mark.parametrize("arguments", BAD, ids=" ".join)
+def test_bad_input_is_named_with_exit_code_2_and_nothing_is_written(arguments):
+    refused(cli(*arguments), *BAD[arguments])
+    assert list(Path().iterdir()) == []
+
+
+def test_every_problem_of_a_scene_file_is_told():
+    Path("bad.toml").write_text(
+        'schema = 1\nlike = "engine"\n[bodies]\nrod = {length = "-1 mm"}\npiston = {mass = "2 furlongs"}\n'
+    )
+    result = cli("check", "bad.toml")
+    refused(result, "bodies.rod.length", "bodies.piston.mass")
+    assert len(result.stderr.splitlines()) == 2
+
+
+# ---- check, modes, derive ---------------------------------------------------------------------------------------
+
+
+def test_check_says_what_a_scene_is():
+    shown = cli("check", "engine", "--preset", "linear").stdout
+    for words in (
+        "rod     elastic, 4 elements, 137 mm, 0.153 kg", "closes a loop, branch +", "6000 rpm from 0 deg",
+        "crank_torque", "preset          linear", "degrees of freedom  12", "kaneflex.generated.engine",
+        read_scene("engine").structure_hash(),
+    ):  # fmt: skip
+        assert words in shown
+    assert list(Path().iterdir()) == []
+
+
+def test_check_prints_the_schema_of_scene_files():
+    assert json.loads(cli("check", "--json-schema").stdout) == json_schema()
+
+
+# errata.md: corrected mechanism, one element each, from K_s and M alone
+FREQUENCIES = {
+    "0deg": (3368.784, 4527.772, 15332.844, 28523.179, 33473.183, 273769.431),
+    "1.5707963267948966": (3343.486, 4351.550, 15417.891, 26848.769, 35096.431, 248421.593),
+}
+
+
+@pytest.mark.parametrize("angle", FREQUENCIES)
+def test_modes_at_an_angle(angle):
+    single = ("--set", "rod.elements=1", "--set", "crank.elements=1")
+    result = cli("modes", "engine-elastic-crank", *single, "--at", f"main={angle}", "--json")
+    found = json.loads(result.stdout)
+    assert found["frequencies_hz"] == pytest.approx(FREQUENCIES[angle], rel=1e-5)
+    assert found["at_deg"] == {"main": 0.0 if angle == "0deg" else 90.0}
+    assert len(found["coordinates"]) == len(found["mode_shapes"]) == 6
+    assert {len(row) for row in found["mode_shapes"]} == {6}
+
+
+def test_modes_as_a_table_of_the_lowest():
+    lines = cli("modes", "engine", "--count", "2").stdout.splitlines()
+    assert len(lines) == 3
+    assert [line.split()[0] for line in lines[1:]] == ["1", "2"]
+
+
+def test_derive_gives_the_shipped_bytes_and_does_not_overwrite():
+    result = cli("derive", "engine", "-o", "deep/module.py")
+    assert result.exit_code == 0, result.output
+    assert Path("deep/module.py").read_bytes() == (ROOT / "generated/engine.py").read_bytes()
+    Path("deep/module.py").write_text("mine")
+    refused(cli("derive", "engine", "-o", "deep/module.py"), "the file exists", "--force")
+    refused(cli("derive", "engine", "-o", "deep"), "is a folder")
+    assert Path("deep/module.py").read_text() == "mine"
+
+
+def test_derive_with_force_replaces_only_with_a_whole_module(monkeypatch):
+    Path("module.py").write_text("mine")
+
+    def stopped(scene, progress):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("kaneflex.derive.generate", stopped)
+        assert cli("derive", "engine", "-o", "module.py", "--force").exit_code == 130
+        assert Path("module.py").read_text() == "mine"
+    monkeypatch.setattr("kaneflex.derive.generate", lambda scene, progress: "whole")
+    assert cli("derive", "engine", "-o", "module.py", "--force").exit_code == 0
+    assert Path("module.py").read_text() == "whole"
+    assert [path.name for path in Path().iterdir()] == ["module.py"]
+
+
+# ---- the package's front ----------------------------------------------------------------------------------------
+
+
+def test_public_names_are_those_of_their_modules(tmp_path):
+    """In a process of its own, where nothing was imported before."""
+    code = """
+import kaneflex
+scene = kaneflex.with_settings(kaneflex.read_scene("engine"), ["solve.preset=rigid"])
+solution = kaneflex.simulate(kaneflex.load(scene))
+assert isinstance(solution, kaneflex.Solution) and isinstance(solution.model, kaneflex.Model)
+assert isinstance(solution.model.scene, kaneflex.Scene)
+assert set(kaneflex.__all__) <= set(dir(kaneflex))
+print(solution["piston_position"].dims)
+try:
+    kaneflex.simulat
+except AttributeError as error:
+    print(error)
+"""
+    environment = os.environ | {"PYTHONWARNINGS": "error::UserWarning"}
+    shown = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120, env=environment
+    )
+    assert shown.returncode == 0, shown.stderr
+    assert shown.stdout.splitlines() == ["('time',)", "module 'kaneflex' has no attribute 'simulat'"]

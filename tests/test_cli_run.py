@@ -1,0 +1,212 @@
+"""`kaneflex run`: what it writes and prints, and that it leaves all or nothing."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import cli, refused
+
+from kaneflex.scene import read_scene
+from kaneflex.summary import Summary
+
+SMALL = ("--no-plots", "--set", "rod.elements=1", "--steps", "240")
+SENSORS = (
+    "tip_axial mid_axial mid_transverse mid_transverse_frame mid_global_x mid_global_y tip_transverse_frame "
+    "rod_force_piston rod_force_piston_rigid rod_mid_force rod_mid_strain crank_pin_force_x crank_pin_force_y "
+    "piston_side_force main_bearing_force_x main_bearing_force_y crank_torque piston_position piston_acceleration "
+    "rod_mid_acceleration_x rod_mid_acceleration_y"
+).split()
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path, monkeypatch):
+    """Every test works in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """What a run printed, and its folder."""
+    folder = tmp_path_factory.mktemp("cli") / "deep" / "results"
+    result = cli("run", "engine", *SMALL, "--preset", "quasistatic", "-o", folder)
+    assert result.exit_code == 0, result.output
+    return result, folder
+
+
+def never(*arguments: object, **named: object) -> None:
+    raise AssertionError("computed before the output was checked")
+
+
+def test_run_writes_results_and_summary_and_nothing_else(finished):
+    _, folder = finished
+    assert {path.name for path in folder.iterdir()} == {"results.nc", "summary.json"}
+    assert [path.name for path in folder.parent.iterdir()] == ["results"]
+
+
+def test_summary_file_holds_every_sensor_and_what_was_set(finished):
+    _, folder = finished
+    summary = Summary.model_validate_json((folder / "summary.json").read_text())
+    assert set(SENSORS) <= set(summary.sensors)
+    assert (summary.scene, summary.preset, summary.outcome) == ("engine", "quasistatic", "completed")
+    assert summary.structure == read_scene("engine").structure_hash()
+    assert summary.settings == ["rod.elements=1", "solve.preset=quasistatic", "solve.steps=240"]
+    assert summary.options["steps"] == summary.steps == 240 and summary.elements == {"rod": 1}
+    assert summary.degrees_of_freedom == summary.modes_kept == len(summary.frequencies_hz) == 3
+    assert summary.mode_angle_spread == {}
+    assert summary.operations["M"].shared < summary.operations["M"].written_out
+
+
+def test_run_prints_millimetres_kilonewtons_and_degrees(finished):
+    result, folder = finished
+    entry = Summary.model_validate_json((folder / "summary.json").read_text()).sensors["rod_force_piston"]
+    line = next(line for line in result.stdout.splitlines() if line.startswith("rod_force_piston "))
+    _, unit, lowest, at = line.split()[:4]
+    assert unit == "kN"
+    assert float(lowest) == pytest.approx(entry.min / 1e3, rel=1e-3)
+    assert float(at) == pytest.approx(entry.at_min.drive_deg, abs=0.05)
+    assert re.search(r"^tip_axial +mm ", result.stdout, re.MULTILINE)
+
+
+def test_run_without_output_writes_beside_and_options_win_over_settings():
+    result = cli("run", "engine", *SMALL, "--set", "solve.steps=9", "--set", "solve.preset=rigid")
+    assert result.exit_code == 0, result.output
+    summary = Summary.model_validate_json(Path("engine-results/summary.json").read_text())
+    assert (summary.steps, summary.preset, summary.frequencies_hz) == (240, "rigid", [])
+
+
+def test_a_frozen_model_reports_how_its_peaks_depend_on_the_angle_at_which_it_is_frozen():
+    result = cli("run", "engine-paper", "--no-plots", "-o", "r")
+    summary = Summary.model_validate_json(Path("r/summary.json").read_text())
+    spread, entry = summary.mode_angle_spread["mid_transverse"], summary.sensors["mid_transverse"]
+    # mode_angle 0, the default, is one of the angles
+    assert spread.smallest <= max(-entry.min, entry.max) * (1 + 1e-9)
+    assert max(-entry.min, entry.max) <= spread.largest * (1 + 1e-9)
+    assert spread.largest > 2 * spread.smallest
+    shown = re.search(r"^mid_transverse +mm +(\S+) +(\S+)$", result.stdout, re.MULTILINE)
+    assert [float(text) for text in shown.groups()] == pytest.approx(
+        [1e3 * spread.smallest, 1e3 * spread.largest], rel=1e-3
+    )
+
+
+def test_integrator_is_taken():
+    assert cli("run", "engine", *SMALL, "--integrator", "newmark", "-o", "r").exit_code == 0
+    assert json.loads(Path("r/summary.json").read_text())["options"]["integrator"] == "newmark"
+
+
+def test_pictures_are_drawn_into_the_folder_unless_declined(monkeypatch):
+    drawn = []
+
+    def draw_all(solution, folder, progress):
+        (folder / "picture.png").write_bytes(b"")
+        progress(1.0)
+        drawn.append(solution.model.scene.name)
+        return [folder / "picture.png"]
+
+    monkeypatch.setattr("kaneflex.plots.draw_all", draw_all)
+    assert cli("run", "engine", "--preset", "rigid", "--steps", "90", "-o", "r").exit_code == 0
+    assert drawn == ["engine"] and Path("r/picture.png").is_file()
+    assert cli("run", "engine", "--preset", "rigid", "--steps", "90", "-o", "s", "--no-plots").exit_code == 0
+    assert drawn == ["engine"]
+
+
+def test_an_existing_result_folder_is_refused_before_anything_is_computed(monkeypatch):
+    Path("r").mkdir()
+    Path("r/summary.json").write_text("old")
+    monkeypatch.setattr("kaneflex.loading.load", never)
+    refused(cli("run", "engine", *SMALL, "-o", "r"), "r: the folder exists", "--force")
+    assert Path("r/summary.json").read_text() == "old"
+
+
+def test_force_replaces_a_result_folder():
+    Path("r").mkdir()
+    for name in ("summary.json", "stale.png"):
+        Path("r", name).write_text("old")
+    assert cli("run", "engine", "--preset", "rigid", *SMALL[:1], "-o", "r", "--force").exit_code == 0
+    assert {path.name for path in Path("r").iterdir()} == {"results.nc", "summary.json"}
+    assert [path.name for path in Path().iterdir()] == ["r"]
+
+
+def test_force_does_not_replace_a_folder_of_other_things(monkeypatch):
+    Path("r").mkdir()
+    Path("r/thesis.txt").write_text("dear")
+    monkeypatch.setattr("kaneflex.loading.load", never)
+    refused(cli("run", "engine", *SMALL, "-o", "r", "--force"), "no summary.json")
+    assert Path("r/thesis.txt").read_text() == "dear"
+
+
+@pytest.mark.parametrize("place", ["file/below", "file"])
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(monkeypatch, place):
+    Path("file").write_text("")
+    monkeypatch.setattr("kaneflex.loading.load", never)
+    refused(cli("run", "engine", *SMALL, "-o", place), place)
+    assert [path.name for path in Path().iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, RuntimeError])
+def test_a_run_that_fails_while_writing_leaves_the_old_folder_and_nothing_else(monkeypatch, failure):
+    Path("r").mkdir()
+    Path("r/summary.json").write_text("old")
+
+    def write_netcdf(solution, path):
+        path.write_bytes(b"half")
+        raise failure
+
+    monkeypatch.setattr("kaneflex.results.write_netcdf", write_netcdf)
+    arguments = ("run", "engine", "--preset", "rigid", "--no-plots", "--force", "-o")
+    if failure is KeyboardInterrupt:
+        for folder in ("r", "new/deep"):
+            result = cli(*arguments, folder)
+            assert (result.exit_code, result.stderr) == (130, "Interrupted; nothing was left behind.\n")
+    else:
+        with pytest.raises(RuntimeError):
+            cli(*arguments, "r")
+    assert [path.name for path in Path().rglob("*")] == ["r", "summary.json"]
+    assert Path("r/summary.json").read_text() == "old"
+
+
+def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
+    def write_netcdf(solution, path):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("kaneflex.results.write_netcdf", write_netcdf)
+    result = cli("run", "engine", "--preset", "rigid", "--no-plots", "-o", "r")
+    refused(result, "r: can't be written (No space left on device)")
+    assert list(Path().iterdir()) == []
+
+
+def test_interrupting_a_process_leaves_nothing(tmp_path):
+    command = [sys.executable, "-m", "kaneflex", "run", "engine-transient", "--steps", "20000000", "-o", "r"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    try:
+        for line in process.stderr:
+            if line.startswith("solving"):
+                break
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=120)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert stderr.splitlines()[-1] == "Interrupted; nothing was left behind."
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_becomes_unstable_keeps_what_came_before_and_exits_with_3():
+    """A rod of rubber: spin softening exceeds its stiffness."""
+    result = cli("run", "engine-transient", "--no-plots", "--set", "rod.E=1e7", "-o", "r")
+    assert result.exit_code == 3
+    summary = Summary.model_validate_json(Path("r/summary.json").read_text())
+    assert summary.outcome == "unstable" and 0 < summary.stored < summary.steps
+    assert f"Stopped early: {summary.message}" in result.stderr and "at t = " in summary.message
+    assert Path("r/results.nc").is_file()
+
+
+def test_a_run_without_a_periodic_state_has_a_summary_without_sensors():
+    result = cli("run", "engine", "--no-plots", "--set", "rod.E=1e7", "-o", "r")
+    assert result.exit_code == 3
+    summary = Summary.model_validate_json(Path("r/summary.json").read_text())
+    assert (summary.stored, summary.sensors) == (0, {}) and summary.floquet_multiplier_max > 1
+    assert [path.name for path in Path("r").iterdir()] == ["summary.json"]

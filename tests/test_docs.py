@@ -1,0 +1,181 @@
+"""docs/scene.md states every key of a scene file with its default and its words, and its examples run."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kaneflex.errors import SceneError
+from kaneflex.integrate.methods import METHODS
+from kaneflex.laws import FUNCTIONS
+from kaneflex.loading import load
+from kaneflex.options import resolve_options
+from kaneflex.scene import Scene, json_schema, read_scene, with_settings
+from kaneflex.scene.bodies import MATERIALS
+from kaneflex.scene.parts import PRESETS, TERM_NAMES
+from kaneflex.scene.quantities import RESERVED_NAMES
+from kaneflex.simulate import simulate
+from kaneflex.solution import Solution
+
+TEXT = (Path(__file__).parent.parent / "docs" / "scene.md").read_text(encoding="utf-8")
+HEADING_OF = {  # table of the scene file -> the heading under which its keys stand
+    "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
+    "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
+    "Viscous": "Viscous damping", "Sensor": "Sensors", "Solve": "Solve",
+}  # fmt: skip
+SCHEMA = Scene.model_json_schema(by_alias=True)
+TABLES = {"Scene": SCHEMA, **SCHEMA["$defs"]}
+BLOCKS = re.findall(r"^```toml\n(.*?)^```", TEXT, flags=re.DOTALL | re.MULTILINE)
+SCENES = {re.match(r"# (\S+)\.toml\n", block)[1]: block for block in BLOCKS if "schema = 1" in block}
+FRAGMENTS = [block for block in BLOCKS if "schema = 1" not in block]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _modules_derived_here_stay_here(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def section(heading: str) -> str:
+    """The text under a heading, down to the next one of any level."""
+    return re.search(rf"^#+ {re.escape(heading)}\n(.*?)(?=^#+ |\Z)", TEXT, flags=re.DOTALL | re.MULTILINE)[1]
+
+
+def rows(text: str, head: str) -> dict[str, list[str]]:
+    """Rows of the table whose first column is called `head`: the word in its first cell -> the other cells."""
+    lines = re.search(rf"^\| {head} \|.*\n\|[ -|]*\|\n((?:\|.*\n)+)", text, flags=re.MULTILINE)[1].splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return {first.strip("`"): rest for first, *rest in cells}
+
+
+def words(cell: str) -> list[str]:
+    return re.findall(r"`([^`]*)`", cell)
+
+
+def keys_of(table: str) -> dict[str, list[str]]:
+    return rows(section(HEADING_OF[table]), "key")
+
+
+def test_every_table_of_the_schema_has_its_heading():
+    assert set(HEADING_OF) == set(TABLES) == {"Scene", *json_schema()["$defs"]}
+
+
+@pytest.mark.parametrize("table", HEADING_OF)
+def test_every_key_is_there_and_no_other(table):
+    assert set(keys_of(table)) == set(TABLES[table]["properties"])
+
+
+@pytest.mark.parametrize("table", HEADING_OF)
+def test_defaults_are_those_of_the_schema(table):
+    for key, (_, default, _) in keys_of(table).items():
+        entry = TABLES[table]["properties"][key]
+        assert (default == "required") == (key in TABLES[table].get("required", [])), key
+        if words(default):
+            assert tomllib.loads(f"value = {words(default)[0]}")["value"] == entry["default"], key
+        elif default != "all defaults":
+            assert not entry.get("default"), key
+
+
+@pytest.mark.parametrize("table", HEADING_OF)
+def test_words_that_a_key_can_be_are_all_named(table):
+    for key, (kind, _, _) in keys_of(table).items():
+        entry = TABLES[table]["properties"][key]
+        allowed = [choice for option in entry.get("anyOf", [entry]) for choice in option.get("enum", [])]
+        if allowed and key not in ("integrator", "reduction"):  # these have tables of their own
+            assert sorted(words(kind)) == sorted(allowed), key
+
+
+def test_presets_integrators_and_reductions_are_those_of_the_code():
+    assert tuple(rows(section("Presets"), "preset")) == PRESETS
+    assert set(rows(section("Integrators"), "integrator")) == set(METHODS)
+    reductions = TABLES["Solve"]["properties"]["reduction"]["anyOf"][0]["enum"]
+    assert list(rows(section("Reductions"), "reduction")) == reductions
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_each_preset_keeps_the_terms_that_the_page_says(preset):
+    text = section("Groups of terms")
+    column = words(re.search(r"^\| term \|.*$", text, flags=re.MULTILINE)[0]).index(preset)
+    options = resolve_options(with_settings(read_scene("engine"), [f"solve.preset={preset}"]))
+    for term, (_, *keeps) in rows(text, "term").items():
+        assert keeps[column] == ("yes" if getattr(options, term) else "no"), term
+
+
+def test_the_terms_that_can_be_switched_are_those_of_the_page():
+    def switches(term: str) -> bool:
+        try:
+            resolve_options(with_settings(read_scene("engine"), [f"solve.terms.{term}=false"]))
+        except SceneError:
+            return False
+        return True
+
+    assert set(filter(switches, TERM_NAMES)) == set(rows(section("Groups of terms"), "term"))
+
+
+def test_materials_functions_and_reserved_names_are_those_of_the_code():
+    table = rows(section("Beams"), "material")
+    assert {name: (float(E), float(rho)) for name, (E, rho) in table.items()} == MATERIALS
+    laws = re.search(r"the functions (.*?)\. Nothing else", section("Loads"), flags=re.DOTALL)[1]
+    assert sorted(words(laws)) == sorted(FUNCTIONS)
+    reserved = re.search(r"can't be names:\n\n(.*?)\n\n", section("Names") + "\n\n", flags=re.DOTALL)[1]
+    assert sorted(words(reserved)) == sorted(RESERVED_NAMES)
+
+
+def test_links_within_the_page_lead_somewhere():
+    headings = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", TEXT, flags=re.DOTALL | re.MULTILINE), re.MULTILINE)
+    anchors = {heading.lower().replace(" ", "-") for heading in headings}
+    targets = set(re.findall(r"\]\(#([^)]*)\)", TEXT))
+    assert targets and targets <= anchors
+
+
+@pytest.mark.parametrize("fragment", FRAGMENTS, ids=lambda text: text.split("\n")[0].strip("[]").split(" ")[0])
+def test_every_fragment_runs_on_top_of_the_engine(fragment, tmp_path):
+    (tmp_path / "force.csv").write_text("angle,force\n0,0\n240,5\n480,-1\n720,0\n")
+    path = tmp_path / "engine_and_more.toml"
+    path.write_text(f'schema = 1\nlike = "engine"\n{fragment}')
+    solution = simulate(load(read_scene(path)))
+    assert solution.outcome.name == "COMPLETED", solution.trajectory.message
+    assert all(np.isfinite(series.values).all() for series in solution.series.values())
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory) -> dict[str, Solution]:
+    """The complete scenes of the page, each run as it stands there."""
+    folder = tmp_path_factory.mktemp("scenes")
+    for name, text in SCENES.items():
+        (folder / f"{name}.toml").write_text(text)
+    return {name: simulate(load(read_scene(folder / f"{name}.toml"))) for name in SCENES}
+
+
+def test_every_complete_scene_runs(solved):
+    assert set(solved) == {"cantilever", "arm", "slow-engine"}
+    for name, solution in solved.items():
+        assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
+        assert all(np.isfinite(series.values).all() for series in solution.series.values()), name
+
+
+def test_the_cantilever_bends_as_textbooks_say(solved):
+    quasistatic = with_settings(solved["cantilever"].model.scene, ["solve.preset=quasistatic"])
+    series = simulate(load(quasistatic)).series
+    E_I = 2.1e11 * 1.3333e-8
+    assert series["tip"].values.min() == pytest.approx(-100 * 0.5**3 / (3 * E_I), rel=1e-4)  # F l^3 / (3 E I)
+    assert series["root_moment"].values.min() == pytest.approx(-100 * 0.5, rel=1e-6)  # bends towards -y
+    assert series["wall_force"].values.max() == pytest.approx(100, rel=1e-6)  # the wall's force on the bar
+
+
+def test_the_arm_weighs_on_its_drive(solved):
+    series = solved["arm"].series
+    mass, omega = 2700 * 300e-6 * 0.8, 4 * np.pi
+    assert series["torque_rigid"].values.max() == pytest.approx(mass * 9.81 * (0.05 + 0.4), rel=1e-4)
+    assert series["tension"].values[:-1].mean() == pytest.approx(mass * omega**2 * (0.05 + 0.4), rel=1e-3)
+    assert series["tip_reading"].values[:-1].mean() == pytest.approx(-(omega**2) * 0.85, rel=1e-3)
+
+
+def test_the_slow_engine_has_no_gas_and_eight_elements(solved):
+    model = solved["slow-engine"].model
+    assert not model.scene.loads and len(model.links["rod"].nodes) == 9
+    assert json.loads(json.dumps(model.scene.raw))["drives"]["main"] == {"speed": "60 rpm", "cycle": "720 deg"}

@@ -1,0 +1,180 @@
+"""Results as labelled arrays, as netCDF and in numbers."""
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray
+
+import kaneflex
+from kaneflex.results import write_netcdf
+from kaneflex.summary import (
+    Instant,
+    Operations,
+    PeakSpread,
+    SensorSummary,
+    Summary,
+    Timing,
+    _sensor,
+    documentation,
+    drive_degrees,
+    json_schema,
+    summarise,
+)
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def solution():
+    from kaneflex.loading import load
+    from kaneflex.simulate import simulate
+
+    settings = ["solve.preset=quasistatic", "solve.steps=240", "rod.elements=1", "main.angle=10 deg"]
+    return simulate(load(kaneflex.with_settings(kaneflex.read_scene("engine"), settings)))
+
+
+@pytest.fixture(scope="module")
+def stored(solution, tmp_path_factory):
+    path = tmp_path_factory.mktemp("results") / "results.nc"
+    write_netcdf(solution, path)
+    return path
+
+
+def test_dataset_has_a_variable_for_each_sensor_with_units_and_meaning(solution):
+    dataset = solution.dataset
+    assert set(dataset.data_vars) == set(solution.series) and "crank_torque_rigid" in dataset
+    for name, series in solution.series.items():
+        assert dataset[name].dims == ("time",)
+        assert dataset[name].attrs == {"units": series.unit, "long_name": series.meaning}
+        np.testing.assert_array_equal(dataset[name], series.values)
+    assert dataset.time.attrs["units"] == "s" and dataset.time.values[-1] == pytest.approx(0.02)
+    assert dataset.drive_angle_main.attrs["units"] == "degree"
+    np.testing.assert_allclose(dataset.drive_angle_main, 10.0 + np.linspace(0.0, 720.0, 241), atol=1e-9)
+
+
+def test_a_sensor_is_a_labelled_array_and_an_unknown_one_names_the_nearest(solution):
+    series = solution["rod_force_piston"]
+    assert series.sel(time=0.01, method="nearest") == series.values[120]
+    with pytest.raises(KeyError, match="'rod_force_piston'"):
+        solution["rod_force_pistn"]
+
+
+def test_file_opens_with_plain_xarray_in_a_fresh_process(stored):
+    code = f"""
+import sys, xarray
+data = xarray.open_dataset({str(stored)!r})
+print(data.time.dtype, *(data[name].attrs["units"] for name in ("time", "drive_angle_main", "mid_transverse")))
+print("drive_angle_main" in data.coords, data.attrs["scene"], [m for m in ("netCDF4", "h5netcdf") if m in sys.modules])
+"""
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert shown.stdout.splitlines() == ["float64 s degree m", "True engine []"], shown.stderr
+
+
+def test_file_holds_what_the_dataset_holds(solution, stored):
+    with xarray.open_dataset(stored) as found:
+        xarray.testing.assert_identical(found.load(), solution.dataset)
+        assert found.attrs["outcome"] == "completed" and found.attrs["preset"] == "quasistatic"
+        assert found.attrs["structure"] == solution.model.scene.structure_hash()
+
+
+def test_file_depends_on_neither_clock_nor_place(solution, stored, tmp_path):
+    write_netcdf(solution, tmp_path / "again.nc")
+    assert (tmp_path / "again.nc").read_bytes() == stored.read_bytes()
+    assert str(stored.parent).encode() not in stored.read_bytes()
+
+
+# ---- the summary ------------------------------------------------------------------------------------------------
+
+
+def test_summary_of_a_solution(solution):
+    summary = summarise(solution, ["rod.elements=1"])
+    assert summary.settings == ["rod.elements=1"]
+    assert summary.options == solution.model.options.as_dict()
+    force = solution.series["rod_force_piston"].values
+    entry = summary.sensors["rod_force_piston"]
+    assert (entry.unit, entry.min, entry.max) == ("N", force.min(), force.max())
+    index = int(force.argmin())
+    assert entry.at_min == Instant(time_s=solution.times[index], drive_deg=(10.0 + 3.0 * index) % 720.0)
+    # a periodic cycle: the mean over equal steps, its last instant being its first
+    assert entry.mean == pytest.approx(force[:-1].mean(), rel=1e-4)
+    assert entry.rms == pytest.approx(np.sqrt((force[:-1] ** 2).mean()), rel=1e-4)
+    assert summary.timing.integrate_s == solution.seconds > 0
+    assert Summary.model_validate_json(summary.model_dump_json()) == summary
+
+
+def test_frequencies_are_those_of_the_modes(solution):
+    from kaneflex.building import reference_modes
+
+    omega, _ = reference_modes(solution.model, "all")
+    np.testing.assert_allclose(summarise(solution).frequencies_hz, omega / (2 * np.pi), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("modes", "reduction", "kept"), [(2, "craig-bampton", 3), (3, "modal", 3), ("all", "none", 12)]
+)
+def test_degrees_of_freedom_are_counted_before_reduction(modes, reduction, kept):
+    from kaneflex.loading import load
+    from kaneflex.simulate import simulate
+
+    settings = [f"solve.modes={modes}", f"solve.reduction={reduction}", "solve.steps=240"]
+    model = load(kaneflex.with_settings(kaneflex.read_scene("engine"), settings))
+    summary = summarise(simulate(model))
+    assert (summary.degrees_of_freedom, summary.modes_kept) == (12, kept)
+    assert summary.floquet_multiplier_max is not None
+
+
+def sensor(values, times):
+    return _sensor(SimpleNamespace(values=np.asarray(values), unit="m", meaning="made up"), np.asarray(times), None)
+
+
+def test_statistics_of_a_known_signal():
+    times = np.linspace(0.0, 2.0, 2001)
+    entry = sensor(3.0 + np.sin(np.pi * times), times)
+    assert entry.mean == pytest.approx(3.0, abs=1e-12)
+    assert entry.rms == pytest.approx(np.sqrt(9.5), rel=1e-12)
+    assert (entry.at_min.time_s, entry.at_max.time_s) == pytest.approx((1.5, 0.5))
+    assert entry.at_min.drive_deg is None
+
+
+def test_statistics_of_one_instant_of_nothing_and_of_an_explosion():
+    assert (sensor([2.0], [0.0]).mean, sensor([2.0], [0.0]).rms) == (2.0, 2.0)
+    assert sensor([0.0, 0.0], [0.0, 1.0]).rms == 0.0
+    assert sensor([1e200, -1e200], [0.0, 1.0]).rms == pytest.approx(1e200)
+
+
+def test_the_drives_angle_lies_within_its_cycle(solution):
+    degrees = drive_degrees(solution)
+    assert degrees[0] == pytest.approx(10.0) and degrees[-1] == pytest.approx(10.0)
+    assert degrees.min() >= 0.0 and degrees.max() < 720.0
+    drive = solution.model.scene.drives["main"]
+    endless = solution.model.scene.model_copy(update={"drives": {"main": drive.model_copy(update={"cycle": None})}})
+    running = drive_degrees(replace(solution, model=replace(solution.model, scene=endless)))
+    assert running[-1] == pytest.approx(730.0)
+
+
+def test_documentation_is_that_of_the_code():
+    """If this fails: python -m kaneflex.summary > docs/summary.md"""
+    assert (ROOT / "docs/summary.md").read_text(encoding="utf-8") == documentation()
+
+
+def test_every_field_of_the_summary_is_described():
+    tables = (Summary, SensorSummary, Instant, PeakSpread, Timing, Operations)
+    fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
+    assert [(table, name) for table, name, field in fields if not field.description] == []
+    assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}
+    assert set(json_schema()["required"]) == set(Summary.model_fields)
+
+
+def test_fields_of_the_summary_change_only_with_its_version():
+    """Whoever takes a field away or renames it raises SCHEMA_VERSION and writes the new list here."""
+    promised = """schema_version kaneflex scene settings structure preset options elements outcome message warnings
+    duration_s step_s steps stored sensors mode_angle_spread frequencies_hz degrees_of_freedom modes_kept
+    floquet_multiplier_max timing operations"""
+    version = re.search(r"This is version (\d+) of the schema", documentation())[1]
+    assert (version, set(promised.split()) - set(Summary.model_fields)) == ("1", set())

@@ -1,0 +1,376 @@
+"""The rigid stage: an independent derivation, closed forms by hand, and every body's own balance."""
+
+import math
+
+import closed_forms as by_hand
+import numpy as np
+import pytest
+import sympy as sm
+from runs import model
+from sympy.physics.mechanics import (
+    Force,
+    PinJoint,
+    PrismaticJoint,
+    RigidBody,
+    System,
+    Torque,
+    dynamicsymbols,
+    inertia,
+)
+
+from kaneflex.binding import bind_parameters, generate_text, import_file
+from kaneflex.model import Motion, RigidMotion
+from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.scene.quantities import Address
+
+ANGLES = np.radians([0.0, 17.0, 90.0, 133.0, 180.0, 251.0, 270.0, 360.0, 374.0, 540.0, 719.0])
+"""Crank angles, dead centres included."""
+
+
+def motion_at_angles(name: str, seed: int) -> tuple[RigidMotion, dict[str, float]]:
+    """A shipped module with random numbers in place of its scene's, at ANGLES; and those numbers."""
+    rng = np.random.default_rng(seed)
+    found = model(name).motion
+    number = {
+        "crank.length": rng.uniform(0.03, 0.06),
+        "rod.length": rng.uniform(0.11, 0.2),
+        "crank.centre_x": rng.uniform(-0.02, 0.03),
+        "rod.centre_x": rng.uniform(0.03, 0.09),
+        "crank.mass": rng.uniform(0.5, 2.0),
+        "rod.mass": rng.uniform(0.1, 0.3),
+        "piston.mass": rng.uniform(0.1, 0.4),
+        "crank.inertia": rng.uniform(1e-4, 1e-3),
+        "rod.inertia": rng.uniform(1e-4, 1e-3),
+        "main.speed": rng.uniform(100.0, 700.0),
+    }
+    p = found.parameters.copy()
+    for k, (path, _) in enumerate(found.module.PARAMETERS):
+        p[k] = number.get(path, p[k])
+    number["gravity_x"] = dict(zip((path for path, _ in found.module.PARAMETERS), p, strict=False)).get("gravity_x", 0)
+    return Motion(found.module, p).at(ANGLES / number["main.speed"]), number
+
+
+def close(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
+    """To a share of the largest value over all angles: single values pass through zero."""
+    return bool(np.isfinite(found).all() and np.abs(found - expected).max() <= tolerance * np.abs(expected).max())
+
+
+# ---- an independent derivation ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def minimal_coordinates():
+    """Kane's equations of the slider-crank in minimal coordinates, as a user of SymPy would write them.
+
+    Joints of sympy.physics.mechanics, the loop as a holonomic constraint, the drive's coordinate free, Cramer's
+    rule for the dependent speeds. Returns mass matrix and right-hand side as functions of numbers.
+    """
+    parameters = sm.symbols("r l m_1 d_1 J_1 m_2 d_2 J_2 m_3 g_x F T")
+    r, l, m_1, d_1, J_1, m_2, d_2, J_2, m_3, g_x, F, T = parameters
+    q_1, q_2, x, u_1, u_2, v = dynamicsymbols("q_1 q_2 x u_1 u_2 v")
+    ground, piston = RigidBody("ground"), RigidBody("piston", mass=m_3)
+    piston.central_inertia = inertia(piston.frame, 0, 0, 0)
+    crank, rod = RigidBody("crank", mass=m_1), RigidBody("rod", mass=m_2)
+    crank.central_inertia = inertia(crank.frame, 0, 0, J_1)
+    rod.central_inertia = inertia(rod.frame, 0, 0, J_2)
+    system = System.from_newtonian(ground)
+    system.add_joints(
+        PinJoint("main", ground, crank, q_1, u_1, child_point=-d_1 * crank.x, joint_axis=ground.z),
+        PinJoint(
+            "pin", crank, rod, q_2, u_2,
+            parent_point=(r - d_1) * crank.x, child_point=-d_2 * rod.x, joint_axis=crank.z,
+        ),
+        PrismaticJoint("bore", ground, piston, x, v, joint_axis=ground.x),
+    )  # fmt: skip
+    end = rod.masscenter.locatenew("end", (l - d_2) * rod.x)
+    gap = end.pos_from(piston.masscenter)
+    system.add_holonomic_constraints(gap.dot(ground.x), gap.dot(ground.y))
+    system.q_ind, system.q_dep, system.u_ind, system.u_dep = [q_1], [q_2, x], [u_1], [u_2, v]
+    system.apply_uniform_gravity(g_x * ground.x)
+    system.add_loads(Torque(crank.frame, T * ground.z), Force(piston.masscenter, -F * ground.x))
+    system.form_eoms(constraint_solver="CRAMER")
+    plain = {c: sm.Symbol(c.func.__name__) for c in (q_1, q_2, x, u_1, u_2, v)}
+    kane = system.eom_method
+    arguments = (*plain.values(), *parameters)
+    return tuple(sm.lambdify(arguments, m.xreplace(plain)) for m in (kane.mass_matrix, kane.forcing))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ["engine", "engine-rig"])
+def test_motion_is_that_of_an_independent_derivation(minimal_coordinates, name, seed):
+    """Accelerations from the loop's rows, torque from Kane's one equation, at constant speed; dead centres too."""
+    rigid, n = motion_at_angles(name, seed)
+    mass_matrix, forcing = minimal_coordinates
+    r, l, speed = n["crank.length"], n["rod.length"], n["main.speed"]
+    motion = by_hand.slider_crank(r, l, ANGLES, speed)
+    gas = rigid["gas"] if "gas" in rigid else np.zeros(len(ANGLES))
+    expected = {"epsilon": [], "acceleration": [], "torque": []}
+    for k, angle in enumerate(ANGLES):
+        state = (angle, motion["phi2"][k] - angle, motion["piston_position"][k])
+        state += (speed, motion["omega2"][k] - speed, motion["piston_velocity"][k])
+        bodies = [n[f"{body}.{entry}"] for body in ("crank", "rod") for entry in ("mass", "centre_x", "inertia")]
+        numbers = (r, l, *bodies, n["piston.mass"], n["gravity_x"], gas[k])
+        M, at_rest = mass_matrix(*state, *numbers, 0.0), forcing(*state, *numbers, 0.0)[:, 0]
+        per_torque = forcing(*state, *numbers, 1.0)[:, 0] - at_rest
+        relative, acceleration = np.linalg.solve(M[1:, 1:], at_rest[1:])
+        torque = (M[0] @ [0.0, relative, acceleration] - at_rest[0]) / per_torque[0]
+        for key, value in zip(expected, (relative, acceleration, torque), strict=True):
+            expected[key].append(value)
+    assert close(rigid["rod.epsilon"], np.array(expected["epsilon"]), 1e-11)
+    assert close(rigid["piston.a_x"], np.array(expected["acceleration"]), 1e-11)
+    assert close(rigid["main.drive"], np.array(expected["torque"]), 1e-11)
+
+
+# ---- closed forms by hand ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_motion_and_reactions_are_the_closed_forms(seed):
+    rigid, n = motion_at_angles("engine", seed)
+    r, l, speed = n["crank.length"], n["rod.length"], n["main.speed"]
+    motion = by_hand.slider_crank(r, l, ANGLES, speed)
+    pairs = {
+        "rod.omega": motion["omega2"],
+        "rod.epsilon": motion["epsilon2"],
+        "rod.s": np.sin(motion["phi2"]),
+        "rod.c": np.cos(motion["phi2"]),
+        "piston.x": motion["piston_position"],
+        "piston.v_x": motion["piston_velocity"],
+        "piston.a_x": motion["piston_acceleration"],
+    }
+    crank, rod = ([n[f"{body}.{entry}"] for entry in ("mass", "centre_x", "inertia")] for body in ("crank", "rod"))
+    forces = by_hand.slider_crank_forces(r, l, crank, rod, n["piston.mass"], ANGLES, speed, rigid["gas"])
+    names = {"pin": "crank_pin_force", "main": "main_bearing_force"}
+    pairs |= {f"{joint}.force_{axis}": forces[f"{name}_{axis}"] for joint, name in names.items() for axis in "xy"}
+    pairs |= {"bore.normal": forces["piston_side_force"], "main.drive": forces["crank_torque"]}
+    # The rod's tension where it begins, and its acceleration there in its own axes.
+    c, s = pairs["rod.c"], pairs["rod.s"]
+    a_x, a_y = -r * speed**2 * np.cos(ANGLES), -r * speed**2 * np.sin(ANGLES)
+    pairs |= {
+        "rod.link.P_0": -(c * forces["crank_pin_force_x"] + s * forces["crank_pin_force_y"]),
+        "rod.link.a_x": c * a_x + s * a_y,
+        "rod.link.a_y": -s * a_x + c * a_y,
+    }
+    for name, expected in pairs.items():
+        assert close(rigid[name], expected, 1e-11), name
+
+
+def test_dead_centres_are_exact():
+    """At 0 and 180 degrees, where a symbolic LU would divide sin by sin: crank and rod in line, no side force."""
+    found = model("engine").motion
+    assert "main.angle" in [path for path, _ in found.module.PARAMETERS]
+    r, l, speed = 0.040, 0.137, 2 * np.pi * 100
+    for turns, x, sign in ((0.0, r + l, 1), (0.5, l - r, -1), (1.0, r + l, 1)):
+        rigid = found.at(turns * 2 * np.pi / speed)
+        assert rigid["piston.x"][0] == pytest.approx(x, rel=1e-14)
+        assert rigid["rod.omega"][0] == pytest.approx(-sign * r / l * speed, rel=1e-13)
+        assert rigid["piston.a_x"][0] == pytest.approx(-(speed**2) * r * (sign + r / l), rel=1e-12)
+        assert abs(rigid["rod.epsilon"][0]) < 1e-9 * speed**2
+        assert abs(rigid["main.drive"][0]) < 1e-9 * abs(r * rigid["pin.force_x"][0])
+
+
+# ---- every body's own balance -----------------------------------------------------------------------------------
+
+
+def turned(rigid: RigidMotion, body: str, vector) -> np.ndarray:
+    """Global components of a body-fixed vector, (2, n_times)."""
+    one = np.ones(len(rigid.times))
+    c, s = (rigid[f"{body}.c"], rigid[f"{body}.s"]) if body != "ground" else (one, 0 * one)
+    x, y = vector
+    return np.array([c * x - s * y, s * x + c * y])
+
+
+def place(scene: Scene, rigid: RigidMotion, address: Address) -> np.ndarray:
+    """Global position of a point, (2, n_times)."""
+    from_start = turned(rigid, address.body, scene.point(address))
+    if address.body == "ground":
+        return from_start
+    return from_start + np.array([rigid[f"{address.body}.x"], rigid[f"{address.body}.y"]])
+
+
+def joint_forces(scene: Scene, rigid: RigidMotion, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Global force and moment of a joint, its drive included, on the second of its bodies."""
+    joint, none = scene.joints[name], np.zeros(len(rigid.times))
+    if joint.kind == "prismatic":
+        t = turned(rigid, joint.addresses[0].body, joint.direction)
+        along = rigid[f"{name}.drive"] if name in scene.drives else none
+        force = rigid[f"{name}.normal"] * np.array([-t[1], t[0]]) + along * t
+        return force, rigid[f"{name}.moment"]
+    moment = rigid[f"{name}.drive"] if name in scene.drives else none
+    if joint.kind == "weld":
+        moment = moment + rigid[f"{name}.moment"]
+    return np.array([rigid[f"{name}.force_x"], rigid[f"{name}.force_y"]]), moment
+
+
+def imbalance(scene: Scene, rigid: RigidMotion) -> float:
+    """Largest residual of Newton's and Euler's equations of any body, relative to the largest force."""
+    residual, largest = [], []
+    length = max(body.length or 0.0 for body in scene.bodies.values())
+    for name, body in scene.bodies.items():
+        arm = turned(rigid, name, body.centre)
+        w, e = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+        start = np.array([rigid[f"{name}.a_x"], rigid[f"{name}.a_y"]])
+        centre = start + e * np.array([-arm[1], arm[0]]) - w**2 * arm
+        force, moment = -body.mass * (centre - np.array(scene.gravity)[:, None]), -body.inertia * e
+        pushes = []
+        for joint_name, joint in scene.joints.items():
+            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+                if address.body == name:
+                    push, turn = joint_forces(scene, rigid, joint_name)
+                    # What slides in a guide is pushed where it touches: at its own point, and so is the guide.
+                    touches = joint.addresses[1] if joint.kind == "prismatic" else address
+                    pushes.append((touches, sign * push, sign * turn))
+        for load_name, load in scene.loads.items():
+            if load.force_on.body == name:
+                direction = turned(rigid, "ground" if load.axes == "global" else name, load.direction)
+                pushes.append((load.force_on, rigid[load_name] * direction, 0.0))
+        for address, push, turn in pushes:
+            at = place(scene, rigid, address) - place(scene, rigid, Address(name, "start")) - arm
+            force = force + push
+            moment = moment + turn + at[0] * push[1] - at[1] * push[0]
+            largest.append(np.abs(push).max())
+        residual += [np.abs(force).max(), np.abs(moment).max() / length]
+    return max(residual) / max(largest)
+
+
+@pytest.mark.parametrize("name", ["engine", "engine-3", "engine-rig", "engine-elastic-crank"])
+def test_every_body_balances(name):
+    found = model(name)
+    speed = next(iter(found.scene.drives.values())).speed
+    assert imbalance(found.scene, found.motion.at(np.radians(np.arange(720)) / speed)) < 1e-10
+
+
+@pytest.fixture(scope="module")
+def derived_motion(tmp_path_factory):
+    """A scene -> its rigid motion over two turns, derived on the fly into a folder of its own."""
+    folder = tmp_path_factory.mktemp("derived")
+
+    def derive(scene: Scene) -> RigidMotion:
+        structure = scene.structure_hash()
+        file = folder / f"{structure}.py"
+        file.write_text(generate_text(scene), encoding="utf-8")
+        module = import_file(file, structure)
+        speed = next(iter(scene.drives.values())).speed
+        return Motion(module, bind_parameters(scene, module)).at(np.radians(np.arange(0, 720, 2)) / speed)
+
+    return derive
+
+
+@pytest.fixture(scope="module")
+def upright() -> RigidMotion:
+    found = model("engine")
+    return found.motion.at(np.radians(np.arange(0, 720, 2)) / found.scene.drives["main"].speed)
+
+
+def test_a_tilted_engine_is_the_same_engine_turned(derived_motion, upright):
+    """Cylinder along (0.6, 0.8), crank and gas turned with it: forces turn, everything else stays."""
+    alpha = math.atan2(0.8, 0.6)
+    scene = with_settings(
+        read_scene("engine"),
+        [
+            "joints.bore.direction=[0.6, 0.8]",
+            "loads.gas.direction=[-0.6, -0.8]",
+            f"main.angle={alpha!r} rad",
+            f"loads.gas.offset={alpha!r} rad",
+        ],
+    )
+    tilted = derived_motion(scene)
+    assert imbalance(scene, tilted) < 1e-10
+    for name in ("rod.omega", "rod.epsilon", "bore.normal", "main.drive", "gas", "rod.link.P_0", "rod.link.a_y"):
+        assert close(tilted[name], upright[name], 1e-11), name
+    for joint in ("main", "pin", "wrist"):
+        x, y = upright[f"{joint}.force_x"], upright[f"{joint}.force_y"]
+        assert close(tilted[f"{joint}.force_x"], 0.6 * x - 0.8 * y, 1e-11)
+        assert close(tilted[f"{joint}.force_y"], 0.8 * x + 0.6 * y, 1e-11)
+
+
+def test_a_joint_may_name_its_bodies_in_either_order(derived_motion, upright):
+    """The force is that on the second body: it changes its sign, and nothing else does."""
+    scene = with_settings(
+        read_scene("engine"),
+        [
+            "joints.pin={revolute=['rod.start', 'crank.end']}",
+            "joints.wrist={revolute=['piston', 'rod.end']}",
+            "joints.bore={prismatic=['piston', 'ground'], direction=[1, 0], branch='+'}",
+        ],
+    )
+    other = derived_motion(scene)
+    assert imbalance(scene, other) < 1e-10
+    for name in ("pin.force_x", "pin.force_y", "wrist.force_x", "wrist.force_y", "bore.normal"):
+        assert close(other[name], -upright[name], 1e-11), name
+    for name in ("rod.omega", "rod.epsilon", "piston.a_x", "main.force_y", "main.drive", "rod.link.P_0"):
+        assert close(other[name], upright[name], 1e-11), name
+
+
+def test_the_other_branch_is_the_mirrored_engine(derived_motion, upright):
+    """Piston on the left, crank half a turn ahead, gas to the right: the engine turned by 180 degrees."""
+    scene = with_settings(
+        read_scene("engine"),
+        [
+            "joints.bore.branch=-",
+            "loads.gas.direction=[1, 0]",
+            "main.angle=180 deg",
+            "loads.gas.offset=180 deg",
+        ],
+    )
+    other = derived_motion(scene)
+    assert imbalance(scene, other) < 1e-10
+    for name in ("piston.x", "piston.a_x", "rod.c", "rod.s", "pin.force_x", "pin.force_y", "main.force_y"):
+        assert close(other[name], -upright[name], 1e-11), name
+    for name in ("rod.omega", "rod.epsilon", "main.drive", "rod.link.P_0", "rod.link.a_x"):
+        assert close(other[name], upright[name], 1e-11), name
+
+
+ODD = """
+schema = 1
+gravity = [3.0, -9.0]
+[ground]
+line = ["20 mm", "12 mm"]
+[bodies]
+crank = {length = "40 mm", mass = "0.952 kg"}
+rod = {length = "137 mm", mass = "0.2 kg", centre = ["50 mm", "6 mm"], inertia = "3e-4 kg m^2"}
+[bodies.piston]
+mass = "0.3 kg"
+centre = ["9 mm", "-4 mm"]
+inertia = "1e-4 kg m^2"
+points = {eye = ["5 mm", "3 mm"], skirt = ["-7 mm", "2 mm"]}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "rod.start"]}
+wrist = {revolute = ["rod.end", "piston.eye"]}
+bore = {prismatic = ["ground.line", "piston.skirt"], direction = [0.8, 0.6]}
+[drives]
+main = {speed = "60 rad/s", cycle = "360 deg"}
+[loads]
+push = {force_on = "rod.mid", direction = [0.6, 0.8], axes = "body", law = "100 * sin(3 * main) + main_speed"}
+brake = {force_on = "crank.end", direction = [0, 1], value = "-250 N"}
+"""
+
+
+def test_an_odd_mechanism_closes_moves_and_balances(derived_motion, tmp_path):
+    """Offset, tilted guide, mass centres off their axes, loads by law and by value in body axes, gravity."""
+    (tmp_path / "odd.toml").write_text(ODD)
+    scene = read_scene(str(tmp_path / "odd.toml"))
+    rigid = derived_motion(scene)
+    assert imbalance(scene, rigid) < 1e-10
+
+    eye, skirt, end = (
+        place(scene, rigid, Address(*point)) for point in (("piston", "eye"), ("piston", "skirt"), ("rod", "end"))
+    )
+    assert eye == pytest.approx(end, abs=1e-14)
+    assert -0.6 * (skirt[0] - 0.020) + 0.8 * (skirt[1] - 0.012) == pytest.approx(0.0, abs=1e-14)
+    assert rigid["push"] == pytest.approx(100 * np.sin(3 * rigid["main.angle"]) + scene.drives["main"].speed)
+
+    # Rates by central differences of order four over the whole turns.
+    h = rigid.times[1] - rigid.times[0]
+
+    def rate(y):
+        y = y[:180]  # one turn of 2 degree steps
+        return (np.roll(y, 2) - 8 * np.roll(y, 1) + 8 * np.roll(y, -1) - np.roll(y, -2)) / (12 * h)
+
+    for body in ("rod", "piston"):
+        for axis in "xy":
+            assert close(rate(rigid[f"{body}.{axis}"]), rigid[f"{body}.v_{axis}"][:180], 2e-5)
+            assert close(rate(rigid[f"{body}.v_{axis}"]), rigid[f"{body}.a_{axis}"][:180], 2e-5)
+    assert close(rate(np.arctan2(rigid["rod.s"], rigid["rod.c"])), rigid["rod.omega"][:180], 2e-5)
+    assert close(rate(rigid["rod.omega"]), rigid["rod.epsilon"][:180], 2e-5)

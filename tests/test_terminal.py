@@ -1,0 +1,37 @@
+"""What a person sees while waiting."""
+
+import sys
+import time
+
+from kaneflex import terminal
+
+
+def test_only_a_stage_that_lasts_is_shown(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "_PATIENCE", 0.1)
+    with terminal.Waiting() as waiting:
+        waiting.stage("brief")
+        waiting.stage("compiling, first time only")
+        time.sleep(0.4)
+        share = waiting.share_of("solving")
+        share(0.5)
+        share(1.0)
+    time.sleep(0.2)
+    shown = capsys.readouterr()
+    assert (shown.out, shown.err) == ("", "compiling, first time only ...\n")
+
+
+def test_a_terminal_shows_a_bar_that_moves_and_goes(capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "_PATIENCE", 0.05)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with terminal.Waiting() as waiting:
+        share = waiting.share_of("solving")
+        share(0.0)
+        deadline = time.monotonic() + 10.0
+        while waiting._task is None and time.monotonic() < deadline:
+            time.sleep(0.02)
+        share(0.25)
+        assert [task.percentage for task in waiting._bar.tasks] == [25.0]
+        bar = waiting._bar
+        waiting.stage("writing")
+        assert bar.tasks == []
+    assert bar.finished and not bar.live.is_started
