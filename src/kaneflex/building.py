@@ -6,13 +6,13 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine
-from kaneflex.assembly import Equations, assemble, load_on_link, place_masses, place_rigid
+from kaneflex.assembly import Equations, Placed, assemble, load_on_link, place_masses, place_rigid
 from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
-from kaneflex.frame import build_frame
+from kaneflex.frame import Frame, build_frame
 from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.model import Model, Motion, RigidMotion, keep_terms
@@ -44,6 +44,7 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+    frame, placed = _narrow_band(frame, placed)
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
@@ -57,6 +58,36 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
     return model
+
+
+def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
+    """Order the coordinates so that those which meet are neighbours (Cuthill & McKee 1969), where that helps.
+
+    A chain of links is narrow as it was named; where a loop closes or several links meet, its two ends lie far apart.
+    """
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    size = len(frame.coordinates)
+    touched = csr_array((size, size))
+    for part, L in placed:
+        within = sum((part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), csr_array((part.size,) * 2))
+        touched = touched + L.pattern().T @ within @ L.pattern()
+    pattern = csr_array(touched)
+    order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
+    if _half_bandwidth(pattern[order][:, order]) >= _half_bandwidth(pattern):
+        return frame, placed
+    swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
+    moved = Frame(
+        tuple(frame.coordinates[k] for k in order),
+        {name: L @ swap for name, L in frame.maps.items()},
+        {name: L @ swap for name, L in frame.bodies.items()},
+    )
+    return moved, [(part, L @ swap) for part, L in placed]
+
+
+def _half_bandwidth(pattern: csr_array) -> int:
+    entries = coo_array(pattern)
+    return int(abs(entries.row - entries.col).max(initial=0))
 
 
 def _frozen(model: Model, reduced: Equations, omega: np.ndarray) -> Equations:
