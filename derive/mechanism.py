@@ -12,6 +12,8 @@ from typing import Any
 
 import sympy as sm
 
+from kaneflex.contract import COURSES
+
 Vector = tuple[sm.Expr, sm.Expr]
 GROUND = "ground"
 
@@ -55,7 +57,7 @@ class JointModel:
 
 @dataclass(frozen=True)
 class DriveModel:
-    """Prescribed motion of a joint: "constant speed", "spin up", "law" (in t) or "table" (against t)."""
+    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), or "free": by the forces."""
 
     kind: str
     law: str | None
@@ -73,12 +75,13 @@ class MassModel:
 
 @dataclass(frozen=True)
 class LoadModel:
-    """A force on a point along a direction fixed in global or in body axes; ``magnitude`` in N."""
+    """A force [N] on a point along a direction fixed in global or in body axes, or a torque [N m] at a joint."""
 
     name: str
-    point: BodyPoint
-    direction: Vector
-    axes: str
+    point: BodyPoint | None
+    direction: Vector | None
+    axes: str | None
+    joint: str | None
     kind: str
     against: str | None
     law: str | None
@@ -100,7 +103,8 @@ class _Parameters:
 class Mechanism:
     """Everything that the rigid stage is derived from.
 
-    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``viscous`` says whether the links
+    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``frame`` says whether the bodies stand still in given
+    poses; ``viscous`` whether the links
     are damped by a force per length and velocity.
     """
 
@@ -110,6 +114,7 @@ class Mechanism:
     drives: dict[str, DriveModel]
     loads: dict[str, LoadModel]
     gravity: Vector
+    frame: bool
     viscous: bool
     parameters: dict[str, tuple[sm.Symbol, str]]
 
@@ -141,6 +146,9 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
         centre = tuple(pattern(body["centre"][k], f"{name}.centre_{'xy'[k]}", "m") for k in range(2))
         mass = pattern(body["mass"], f"{name}.mass", "kg")
         inertia = pattern(body["inertia"], f"{name}.inertia", "kg m^2")
+        if structure["frame"]:
+            for coordinate, unit in (("x", "m"), ("y", "m"), ("angle", "rad")):
+                number(f"{name}.pose_{coordinate}", unit)
         bodies[name] = BodyModel(name, body["elastic"], mass, centre, inertia)
     joints = {}
     for name, joint in structure["joints"].items():
@@ -161,6 +169,9 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
         drives[name] = DriveModel(drive["kind"], drive.get("law"))
         if drive["kind"] == "table":
             number(f"{name}.table", "1")
+        elif drive["kind"] == "free":
+            for course in COURSES:
+                number(f"{name}.{course}", "1")
         elif drive["kind"] != "law":
             number(f"{name}.speed", "rad/s")
             number(f"{name}.angle", "rad")
@@ -168,20 +179,16 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             number(f"{name}.spin_up", "s")
     loads = {}
     for name, load in structure["loads"].items():
-        direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
-        loads[name] = LoadModel(
-            name,
-            point(load["on"]),
-            direction,
-            load["axes"],
-            load["kind"],
-            load.get("against"),
-            load.get("law"),
-        )
+        origin = (load["kind"], load.get("against"), load.get("law"))
+        if "torque_at" in load:
+            loads[name] = LoadModel(name, None, None, None, load["torque_at"], *origin)
+        else:
+            direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
+            loads[name] = LoadModel(name, point(load["on"]), direction, load["axes"], None, *origin)
         if load["kind"] == "constant":
-            number(f"{name}.value", "N")
+            number(f"{name}.value", "N m" if "torque_at" in load else "N")
         elif load["kind"] == "table":
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")
     gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
-    return Mechanism(bodies, joints, masses, drives, loads, gravity, structure["viscous"], number.entries)
+    return Mechanism(bodies, joints, masses, drives, loads, gravity, structure["frame"], structure["viscous"], number.entries)

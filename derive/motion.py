@@ -7,11 +7,12 @@ block by block. What comes out are the motion's scalars: those of every elastic 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sm
 
-from kaneflex.contract import LINK_SCALARS
+from kaneflex.contract import COURSES, LINK_SCALARS
 from kaneflex.derive.closure import Pose, place_bodies
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import solve_blocks
@@ -60,34 +61,103 @@ def derive_motion(mechanism: Mechanism) -> Motion:
     The drives' coordinates are free in Kane's equations; their courses are substituted here: a constant speed removes
     every angular acceleration that comes from a drive alone.
     """
+    if mechanism.frame:
+        return _still(mechanism)
     equations = rigid_equations(mechanism)
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    drives = _drives(mechanism, steps)
+    solved = _solve(mechanism, equations, _drives(mechanism, steps), steps)
+    scalars = []
+    for name, drive in solved.drives.items():
+        scalars.append(Scalar(f"{name}.angle", "rad", "coordinate of the drive", drive.angle))
+    for name in mechanism.bodies:
+        scalars += _body_scalars(name, solved.rates.poses[name], solved.rates.value[name])
+    for constraint in equations.constraints:
+        value = solved.reactions[constraint.multiplier]
+        scalars.append(Scalar(constraint.name, constraint.unit, constraint.meaning, value))
+    scalars += _load_scalars(mechanism, solved.loads)
+    for name, margin in solved.margins.items():
+        scalars.append(Scalar(f"{name}.closure", "1", "margin of the loop: it can't close below zero", margin))
+    elastic = [name for name, body in mechanism.bodies.items() if body.elastic]
+    links = {name: _link_scalars(mechanism, name, solved, steps) for name in elastic}
+    for name in links:
+        scalars += _jump_scalars(mechanism, name, solved, steps)
+    return Motion(tuple(steps.assignments), links, tuple(scalars))
+
+
+Inverse = tuple[Program, tuple[tuple[str, sm.Symbol], ...]]
+"""Inverse dynamics of the free joints: its program, and its states as (joint, symbol)."""
+
+
+def derive_inverse(mechanism: Mechanism) -> Inverse | None:
+    """Inverse dynamics of the free joints: the torque that each would need for a given state and acceleration.
+
+    It is linear in the accelerations, so that the forward equations follow from a few evaluations: they are the
+    accelerations at which every torque is zero. Returns the program and its states (joint, symbol); None where no joint
+    is free.
+    """
+    free = [name for name, drive in mechanism.drives.items() if drive.kind == "free"]
+    if not free:
+        return None
+    equations = rigid_equations(mechanism)
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
+    solved = _solve(mechanism, equations, _drives(mechanism, steps, states=free), steps)
+    outputs = tuple((f"out[{k}]", solved.reactions[sm.Symbol(f"{name}_drive")]) for k, name in enumerate(free))
+    parameters = tuple(symbol for symbol, _ in mechanism.parameters.values())
+    states = tuple((name, symbol) for name in free for symbol in _state_symbols(name))
+    inputs = (T, *(symbol for _, symbol in states), *parameters)
+    return Program("inverse", inputs, tuple(steps.assignments), outputs), states
+
+
+def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
+    """Coordinate, speed and acceleration of a free joint as inputs."""
+    return sm.Symbol(f"{name}_angle_"), sm.Symbol(f"{name}_speed_"), sm.Symbol(f"{name}_acceleration_")
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """The rigid motion in symbols: drives, rates, loads, reactions by multiplier, margins of the loops."""
+
+    drives: dict[str, _Drive]
+    rates: _Rates
+    loads: dict[str, sm.Expr]
+    reactions: dict[sm.Symbol, sm.Expr]
+    margins: dict[str, sm.Expr]
+
+
+def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, _Drive], steps: Steps) -> _Solved:
     closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
     rates = _Rates(mechanism, equations, drives, closure.poses, steps)
     loads = _loads(mechanism, drives, steps)
-    reactions = _reactions(equations, rates, loads, steps)
-    scalars = []
-    for name, drive in drives.items():
-        angular = mechanism.joints[name].kind == "revolute"
-        scalars.append(Scalar(f"{name}.angle", "rad" if angular else "m", "coordinate of the drive", drive.angle))
-    for name in mechanism.bodies:
-        scalars += rates.scalars(name)
-    for constraint in equations.constraints:
-        value = reactions[constraint.multiplier]
-        scalars.append(Scalar(constraint.name, constraint.unit, constraint.meaning, value))
-    for name, value in loads.items():
-        scalars.append(Scalar(name, "N", "magnitude of the load", value))
-    for name, margin in closure.margins.items():
-        scalars.append(Scalar(f"{name}.closure", "1", "margin of the loop: it can't close below zero", margin))
-    links = {
-        name: _link_scalars(mechanism, name, rates, reactions, loads, steps)
-        for name, body in mechanism.bodies.items()
-        if body.elastic
-    }
-    for name in links:
-        scalars += _jump_scalars(mechanism, name, rates, reactions, loads, steps)
+    return _Solved(drives, rates, loads, _reactions(equations, rates, loads, steps), closure.margins)
+
+
+def _still(mechanism: Mechanism) -> Motion:
+    """A structure that doesn't move: given poses, no rates, and no rigid reactions (they may be indeterminate)."""
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
+    scalars = _load_scalars(mechanism, _loads(mechanism, {}, steps))
+    links = {}
+    rest = dict.fromkeys(("v_x", "v_y", "omega", "a_x", "a_y", "epsilon"), sm.S.Zero)
+    for name, body in mechanism.bodies.items():
+        angle = mechanism.symbol(f"{name}.pose_angle")
+        c, s = (steps.assign(sm.Symbol(f"{f}_{name}"), g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
+        pose = Pose(mechanism.symbol(f"{name}.pose_x"), mechanism.symbol(f"{name}.pose_y"), c, s)
+        scalars += _body_scalars(name, pose, rest)
+        if body.elastic:
+            g_x, g_y = mechanism.gravity
+            felt = {"a_x": -c * g_x - s * g_y, "a_y": s * g_x - c * g_y}
+            links[name] = tuple(
+                Scalar(
+                    f"{name}.link.{key}", unit, meaning,
+                    steps.assign(sm.Symbol(f"{name}_link_{key}"), felt.get(key, sm.S.Zero)),
+                )
+                for key, unit, meaning in LINK_SCALARS
+            )  # fmt: skip
     return Motion(tuple(steps.assignments), links, tuple(scalars))
+
+
+def _load_scalars(mechanism: Mechanism, loads: dict[str, sm.Expr]) -> list[Scalar]:
+    unit = {name: "N" if load.joint is None else "N m" for name, load in mechanism.loads.items()}
+    return [Scalar(name, unit[name], "magnitude of the load", value) for name, value in loads.items()]
 
 
 @dataclass(frozen=True)
@@ -99,9 +169,13 @@ class _Drive:
     acceleration: sm.Expr
 
 
-def _drives(mechanism: Mechanism, steps: Steps) -> dict[str, _Drive]:
+def _drives(mechanism: Mechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, _Drive]:
+    """The drives' courses; those of the joints in ``states`` are inputs."""
     drives = {}
     for name in mechanism.drives:
+        if name in states:
+            drives[name] = _Drive(*_state_symbols(name))
+            continue
         angle, speed, acceleration = _course(mechanism, name, steps)
         drives[name] = _Drive(
             steps.assign(sm.Symbol(f"{name}_coordinate"), angle),
@@ -117,6 +191,9 @@ def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.
     if drive.kind == "law":
         angle = law_expression(drive.law, {"t": T})
         return angle, angle.diff(T), angle.diff(T, 2)
+    if drive.kind == "free":
+        starts = [mechanism.symbol(f"{name}.{course}") for course in COURSES]
+        return tuple(table(T, start) for start in starts)
     if drive.kind == "table":
         start = mechanism.symbol(f"{name}.table")
         return table(T, start), table_rate(T, start), table_curvature(T, start)
@@ -204,20 +281,21 @@ class _Rates:
             value["a_y"] + value["epsilon"] * x - omega_squared * y - gravity[1],
         )
 
-    def scalars(self, body: str) -> list[Scalar]:
-        pose, value = self.poses[body], self.value[body]
-        return [
-            Scalar(f"{body}.x", "m", "global x of the body's start", pose.x),
-            Scalar(f"{body}.y", "m", "global y of the body's start", pose.y),
-            Scalar(f"{body}.c", "1", "cosine of the body's angle", pose.c),
-            Scalar(f"{body}.s", "1", "sine of the body's angle", pose.s),
-            Scalar(f"{body}.v_x", "m/s", "velocity of the body's start, global x", value["v_x"]),
-            Scalar(f"{body}.v_y", "m/s", "velocity of the body's start, global y", value["v_y"]),
-            Scalar(f"{body}.omega", "rad/s", "angular velocity of the body", value["omega"]),
-            Scalar(f"{body}.a_x", "m/s^2", "acceleration of the body's start, global x", value["a_x"]),
-            Scalar(f"{body}.a_y", "m/s^2", "acceleration of the body's start, global y", value["a_y"]),
-            Scalar(f"{body}.epsilon", "rad/s^2", "angular acceleration of the body", value["epsilon"]),
-        ]
+
+def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scalar]:
+    """The rigid coordinates of a body and their rates."""
+    return [
+        Scalar(f"{body}.x", "m", "global x of the body's start", pose.x),
+        Scalar(f"{body}.y", "m", "global y of the body's start", pose.y),
+        Scalar(f"{body}.c", "1", "cosine of the body's angle", pose.c),
+        Scalar(f"{body}.s", "1", "sine of the body's angle", pose.s),
+        Scalar(f"{body}.v_x", "m/s", "velocity of the body's start, global x", value["v_x"]),
+        Scalar(f"{body}.v_y", "m/s", "velocity of the body's start, global y", value["v_y"]),
+        Scalar(f"{body}.omega", "rad/s", "angular velocity of the body", value["omega"]),
+        Scalar(f"{body}.a_x", "m/s^2", "acceleration of the body's start, global x", value["a_x"]),
+        Scalar(f"{body}.a_y", "m/s^2", "acceleration of the body's start, global y", value["a_y"]),
+        Scalar(f"{body}.epsilon", "rad/s^2", "angular acceleration of the body", value["epsilon"]),
+    ]
 
 
 def _reactions(
@@ -236,20 +314,20 @@ def _reactions(
     return solve_blocks(rows, [constraint.multiplier for constraint in equations.constraints], steps)
 
 
-def _link_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps) -> tuple[Scalar, ...]:
+def _link_scalars(mechanism: Mechanism, name: str, solved: _Solved, steps: Steps) -> tuple[Scalar, ...]:
     """The scalars of M q'' + ... = sum s_k f_k, in the link's own axes.
 
     P(X) starts at P_0 = -(axial part of all forces that act on the link at its origin); its growth along the
     link follows from a_x - g_x and omega^2 and is in the element's geometric terms.
     """
-    pose, value, gravity = rates.poses[name], rates.value[name], mechanism.gravity
+    pose, value, gravity = solved.rates.poses[name], solved.rates.value[name], mechanism.gravity
     a, b = value["a_x"] - gravity[0], value["a_y"] - gravity[1]
     values = {
         "omega": value["omega"],
         "epsilon": value["epsilon"],
         "a_x": pose.c * a + pose.s * b,
         "a_y": -pose.s * a + pose.c * b,
-        "P_0": -_axial_force(mechanism, name, "start", rates, reactions, loads),
+        "P_0": -_axial_force(mechanism, name, "start", solved),
     }
     return tuple(
         Scalar(f"{name}.link.{key}", unit, meaning, steps.assign(sm.Symbol(f"{name}_link_{key}"), values[key]))
@@ -257,11 +335,11 @@ def _link_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps
     )
 
 
-def _jump_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps) -> list[Scalar]:
+def _jump_scalars(mechanism: Mechanism, name: str, solved: _Solved, steps: Steps) -> list[Scalar]:
     """What P(X) falls by where forces act on the link between its ends: one scalar a point."""
     found = []
     for point in sorted(_forced_points(mechanism, name) - {"start", "end"}):
-        force = _axial_force(mechanism, name, point, rates, reactions, loads)
+        force = _axial_force(mechanism, name, point, solved)
         value = steps.assign(sm.Symbol(f"{name}_link_jump_{point}"), -force)
         found.append(Scalar(f"{name}.link.jump_{point}", "N", f"growth of the axial force at {point}", value))
     return found
@@ -270,12 +348,13 @@ def _jump_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps
 def _forced_points(mechanism: Mechanism, body: str) -> set[str]:
     """Points of a body at which joints, loads or lumped masses act."""
     points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
-    points += [load.point for load in mechanism.loads.values()] + [mass.point for mass in mechanism.masses.values()]
+    points += [load.point for load in mechanism.loads.values() if load.point is not None] + [mass.point for mass in mechanism.masses.values()]
     return {point.name for point in points if point.body == body}
 
 
-def _axial_force(mechanism, name: str, point: str, rates: _Rates, reactions, loads) -> sm.Expr:
+def _axial_force(mechanism: Mechanism, name: str, point: str, solved: _Solved) -> sm.Expr:
     """Axial part of the forces of joints, loads and lumped masses on a link at one of its points."""
+    rates, loads, reactions = solved.rates, solved.loads, solved.reactions
     pose, force = rates.poses[name], [sm.S.Zero, sm.S.Zero]
 
     def push(vector: Vector) -> None:
@@ -287,7 +366,7 @@ def _axial_force(mechanism, name: str, point: str, rates: _Rates, reactions, loa
             if (side.body, side.name) == (name, point):
                 push(tuple(sign * component for component in _joint_force(joint, rates, reactions)))
     for load_name, load in mechanism.loads.items():
-        if (load.point.body, load.point.name) == (name, point):
+        if load.point is not None and (load.point.body, load.point.name) == (name, point):
             direction = load.direction if load.axes == "global" else pose.turn(load.direction)
             push(tuple(loads[load_name] * component for component in direction))
     for mass in mechanism.masses.values():

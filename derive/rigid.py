@@ -19,11 +19,12 @@ from sympy.physics.mechanics import (
     ReferenceFrame,
     RigidBody,
     System,
+    Torque,
     dynamicsymbols,
     inertia,
 )
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, Vector
+from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
 
 TIME = dynamicsymbols._t
 
@@ -110,6 +111,9 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
     magnitude = {}
     for name, load in mechanism.loads.items():
         magnitude[name] = sm.Symbol(name)
+        if load.joint is not None:
+            _add_torque(system, mechanism.joints[load.joint], magnitude[name], points)
+            continue
         frame, start = points[load.point.body]
         at = load.point.at[0] * frame.x + load.point.at[1] * frame.y
         point = start.locatenew(f"{name}_point", at)
@@ -126,6 +130,13 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         for row, speed in zip(("force_x", "force_y", "moment"), triple, strict=True)
     )
     return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
+
+
+def _add_torque(system: System, joint: JointModel, torque: sm.Symbol, points) -> None:
+    """A torque on the second body of a joint, and its opposite on the first."""
+    for side, sign in ((joint.second, 1), (joint.first, -1)):
+        if side.body != GROUND:
+            system.add_loads(Torque(points[side.body][0], sign * torque * system.frame.z))
 
 
 def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):

@@ -2,18 +2,26 @@
 
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {
-    "42f33b586bba8283": "engine",
-    "cef96ed7bd3ac6d6": "engine_3",
-    "0a56ed069bcccfeb": "engine_elastic_crank",
-    "da129ecbf97f7ab9": "engine_rig",
+    "fa1495c57f528a9c": "double_pendulum",
+    "3182af0611dedf2f": "engine",
+    "2a574e40531446f4": "engine_3",
+    "ef1620f7351a671c": "engine_elastic_crank",
+    "32a42375f3efb261": "engine_rig",
+    "30bb76092fc48a1f": "four_bar",
+    "0a5f4c6a9e6c6bde": "slider_crank_150",
+    "507893a846aa4905": "spin_up",
 }
 
 # Scene -> module that serves it.
 SCENES = {
+    "double-pendulum": "double_pendulum",
     "engine": "engine",
     "engine-3": "engine_3",
     "engine-elastic-crank": "engine_elastic_crank",
     "engine-paper": "engine_elastic_crank",
     "engine-rig": "engine_rig",
     "engine-transient": "engine",
+    "four-bar": "four_bar",
+    "slider-crank-150": "slider_crank_150",
+    "spin-up": "spin_up",
 }

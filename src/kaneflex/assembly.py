@@ -88,7 +88,7 @@ def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[fl
 def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
     """Add the scene's point loads on a link to its F, in link axes."""
     total = part.matrices["F"]
-    for name, load in scene.loads.items():
+    for name, load in scene.forces.items():
         if load.force_on.body == part.name:
             direction = Affine.term((name,), np.array(load.direction)[:, None])
             local = to_link_axes(part.name) @ direction if load.axes == "global" else direction
@@ -107,7 +107,7 @@ def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> l
             part = inertia_part(name, name, body.mass, body.inertia, body.centre, scene.gravity)
             placed.append((part, frame.body_point(name, body.centre)))
         placed.append((_turning_part(scene, name, carried[name]), frame.bodies[name]))
-    for name, load in scene.loads.items():
+    for name, load in scene.forces.items():
         body = load.force_on.body
         if body in carried:
             direction = Affine.term((name,), np.array(load.direction)[:, None])
@@ -115,6 +115,25 @@ def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> l
             part = _empty(name, 3)
             matrices = {**part.matrices, "F": Affine.constant(np.eye(3)[:, :2]) @ pushed}
             placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(load.force_on))))
+    return placed
+
+
+def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
+    """Torques at joints, on the rotation of the second side against the first."""
+    placed = []
+    for name, load in scene.torques.items():
+        relative = Affine.zero(1, len(frame.coordinates))
+        for address, sign in zip(scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+            if address.body in links:
+                node = links[address.body].node_at(scene.point(address)[0])
+                motion = frame.link_point(address.body, parts[address.body], node)
+            elif address.body in frame.bodies:
+                motion = frame.bodies[address.body]
+            else:
+                continue
+            relative += sign * (Affine.constant([[0.0, 0.0, 1.0]]) @ motion)
+        part = _empty(name, 1)
+        placed.append((replace(part, matrices={**part.matrices, "F": Affine.term((name,), [[1.0]])}), relative))
     return placed
 
 
@@ -162,7 +181,7 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
 
 def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
     """Global force (2 x 1) and its point, of every load and joint on a rigid body."""
-    for name, load in scene.loads.items():
+    for name, load in scene.forces.items():
         if load.force_on.body == body:
             direction = Affine.term((name,), np.array(load.direction)[:, None])
             yield direction if load.axes == "global" else to_link_axes(body).T @ direction, scene.point(load.force_on)

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.contract import FORMAT, REQUIRED_ATTRIBUTES
+from kaneflex.contract import COURSES, FORMAT, REQUIRED_ATTRIBUTES
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
 from kaneflex.writing import write_text
@@ -109,6 +109,8 @@ def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)
+        elif owner in scene.drives and name in COURSES:
+            values.append(0.0)  # filled when the free joints have been integrated
         else:
             values.append(float(_number(scene, owner, name)))
     return np.concatenate([np.array(values), *blocks])
@@ -137,6 +139,9 @@ def _number(scene: Scene, owner: str, name: str) -> float:
 
 def _body_number(scene: Scene, owner: str, name: str) -> float:
     body = scene.bodies[owner]
+    if name.startswith("pose_"):
+        pose = body.pose
+        return pose.angle if name == "pose_angle" else pose.at["xy".index(name[-1])]
     if name.startswith("element."):
         field = name.removeprefix("element.")
         return {"length": body.length / body.beam.elements, "x_0": 0.0}.get(field, getattr(body, field, 0.0))

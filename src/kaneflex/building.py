@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine
-from kaneflex.assembly import Equations, Placed, assemble, load_on_link, place_masses, place_rigid
+from kaneflex.assembly import Equations, Placed, assemble, load_on_link, place_masses, place_rigid, place_torques
 from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
 from kaneflex.frame import Frame, build_frame
@@ -40,7 +40,8 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     parts, bases = _parts(scene, options, links, interfaces)
     frame = build_frame(scene, parts, carried, interfaces)
     placed = [(part, frame.maps[name]) for name, part in parts.items()]
-    placed += place_rigid(scene, carried, frame) + place_masses(scene, links, parts, frame)
+    placed += place_rigid(scene, carried, frame)
+    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
@@ -132,7 +133,7 @@ def _parts(
     for name, link in links.items():
         parts[name] = load_on_link(scene, link.part, link)
         if options.reduction == "craig-bampton":
-            held = interfaces.held_rows(parts[name]) | _mass_rows(scene, link)
+            held = interfaces.held_rows(parts[name]) | _loaded_rows(scene, link)
             limit = parts[name].size - len(held)
             count = limit if options.modes == "all" else options.modes
             if count > limit:
@@ -144,9 +145,11 @@ def _parts(
     return parts, bases
 
 
-def _mass_rows(scene: Scene, link: Link) -> set[int]:
-    """Rows of the nodes with lumped masses, which a reduction keeps."""
-    nodes = [link.node_at(scene.point(mass.at)[0]) for mass in scene.masses.values() if mass.at.body == link.name]
+def _loaded_rows(scene: Scene, link: Link) -> set[int]:
+    """Rows of the nodes with lumped masses or torques, which a reduction keeps."""
+    addresses = [mass.at for mass in scene.masses.values()]
+    addresses += [address for load in scene.torques.values() for address in scene.joints[load.torque_at].addresses]
+    nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
     return {row for node in nodes for row in link.part.place[node]}
 
 

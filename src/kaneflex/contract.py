@@ -46,11 +46,14 @@ def element_parameters(rotary: bool, shear: bool, varying: bool) -> tuple[tuple[
     found = ELEMENT_PARAMETERS + ROTARY_PARAMETERS * rotary + SHEAR_PARAMETERS * shear
     return found + tuple(entry for entry in VARYING_PARAMETERS if varying and (rotary or entry[0] != "rho_I_rise"))
 
+COURSES = ("angle_table", "speed_table", "acceleration_table")
+"""Parameters that say where p holds the courses of a free joint, which the runtime integrates first."""
+
 ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
 """The composed element kernels; ``motion``, ``F_t`` and ``terms`` complete the module."""
 
 REQUIRED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
+    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS", "FREE",
     "motion", "tabulate",
 )  # fmt: skip
 """Attributes of every generated module; with elastic links also ``terms`` and the kernels that the scene requires."""

@@ -89,7 +89,7 @@ class Link:
 def forced_points(scene: Scene, link: str) -> dict[str, float]:
     """Points between a link's ends at which joints, loads or lumped masses act: name -> distance from the start [m]."""
     addresses = [address for joint in scene.joints.values() for address in joint.addresses]
-    addresses += [load.force_on for load in scene.loads.values()] + [mass.at for mass in scene.masses.values()]
+    addresses += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
     inner = sorted({a.point for a in addresses if a.body == link and a.point not in ("start", "end")})
     return {point: scene.bodies[link].points_all[point][0] for point in inner}
 
@@ -124,7 +124,10 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
                 continue
             key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
             sums.setdefault(key, np.zeros((elements, *out.shape)))[e] += out
+    known = {scalar for scalar, *_ in module.SCALARS}
     for point, x in forced_points(scene, name).items():
+        if f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
+            continue
         # Beyond a force between the ends P is higher by a constant: the same matrix as for P_0, from there on.
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)

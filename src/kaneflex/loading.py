@@ -14,11 +14,16 @@ from kaneflex.building import build_model
 from kaneflex.carried import carried_bodies, check_guides
 from kaneflex.contract import ELEMENT_PARAMETERS
 from kaneflex.errors import SceneError
+from kaneflex.forward import integrate_free_joints
 from kaneflex.model import Model, Motion
 from kaneflex.options import Options, resolve_options
 from kaneflex.scene import Scene
 
 Progress = Callable[[str], None]
+ONE_WAY = (
+    "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
+)
+"""Said of every run with free joints."""
 _SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 
@@ -51,6 +56,11 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     progress("compiling, first time only")
     _compile(motion)
     compiled = time.perf_counter()
+    warnings: tuple[str, ...] = ()
+    if module.FREE:
+        progress("forward dynamics of the rigid mechanism")
+        p = integrate_free_joints(scene, module, motion.parameters, options.duration, options.steps)
+        motion, warnings = Motion(module, p), (ONE_WAY.format(joints=", ".join(module.FREE)),)
     check_closure(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
@@ -58,7 +68,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
-    return replace(model, seconds=seconds)
+    return replace(model, seconds=seconds, warnings=(*model.warnings, *warnings))
 
 
 def _compile(motion: Motion) -> None:

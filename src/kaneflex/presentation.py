@@ -104,7 +104,7 @@ def description(model: Model) -> str:
         block("bodies", {name: _body(scene, name) for name in scene.bodies}),
         block("joints", {name: _joint(scene, name) for name in scene.joints}),
         block("drives", {name: _drive(scene, name) for name in scene.drives}),
-        block("loads", {name: f"{load.kind} on {load.force_on.body}" for name, load in scene.loads.items()}),
+        block("loads", {name: f"{load.kind} on {load.force_on or load.torque_at}" for name, load in scene.loads.items()}),
         block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
         block("assumptions", scene.assumptions),
         block("options in force", {name: str(value) for name, value in options.as_dict().items()}),

@@ -142,9 +142,10 @@ class _Balances:
             local += deformation.end_forces(node - 1)[3:]
         c, s = self.rigid[f"{link}.c"], self.rigid[f"{link}.s"]
         total = np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]])
-        for name, load in self.model.scene.loads.items():
+        for name, load in self.model.scene.forces.items():
             if load.force_on.body == link and self._node(load.force_on) == node:
                 total[:2] -= self._load(name, load)
+        total[2] -= self._torque(link, node)
         for mass in self.model.scene.masses.values():
             if mass.at.body == link and self._node(mass.at) == node:
                 motion = self.model.frame.link_point(link, self.model.parts[link], node)
@@ -187,14 +188,24 @@ class _Balances:
             total += push
             total[2] += arm[0] * push[1] - arm[1] * push[0]
             work -= arm[0] * push[0] + arm[1] * push[1]
-        for name, load in scene.loads.items():
+        for name, load in scene.forces.items():
             if load.force_on.body == body:
                 push, arm = self._load(name, load), self._turn(body, scene.point(load.force_on))
                 total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
                 work += arm[0] * push[0] + arm[1] * push[1]
+        total[2] -= self._torque(body, None)
         if carried and self.model.options.geometric:
             turn = self.rigid.apply(frame.bodies[body], self.coordinates[0])[2]
             total[2] += turn * (work + self._joint_work(body))
+        return total
+
+    def _torque(self, body: str, node: int | None) -> np.ndarray:
+        """Sum of the torques that loads exert on a rigid body, or on a node of a link."""
+        total = np.zeros(self.steps)
+        for name, load in self.model.scene.torques.items():
+            for address, sign in zip(self.model.scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+                if address.body == body and (node is None or self._node(address) == node):
+                    total += sign * self.rigid[name]
         return total
 
     def _joint_work(self, body: str) -> np.ndarray:

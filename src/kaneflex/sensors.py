@@ -252,10 +252,14 @@ class _Reader:
                 moment += sign * self.rigid[f"{name}.moment"]
             elif name in self.scene.drives:
                 moment += sign * self.rigid[f"{name}.drive"]
-        for name, load in self.scene.loads.items():
+        for name, load in self.scene.forces.items():
             if load.force_on == address:
                 direction = np.outer(load.direction, np.ones(self.steps))
                 force += self.rigid[name] * (direction if load.axes == "global" else self._turn(link, load.direction))
+        for name, load in self.scene.torques.items():
+            for side, sign in zip(self.scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+                if side == address:
+                    moment += sign * self.rigid[name]
         for mass in self.scene.masses.values():
             if mass.at == address:
                 force -= mass.mass * self._felt(address)

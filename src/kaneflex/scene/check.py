@@ -19,6 +19,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_names(scene),
         *_joints(scene),
         *_masses(scene),
+        *_poses(scene),
         *_drives(scene),
         *_loads(scene),
         *_sensors(scene),
@@ -85,6 +86,17 @@ def _joints(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"joints.{name}.branch", joint.branch, "this joint closes no loop", cure)
 
 
+def _poses(scene: Scene) -> Iterator[Problem]:
+    """A structure that doesn't move needs the pose of every body, and no drive."""
+    if not scene.is_frame:
+        return
+    for name, body in scene.bodies.items():
+        if body.pose is None:
+            yield Problem(f"bodies.{name}.pose", None, "other bodies stand in given poses, this one does not", "Give its pose")
+    for name in scene.drives:
+        yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
+
+
 def _drives(scene: Scene) -> Iterator[Problem]:
     for name in scene.drives:
         if name not in scene.joints:
@@ -115,7 +127,14 @@ def _masses(scene: Scene) -> Iterator[Problem]:
 
 def _loads(scene: Scene) -> Iterator[Problem]:
     for name, load in scene.loads.items():
-        yield from _address(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        if load.force_on is not None:
+            yield from _address(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        elif load.torque_at not in scene.joints:
+            cure = nearest(load.torque_at, scene.joints)
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
+        elif scene.joints[load.torque_at].kind != "revolute":
+            kind = scene.joints[load.torque_at].kind
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, f"a {kind} joint does not turn", "Name a revolute joint")
         if load.against not in (None, "t", *scene.drives):
             cure = nearest(load.against, ["t", *scene.drives])
             yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)

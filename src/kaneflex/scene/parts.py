@@ -16,7 +16,7 @@ from kaneflex.scene.quantities import (
     AngleOrTime,
     CountOrAll,
     Direction,
-    Force,
+    ForceOrTorque,
     FrequencyPair,
     Inertia,
     NonNegativeRatio,
@@ -27,7 +27,7 @@ from kaneflex.scene.quantities import (
     WholeNumber,
 )
 from kaneflex.tables import Table, read_table
-from kaneflex.units import ANGLE, TIME, to_si
+from kaneflex.units import ANGLE, FORCE, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "axial", "gravity", "damping", "dynamics")
@@ -92,26 +92,33 @@ class Mass(SceneTable):
 
 
 class Load(SceneTable):
-    """A point force along `direction`, in fixed (`global`) or `body` axes, in N.
+    """A point force along `direction`, in fixed (`global`) or `body` axes, in N; or a torque in N m at a joint.
 
+    `torque_at` names a revolute joint: the torque acts on its second body, and its opposite on the first.
     Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
     `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
     seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by
     `closing` of its largest value.
     """
 
-    force_on: AddressField
-    direction: Direction
+    force_on: AddressField | None = None
+    torque_at: str | None = None
+    direction: Direction | None = None
     axes: Literal["global", "body"] = "global"
-    value: Force | None = None
+    value: ForceOrTorque | None = None
     law: str | None = None
     table: str | None = None
     column: str | None = None
-    unit: str = "N"
+    unit: str = Field(default_factory=lambda data: "N m" if data.get("torque_at") else "N")
     against: str | None = None
     period: AngleOrTime | None = None
     offset: AngleOrTime = 0.0
     closing: NonNegativeRatio = 0.01
+
+    @field_validator("value", mode="before")
+    @classmethod
+    def _force_or_torque(cls, value: object, info: ValidationInfo) -> float:
+        return to_si(value, TORQUE if info.data.get("torque_at") else FORCE)
 
     @field_validator("period", "offset", mode="before")
     @classmethod
@@ -124,6 +131,13 @@ class Load(SceneTable):
     @model_validator(mode="after")
     def _consistent(self) -> Load:
         kind = self.kind
+        if the_one_given(self, ("force_on", "torque_at")) == "force_on":
+            if self.direction is None:
+                raise Fault("a force without direction", "Give it, like direction = [1, 0]", below="direction")
+        else:
+            for field in ("direction", "axes"):
+                if field in self.model_fields_set:
+                    raise Fault("a torque has none", "Leave it out", below=field)
         if kind == "table" and self.against is None:
             raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
         if kind != "table":
@@ -133,13 +147,18 @@ class Load(SceneTable):
         return self
 
     @property
+    def si_unit(self) -> str:
+        return "N m" if self.torque_at else "N"
+
+    @property
     def kind(self) -> str:
         """Which of "value", "law" and "table" gives the size."""
         return the_one_given(self, ("value", "law", "table"))
 
     def read_table(self) -> Table:
-        """The load's table, in N over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
-        table = read_table(self.table, self.column, self.unit, "s" if self.against == "t" else "deg")
+        """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
+        dimension = TORQUE if self.torque_at else FORCE
+        table = read_table(self.table, self.column, self.unit, "s" if self.against == "t" else "deg", dimension)
         if self.period is not None:
             table.check_period(self.period, self.closing)
         return table

@@ -156,7 +156,9 @@ AngleOrTime = Annotated[
 ]
 Point = _vector(units.LENGTH)
 Acceleration = _vector(units.ACCELERATION)
-Force = _quantity(units.FORCE)
+ForceOrTorque = Annotated[
+    float, WithJsonSchema({"type": ["number", "string"], "description": "a force or a torque"})
+]
 Direction = Annotated[
     tuple[float, float], BeforeValidator(_unit_vector), _list_schema("number", 2, "a direction, any length")
 ]

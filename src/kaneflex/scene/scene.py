@@ -84,6 +84,21 @@ class Scene(SceneTable):
         """What a run covers, in s: `solve.duration`, else one cycle."""
         return self.solve.duration if self.solve.duration is not None else self.period
 
+    @property
+    def forces(self) -> dict[str, Load]:
+        """Loads that push a point."""
+        return {name: load for name, load in self.loads.items() if load.force_on is not None}
+
+    @property
+    def torques(self) -> dict[str, Load]:
+        """Loads that turn two bodies against each other at a joint."""
+        return {name: load for name, load in self.loads.items() if load.torque_at is not None}
+
+    @property
+    def is_frame(self) -> bool:
+        """Whether this is a structure that doesn't move: its bodies have poses and nothing is driven."""
+        return any(body.pose is not None for body in self.bodies.values())
+
     def law_names(self) -> tuple[str, ...]:
         """Names that a law may use beside pi: t, each drive's angle (rad) and speed (rad/s)."""
         return ("t", *self.drives, *(f"{name}_speed" for name in self.drives))

@@ -32,6 +32,7 @@ def structure(scene: Scene) -> dict[str, Any]:
         "drives": {name: _drive(scene, name) for name in sorted(scene.drives)},
         "loads": {name: _load(scene, name) for name in sorted(scene.loads)},
         "gravity": _zeros(scene.gravity),
+        "frame": scene.is_frame,
         "viscous": scene.damping is not None and scene.damping.kind == "viscous",
     }
 
@@ -51,7 +52,7 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
     used = {address for joint in scene.joints.values() for address in joint.addresses}
-    used |= {load.force_on for load in scene.loads.values()} | {mass.at for mass in scene.masses.values()}
+    used |= {load.force_on for load in scene.forces.values()} | {mass.at for mass in scene.masses.values()}
     return {
         str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)
     }
@@ -86,7 +87,10 @@ def _drive(scene: Scene, name: str) -> dict[str, Any]:
 
 def _load(scene: Scene, name: str) -> dict[str, Any]:
     load = scene.loads[name]
-    entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
+    if load.torque_at is not None:
+        entry = {"torque_at": load.torque_at}
+    else:
+        entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
     if load.kind == "table":
         return entry | {"kind": "table", "against": load.against}
     if load.kind == "law":
