@@ -163,7 +163,8 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
     masses = {}
     for name, mass in structure["masses"].items():
         inertia = pattern(mass["inertia"], f"{name}.inertia", "kg m^2")
-        masses[name] = MassModel(name, point(mass["at"]), number(f"{name}.mass", "kg"), inertia)
+        weight = pattern(mass["mass"], f"{name}.mass", "kg")
+        masses[name] = MassModel(name, point(mass["at"]), weight, inertia)
     drives = {}
     for name, drive in structure["drives"].items():
         drives[name] = DriveModel(drive["kind"], drive.get("law"))

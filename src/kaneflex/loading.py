@@ -59,7 +59,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     warnings: tuple[str, ...] = ()
     if module.FREE:
         progress("forward dynamics of the rigid mechanism")
-        p = integrate_free_joints(scene, module, motion.parameters, options.duration, options.steps)
+        p = integrate_free_joints(scene, module, motion.parameters, options.duration)
         motion, warnings = Motion(module, p), (ONE_WAY.format(joints=", ".join(module.FREE)),)
     check_closure(scene, motion, options)
     model = build_model(scene, options, motion)

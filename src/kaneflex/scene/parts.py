@@ -21,7 +21,7 @@ from kaneflex.scene.quantities import (
     Inertia,
     NonNegativeRatio,
     NonNegativeViscosity,
-    PositiveMass,
+    NonNegativeMass,
     PositiveTime,
     Ratios,
     WholeNumber,
@@ -87,7 +87,7 @@ class Mass(SceneTable):
     """A lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body."""
 
     at: AddressField
-    mass: PositiveMass
+    mass: NonNegativeMass = 0.0
     inertia: Inertia = 0.0
 
 

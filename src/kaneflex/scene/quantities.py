@@ -140,6 +140,7 @@ def _list_schema(item: list[str] | str, count: int, description: str) -> WithJso
 PositiveLength = _positive(units.LENGTH)
 Length = _quantity(units.LENGTH)
 PositiveMass = _positive(units.MASS)
+NonNegativeMass = _quantity(units.MASS, lowest=0.0)
 Inertia = _quantity(units.INERTIA, lowest=0.0)
 PositiveArea = _positive(units.AREA)
 PositiveSecondMoment = _positive(units.SECOND_MOMENT)

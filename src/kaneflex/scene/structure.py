@@ -75,7 +75,8 @@ def _joint(scene: Scene, name: str) -> dict[str, Any]:
 
 def _mass(scene: Scene, name: str) -> dict[str, Any]:
     mass = scene.masses[name]
-    return {"at": str(mass.at), "inertia": _zeros((mass.inertia,))[0]}
+    weight, inertia = _zeros((mass.mass, mass.inertia))
+    return {"at": str(mass.at), "mass": weight, "inertia": inertia}
 
 
 def _drive(scene: Scene, name: str) -> dict[str, Any]:
