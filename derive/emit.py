@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import sympy as sm
 from sympy.printing.pycode import PythonCodePrinter
 
-from kaneflex.derive.program import Program, expanded_operation_count, operation_count
+from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count
 
 LINE = 110
 
@@ -28,6 +28,9 @@ class NumbaPrinter(PythonCodePrinter):
 
     _print_Half = _print_Rational
 
+    def _print_Float(self, expr):
+        return repr(float(expr))  # SymPy's own would drop the last two digits
+
     def _print_NumberSymbol(self, expr):
         return repr(float(expr))
 
@@ -37,7 +40,7 @@ class NumbaPrinter(PythonCodePrinter):
             return f"math.sqrt({self._print(base)})"
         if exponent == sm.Rational(-1, 2):
             return f"1.0/math.sqrt({self._print(base)})"
-        if exponent.is_Integer and 1 < abs(exponent) <= 8:
+        if exponent.is_Integer and 1 < abs(exponent) <= LARGEST_PRODUCT:
             factor = self.parenthesize(base, 60)
             product = "*".join([factor] * abs(int(exponent)))
             return f"({product})" if exponent > 0 else f"1.0/({product})"

@@ -14,6 +14,9 @@ import sympy as sm
 
 Assignment = tuple[sm.Symbol, sm.Expr]
 
+LARGEST_PRODUCT = 8
+"""Powers up to this one are printed as products, x*x*x."""
+
 
 @dataclass(frozen=True)
 class Program:
@@ -155,7 +158,10 @@ def expanded_operation_count(program: Program) -> int:
 
 
 def _cost(expression: sm.Expr, cost_of: Mapping[sm.Symbol, int]) -> int:
-    """Operations of an expression as it is printed: a sign is free, x**3 is two products, 1/x**3 one division more."""
+    """Operations of an expression as it is printed: a sign is free, x**3 is two products, 1/x**3 one division more.
+
+    What stands in brackets more than once counts once, as the compiler computes it.
+    """
     if expression.is_Symbol:
         return cost_of.get(expression, 0)
     own = 0
@@ -167,8 +173,8 @@ def _cost(expression: sm.Expr, cost_of: Mapping[sm.Symbol, int]) -> int:
         own = max(len(factors) - 1, 0)
     elif expression.is_Pow:
         exponent = expression.exp
-        own = abs(int(exponent)) - 1 if exponent.is_Integer else 1
-        own += _is_divisor(expression)
+        product = exponent.is_Integer and abs(exponent) <= LARGEST_PRODUCT
+        own = (abs(int(exponent)) - 1 if product else 1) + _is_divisor(expression)
     elif expression.args:
         own = 1
     return own + sum(_cost(argument, cost_of) for argument in expression.args)

@@ -7,7 +7,8 @@ STRUCTURES = {
     "2a574e40531446f4": "engine_3",
     "ef1620f7351a671c": "engine_elastic_crank",
     "32a42375f3efb261": "engine_rig",
-    "30bb76092fc48a1f": "four_bar",
+    "bc6c582711c86980": "engine_torque",
+    "f96f4e8880f2e5d9": "four_bar",
     "0a5f4c6a9e6c6bde": "slider_crank_150",
     "507893a846aa4905": "spin_up",
 }
@@ -20,6 +21,7 @@ SCENES = {
     "engine-elastic-crank": "engine_elastic_crank",
     "engine-paper": "engine_elastic_crank",
     "engine-rig": "engine_rig",
+    "engine-torque": "engine_torque",
     "engine-transient": "engine",
     "four-bar": "four_bar",
     "slider-crank-150": "slider_crank_150",

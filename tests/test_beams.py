@@ -15,7 +15,7 @@ from kaneflex.links import craig_bampton
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 
 DATA = Path(__file__).parent / "data"
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())

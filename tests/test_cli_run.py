@@ -142,7 +142,7 @@ def test_force_does_not_replace_a_folder_of_other_things(monkeypatch):
 def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(monkeypatch, place):
     Path("file").write_text("")
     monkeypatch.setattr("kaneflex.loading.load", never)
-    refused(cli("run", "engine", *SMALL, "-o", place), place)
+    refused(cli("run", "engine", *SMALL, "-o", place), f"{place}: can't be written (Not a directory)")
     assert [path.name for path in Path().iterdir()] == ["file"]
 
 
@@ -168,6 +168,23 @@ def test_a_run_that_fails_while_writing_leaves_the_old_folder_and_nothing_else(m
     assert Path("r/summary.json").read_text() == "old"
 
 
+def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(monkeypatch):
+    Path("r").mkdir()
+    Path("r/summary.json").write_text("old")
+    rename, moved = Path.rename, []
+
+    def second_fails(path, target):
+        moved.append(path)
+        if len(moved) == 2:
+            raise PermissionError(13, "Permission denied")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", second_fails)
+    refused(cli("run", "engine", "--preset", "rigid", "--no-plots", "--force", "-o", "r"), "Permission denied")
+    assert [path.name for path in Path().rglob("*")] == ["r", "summary.json"]
+    assert Path("r/summary.json").read_text() == "old"
+
+
 def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
     def write_netcdf(solution, path):
         raise OSError(28, "No space left on device")
@@ -180,7 +197,10 @@ def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
 
 def test_interrupting_a_process_leaves_nothing(tmp_path):
     command = [sys.executable, "-m", "kaneflex", "run", "engine-transient", "--steps", "20000000", "-o", "r"]
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # ignored below a job with `&`
+    )  # fmt: skip
     try:
         for line in process.stderr:
             if line.startswith("solving"):

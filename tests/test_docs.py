@@ -17,7 +17,7 @@ from kaneflex.scene import Scene, json_schema, read_scene, with_settings
 from kaneflex.scene.bodies import MATERIALS
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 from kaneflex.solution import Solution
 
 TEXT = (Path(__file__).parent.parent / "docs" / "scene.md").read_text(encoding="utf-8")
@@ -163,7 +163,7 @@ def test_the_cantilever_bends_as_textbooks_say(solved):
     series = simulate(load(quasistatic)).series
     E_I = 2.1e11 * 1.3333e-8
     assert series["tip"].values.min() == pytest.approx(-100 * 0.5**3 / (3 * E_I), rel=1e-4)  # F l^3 / (3 E I)
-    assert series["root_moment"].values.min() == pytest.approx(-100 * 0.5, rel=1e-6)  # bends towards -y
+    assert series["root_moment"].values.min() == pytest.approx(-100 * 0.5, rel=1e-6)  # hollow towards -y
     assert series["wall_force"].values.max() == pytest.approx(100, rel=1e-6)  # the wall's force on the bar
 
 

@@ -22,7 +22,7 @@ _HOMES = {
     "UserError": "kaneflex.errors",
     "load": "kaneflex.loading",
     "read_scene": "kaneflex.scene",
-    "simulate": "kaneflex.simulate",
+    "simulate": "kaneflex.simulation",
     "with_settings": "kaneflex.scene",
 }
 __all__ = sorted(_HOMES)

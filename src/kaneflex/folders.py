@@ -65,8 +65,6 @@ def writing(path: Path) -> Iterator[None]:
 def _refuse_existing(path: Path, mark: str, force: bool) -> None:
     if not os.path.lexists(path):
         return
-    if not path.is_dir():
-        raise OutputError(str(path), None, "is not a folder", "Choose another name")
     entries = {entry.name for entry in path.iterdir()}
     if not entries:
         return

@@ -47,12 +47,14 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
     folder.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
     with styled():
-        for done, pictures in enumerate(_kinds()):
+        kinds = _kinds(solution)
+        for done, pictures in enumerate(kinds):
             for name, figure in pictures(solution).items():
                 written += save(figure, folder / name)
             if progress is not None:
-                progress((done + 1) / (len(_kinds()) + 1))
-        written.append(animate(solution, folder / "animation.gif"))
+                progress((done + 1) / (len(kinds) + 1))
+        if _moves(solution):
+            written.append(animate(solution, folder / "animation.gif"))
     if progress is not None:
         progress(1.0)
     return written
@@ -63,12 +65,17 @@ def figures(solution: Solution) -> Iterator[tuple[str, Figure]]:
     from kaneflex.plots.style import styled
 
     with styled():
-        for pictures in _kinds():
+        for pictures in _kinds(solution):
             yield from pictures(solution).items()
 
 
-def _kinds() -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
+def _moves(solution: Solution) -> bool:
+    """Whether there is a motion to draw: a run that found no periodic state holds no instant."""
+    return len(solution.times) > 1
+
+
+def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
     from kaneflex.plots import displacements, loads, modes, motion, records, sensors, surfaces
 
-    kinds = (loads, motion, modes, displacements, surfaces, records, sensors)
+    kinds = (loads, motion, modes, displacements, surfaces, records, sensors) if _moves(solution) else (loads, modes)
     return tuple(kind.figures for kind in kinds)

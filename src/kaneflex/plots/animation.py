@@ -41,7 +41,7 @@ def animate(solution: Solution, path: Path) -> Path:
     draw_guides(axes, fixed, grounded, still)
     ghost = draw_outline(axes, still, 0, ghost=True)
     solid = draw_outline(axes, moved, 0)
-    caption = axes.set_title("")
+    caption = axes.set_title(_caption(shown, 0))
     figure.canvas.draw()
     figure.set_layout_engine("none")  # places are found once, not for every frame
     writer = PillowWriter(fps=_PER_SECOND)

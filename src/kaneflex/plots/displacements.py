@@ -1,7 +1,8 @@
-"""Nodal displacements of the joints, paper Figs. 18-22, and displacements of mid-link, Figs. 25, 26."""
+"""Nodal displacements of joints and free ends, paper Figs. 18-22, and displacements of mid-link, Figs. 25, 26."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,11 +17,12 @@ if TYPE_CHECKING:
 
 _STILL = 1e-3
 """Displacements below this share of the largest are not shown: of held points, of second order."""
-Panel = tuple[str, str, str, list[tuple[str, np.ndarray]]]
+Curves = list[tuple[str, np.ndarray]]
+Panel = tuple[str, str, str, Curves]
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``nodal_displacements`` of all joints of elastic links, and ``mid_LINK`` of each link."""
+    """``nodal_displacements`` of all joints and free ends of elastic links, and ``mid_LINK`` of each link."""
     if solution.model.frame is None:
         return {}
     shown = view(solution)
@@ -28,7 +30,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     panels = _nodal(shown)
     if panels:
         columns = 2 if len(panels) <= 6 else 3
-        title = f"Elastic displacements of the joints, global axes{shown.note}"
+        title = f"Elastic displacements of the nodes at joints and ends, global axes{shown.note}"
         pictures["nodal_displacements"] = _figure(shown, panels, columns, title)
     for name, deformation in shown.links.items():
         title = f"Displacements at half the length of {name}{shown.note}"
@@ -51,33 +53,51 @@ def _figure(shown: View, panels: list[Panel], columns: int, title: str) -> Figur
 
 
 def _nodal(shown: View) -> list[Panel]:
-    """q of each joint with an elastic link, numbered as in the paper: three a revolute joint, in the scene's order."""
-    scene = shown.solution.model.scene
-    found: list[tuple[str, str, list[tuple[str, np.ndarray]]]] = []
-    pins = [name for name, joint in scene.joints.items() if joint.kind != "prismatic"]
-    for number, name in enumerate(pins):
-        sides = [side for side in scene.joints[name].addresses if side.body in shown.links]
-        if not sides:
-            continue
-        q = {side.body: _global(shown, side.body, scene.point(side)[0]) for side in sides}
-        shift = next(iter(q.values()))
-        found += [(f"$q_{{{3 * number + k + 1}}}$: {name}, {'XY'[k]}", "m", [(name, shift[k])]) for k in (0, 1)]
-        turns = [(body, series[2]) for body, series in q.items()]
-        found.append((f"$q_{{{3 * number + 3}}}$: {name}, rotation", "rad", _distinct(turns)))
-    largest = {
-        unit: max(np.abs(values).max() for _, of, curves in found if of == unit for _, values in curves)
-        for unit in {unit for _, unit, _ in found}
-    }
+    """Displacements and rotation of every joint and free end of elastic links, as far as it moves."""
+    found = [*_joints(shown), *_free_ends(shown)]
+    largest = {"m": 0.0, "rad": 0.0}
+    for _, unit, curves in found:
+        largest[unit] = max(largest[unit], *(float(np.abs(values).max()) for _, values in curves))
     panels = []
     for title, unit, curves in found:
         moving = [(label, values) for label, values in curves if np.abs(values).max() > _STILL * largest[unit]]
         if moving:
-            whose = f" of {moving[0][0]}" if unit == "rad" and len(moving) == 1 and len(curves) > 1 else ""
+            whose = f" of {moving[0][0]}" if len(moving) < len(curves) else ""
             panels.append((title + whose, "rotation" if unit == "rad" else "displacement", unit, moving))
     return panels
 
 
-def _distinct(turns: list[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+def _joints(shown: View) -> Iterator[tuple[str, str, Curves]]:
+    """q numbered as in the paper: three for each revolute joint or weld, in the scene's order."""
+    scene = shown.solution.model.scene
+    joints = [(name, joint) for name, joint in scene.joints.items() if joint.kind != "prismatic"]
+    for number, (name, joint) in enumerate(joints):
+        q = {
+            side.body: _global(shown, side.body, scene.point(side)[0])
+            for side in joint.addresses
+            if side.body in shown.links
+        }
+        if q:
+            X, Y, _ = next(iter(q.values()))
+            turns = _distinct([(body, series[2]) for body, series in q.items()])
+            yield f"$q_{{{3 * number + 1}}}$: {name}, X", "m", [(name, X)]
+            yield f"$q_{{{3 * number + 2}}}$: {name}, Y", "m", [(name, Y)]
+            yield f"$q_{{{3 * number + 3}}}$: {name}, rotation", "rad", turns
+
+
+def _free_ends(shown: View) -> Iterator[tuple[str, str, Curves]]:
+    scene = shown.solution.model.scene
+    jointed = {(side.body, scene.point(side)[0]) for joint in scene.joints.values() for side in joint.addresses}
+    for body, deformation in shown.links.items():
+        for end, x in (("start", 0.0), ("end", deformation.link.length)):
+            if (body, x) not in jointed:
+                X, Y, turn = _global(shown, body, x)
+                yield f"{body}.{end}, X", "m", [(body, X)]
+                yield f"{body}.{end}, Y", "m", [(body, Y)]
+                yield f"{body}.{end}, rotation", "rad", [(body, turn)]
+
+
+def _distinct(turns: Curves) -> Curves:
     """Rotations of the links at a joint; once where they share it."""
     gap = max(np.abs(values - turns[0][1]).max() for _, values in turns)
     return turns if gap > _STILL * np.abs(turns[0][1]).max() else turns[:1]

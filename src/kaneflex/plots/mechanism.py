@@ -16,6 +16,8 @@ _SWEEP = 180
 _ALONG_LINK = 33
 _BOX = (0.10, 0.07)
 """Half length and half width of a guided body, in sizes of the mechanism."""
+_CARRIED = 0.5
+"""Share of that size for a body on a guide that moves."""
 
 Place = tuple[float, float]
 
@@ -179,7 +181,8 @@ class _Pose:
             c, s = self.rigid[f"{carrier.body}.c"], self.rigid[f"{carrier.body}.s"]
             t = np.stack([c * t[:, 0] - s * t[:, 1], s * t[:, 0] + c * t[:, 1]], axis=-1)
         n = np.stack([-t[:, 1], t[:, 0]], axis=-1)
-        corners = self.fixed.size * np.array(_BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
+        size = self.fixed.size * (1.0 if carrier.body == "ground" else _CARRIED)
+        corners = size * np.array(_BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
         return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
 
 

@@ -14,6 +14,8 @@ from kaneflex.plots.view import View, view
 if TYPE_CHECKING:
     from kaneflex.solution import Solution
 
+_NOTHING = 1e-9
+"""A mean below this share of the largest value is written as none."""
 Curves = list[tuple[str, np.ndarray]]
 
 
@@ -25,7 +27,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     rows = 3 * bool(columns)
     if not columns and not drives:
         return {}
-    figure = new_figure(4.9 * max(1, len(columns)), 0.7 + 1.9 * (rows + len(drives)), f"Rigid motion{shown.note}")
+    figure = new_figure(max(7.0, 4.9 * len(columns)), 0.7 + 1.9 * (rows + len(drives)), f"Rigid motion{shown.note}")
     grid = figure.add_gridspec(rows + len(drives), max(1, len(columns)))
     below = []
     for column, panels in enumerate(columns):
@@ -93,7 +95,7 @@ def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
     """What each drive must apply to hold its speed."""
     names = [name for name in shown.solution.model.scene.drives if f"{name}.drive" in shown.rigid]
     curves = [(name, shown.rigid[f"{name}.drive"]) for name in names]
-    return [("Drive torque that holds the speed", "torque", "N m", curves)] if curves else []
+    return [("Torque that holds the speed", "torque", "N m", curves)] if curves else []
 
 
 def _with_means(axes: Axes, shown: View, curves: Curves, unit: str, title: str, quantity: str) -> None:
@@ -101,6 +103,7 @@ def _with_means(axes: Axes, shown: View, curves: Curves, unit: str, title: str, 
     factor, label = plot_curves(axes, shown.x, curves, unit, title, quantity)
     for (name, values), line in zip(curves, axes.get_lines(), strict=True):
         mean = factor * np.trapezoid(values, shown.times) / (np.ptp(shown.times) or 1.0)
+        mean = 0.0 if abs(mean) < _NOTHING * factor * np.abs(values).max() else mean
         style = {"color": line.get_color(), "linestyle": "--", "linewidth": 1.0}
         axes.axhline(mean, label=f"{name}, mean {mean:.4g} {label}".replace("-", "\u2212"), **style)
     legend_above(axes)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d import Axes3D
 
 from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
@@ -50,7 +50,7 @@ def _figure(shown: View, name: str, deformation: Deformation) -> Figure:
     return figure
 
 
-def _surface(axes: Axes3D, shown: View, x: np.ndarray, field: np.ndarray) -> None:
+def _surface(axes: Axes, shown: View, x: np.ndarray, field: np.ndarray) -> None:
     """One displacement (n_points, n_times) [m]."""
     factor, label = readable("m", field)
     along, instants = np.meshgrid(1e3 * x, shown.x, indexing="ij")

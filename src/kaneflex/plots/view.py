@@ -94,11 +94,10 @@ class View:
 
 
 def view(solution: Solution) -> View:
-    """The instants to draw: finite ones, of a long run the last turns, thinned where there are very many."""
-    motion = solution.trajectory.z
-    instants = np.flatnonzero(np.isfinite(motion).all(axis=1))
+    """The instants to draw: of a long run those of the last turns, thinned where there are very many."""
+    instants = np.arange(len(solution.times))
     speed = max((abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()), default=0.0)
-    turns = speed * float(np.ptp(solution.times[instants])) / (2 * math.pi) if len(instants) else 0.0
+    turns = speed * float(np.ptp(solution.times)) / (2 * math.pi)
     shown = None
     if turns > _MOST_TURNS and not solution.model.options.cycles:
         shown = float(_TURNS_SHOWN)

@@ -1,0 +1,71 @@
+"""Measured order of convergence of every integrator on the engine itself: its motion, its gas, its elastic rod."""
+
+import numpy as np
+import pytest
+from runs import run
+
+from kaneflex.integrate.methods import METHODS
+
+ENGINE = ("engine", "rod.elements=2")
+PAPER = ("engine-paper",)
+FINEST = {"engine": ("solve.integrator=gauss", "solve.steps=11520"), "engine-paper": ("solve.steps=23040",)}
+
+
+def error(scene: tuple[str, ...], method: str, steps: int, what: str) -> float:
+    """Relative rms error of z, v or a over the run, against a far finer one."""
+    exact = run(*scene, *FINEST[scene[0]]).trajectory
+    found = run(*scene, f"solve.integrator={method}", f"solve.steps={steps}").trajectory
+    every = (len(exact.times) - 1) // steps
+    assert found.times == pytest.approx(exact.times[::every])
+    expected = getattr(exact, what)[::every]
+    return np.linalg.norm(getattr(found, what) - expected) / np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("what", ["z", "v"])
+@pytest.mark.parametrize(("method", "steps"), [("newmark", 2880), ("generalised-alpha", 2880), ("gauss", 720)], ids=str)
+def test_measured_order_on_the_engine(method, steps, what):
+    """Periodic cycle, coefficients that change with the crank angle, pressure from a table: steps halved twice."""
+    errors = [error(ENGINE, method, steps * 2**k, what) for k in range(3)]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    tolerance = 0.1 if method == "gauss" else 0.02
+    assert orders == pytest.approx([METHODS[method].order] * 2, abs=tolerance)
+
+
+@pytest.mark.parametrize("what", ["z", "v"])
+def test_measured_order_of_exact_modes(what):
+    """Only the load's course within a step is interpolated, linearly: order two."""
+    errors = [error(PAPER, "exact-modal", steps, what) for steps in (1440, 2880, 5760)]
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([2, 2], abs=0.15)
+
+
+def test_gauss_at_one_degree_beats_the_second_order_methods_at_an_eighth():
+    gauss = error(ENGINE, "gauss", 720, "z")
+    assert gauss < 1e-5
+    for method in ("newmark", "generalised-alpha"):
+        assert error(ENGINE, method, 5760, "z") > gauss
+
+
+def test_methods_agree_on_what_is_measured():
+    """Sensors, to 2e-4 of their largest value, at 11520 steps."""
+    finest = run(*ENGINE, *FINEST["engine"]).series
+    for method in ("newmark", "generalised-alpha"):
+        series = run(*ENGINE, f"solve.integrator={method}", "solve.steps=11520").series
+        for name in ("tip_axial", "mid_transverse", "rod_force_piston", "crank_torque"):
+            scale = np.abs(finest[name].values).max()
+            assert np.abs(series[name].values - finest[name].values).max() < 2e-4 * scale, name
+
+
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss"])
+def test_cycle_closes(method):
+    """A periodic start comes back to itself, and nothing grows."""
+    trajectory = run(*ENGINE, f"solve.integrator={method}", "solve.steps=1440").trajectory
+    for series in (trajectory.z, trajectory.v):
+        assert series[-1] == pytest.approx(series[0], abs=1e-9 * np.abs(series).max())
+    assert np.abs(trajectory.multipliers).max() < 1
+
+
+def test_scipy_gives_a_second_opinion():
+    """From rest over a fortieth of a cycle, where solve_ivp is still affordable."""
+    short = ("engine-transient", "rod.elements=1", "solve.duration=0.0005 s", "solve.steps=400")
+    ours, theirs = (run(*short, f"solve.integrator={method}").trajectory for method in ("gauss", "scipy"))
+    assert ours.z == pytest.approx(theirs.z, abs=1e-6 * np.abs(theirs.z).max())

@@ -1,0 +1,326 @@
+"""Pictures: which ones a scene gets, what stands on them, and the numbers behind them."""
+
+import math
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+
+import matplotlib
+import numpy as np
+import pytest
+from PIL import Image
+
+from kaneflex.building import reference_modes
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.loading import load
+from kaneflex.plots import animation, draw_all, figures, modes, style
+from kaneflex.plots.mechanism import outline, scenery
+from kaneflex.plots.records import reversals, spectrum
+from kaneflex.plots.style import readable, round_down, save, styled
+from kaneflex.plots.view import view
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.simulation import simulate
+from kaneflex.solution import Solution
+
+SETTINGS = {
+    "engine": ("solve.steps=720",),
+    "engine-3": ("solve.steps=144",),
+    "engine-elastic-crank": ("solve.steps=144",),
+    "engine-transient": ("solve.duration=0.01 s", "solve.steps=360"),
+    "engine-rig": ("solve.steps=2160",),
+    "rigid": ("solve.steps=144", "solve.preset=rigid"),
+}
+ALL = tuple(SETTINGS)
+CYCLE = {"loads", "motion", "modes", "nodal_displacements", "mid_rod", "surfaces_rod", "sensors"}
+OF_ROD = {"mid_rod", "surfaces_rod"}
+EXPECTED = {
+    "engine": CYCLE,
+    "engine-elastic-crank": CYCLE | {"mid_crank", "surfaces_crank"},
+    "engine-3": CYCLE - OF_ROD | {f"{picture}_{k}" for picture in OF_ROD for k in (1, 2, 3)},
+    "engine-transient": CYCLE | {"records", "spectra"},
+    "engine-rig": CYCLE - {"loads"} | {"records", "spectra"},
+    "rigid": {"loads", "motion", "sensors"},
+}  # fmt: skip
+
+
+@cache
+def solved(name: str) -> Solution:
+    scene = read_scene("engine" if name == "rigid" else name)
+    return simulate(load(with_settings(scene, SETTINGS[name])))
+
+
+@cache
+def drawn(name: str) -> dict:
+    return dict(figures(solved(name)))
+
+
+def panels(name: str):
+    return [(picture, axes) for picture, figure in drawn(name).items() for axes in figure.axes]
+
+
+def titles(figure) -> list[str]:
+    return [axes.get_title(loc="left") or axes.get_title() for axes in figure.axes]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_scene_gets_the_pictures_that_apply_to_it(name):
+    assert set(drawn(name)) == EXPECTED[name]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_panel_has_a_title_and_units_on_its_axes(name):
+    for picture, figure in drawn(name).items():
+        assert figure.get_suptitle(), picture
+        for axes, title in zip(figure.axes, titles(figure), strict=True):
+            assert title, picture
+            bottom = any(label.get_visible() for label in axes.get_xticklabels())
+            labels = [axes.get_ylabel()] if picture != "modes" or axes.get_subplotspec().is_first_col() else []
+            labels += [axes.get_xlabel()] if bottom and axes.get_xlabel() else []
+            for label in labels:
+                assert re.search(r"\[.+\]$", label), (picture, title, label)
+        assert any(re.search(r"\[.+\]$", axes.get_xlabel()) for axes in figure.axes), picture
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_panels_with_several_curves_have_a_legend_that_names_each(name):
+    for picture, axes in panels(name):
+        names = axes.get_legend_handles_labels()[1]
+        if picture not in ("modes", "spectra") and len(names) > 1:
+            assert [text.get_text() for text in axes.get_legend().get_texts()] == names, (picture, axes.get_title())
+            assert len(set(names)) == len(names) or picture == "records"
+
+
+def test_modes_have_a_legend_and_their_frequencies_in_the_titles():
+    figure = drawn("engine")["modes"]
+    frequencies = reference_modes(solved("engine").model, 6)[0] / (2 * math.pi)
+    assert [float(title.split(": ")[1].removesuffix(" Hz")) for title in titles(figure)] == pytest.approx(
+        frequencies, rel=1e-4
+    )
+    assert titles(figure)[0] == "Mode 1: 3038.9 Hz"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "mode shape",
+        "half a period later",
+        "undeformed",
+    ]
+
+
+def test_modes_are_drawn_straight_and_all_as_large():
+    """With the displacements' second order in them, mass-normalised shapes would be metres of foreshortening."""
+    solution = solved("engine")
+    shapes = reference_modes(solution.model, 6)[1]
+    fixed = scenery(solution.model)
+    rigid = solution.model.motion.at(np.zeros(6))
+    still = outline(solution.model, rigid, fixed)
+    moved = modes._deflected(solution.model, rigid, fixed, shapes, still)
+    shift = moved.links["rod"] - still.links["rod"]
+    assert np.hypot(shift[..., 0], shift[..., 1]).max(axis=1) == pytest.approx(0.09 * fixed.size, rel=1e-6)
+    bending = np.abs(shift[..., 1]).max(axis=1) > np.abs(shift[..., 0]).max(axis=1)
+    assert bending.tolist() == [True, False, True, False, True, False]
+    assert np.abs(shift[bending, :, 0]).max() < 1e-6 * fixed.size  # crank angle 0: bending is along Y alone
+
+
+@pytest.mark.parametrize("factor", [0.0, 500.0])
+def test_the_drawn_mechanism_holds_together(factor):
+    solution = solved("engine")
+    shown = view(solution)
+    fixed = scenery(solution.model)
+    drawn_at = outline(solution.model, shown.rigid, fixed, shown.coordinates, factor)
+    rod = drawn_at.links["rod"]
+    assert drawn_at.pins["pin"] == pytest.approx(rod[:, 0], abs=1e-12)
+    assert drawn_at.pins["wrist"] == pytest.approx(rod[:, -1], abs=1e-12)
+    assert drawn_at.bars["crank"][:, 1] == pytest.approx(rod[:, 0], abs=1e-12)
+    box = drawn_at.boxes["bore"][:, :4].mean(axis=1)
+    assert box == pytest.approx(rod[:, -1], abs=3e-8 * (1 + factor))  # but for the foreshortening
+    along = np.stack([shown.rigid["rod.c"], shown.rigid["rod.s"]], axis=-1)
+    stretched = np.sum((rod[:, -1] - rod[:, 0]) * along, axis=1) - 0.137
+    assert stretched == pytest.approx(factor * solution.series["tip_axial"].values, abs=1e-12)
+
+
+def test_guides_span_the_stroke_and_pivots_stand_on_the_ground():
+    fixed = scenery(solved("engine").model)
+    (start, end) = fixed.guides["bore"]
+    assert start[0] < 0.097 < 0.177 < end[0] and start[1] == end[1] == 0
+    assert fixed.pivots == pytest.approx(np.zeros((1, 2)))
+    assert len(scenery(solved("engine-3").model).guides) == 3
+
+
+def test_nodal_displacements_are_numbered_as_in_the_paper_and_held_ones_left_out():
+    def numbers(name):
+        return [int(re.search(r"q_\{(\d+)\}", title)[1]) for title in titles(drawn(name)["nodal_displacements"])]
+
+    assert numbers("engine") == [6, 7, 9]
+    assert numbers("engine-elastic-crank") == [4, 5, 6, 7, 9]
+    q_7 = drawn("engine")["nodal_displacements"].axes[1]
+    assert q_7.get_ylabel() == "displacement [mm]"
+    assert q_7.lines[0].get_ydata().min() == pytest.approx(-0.146, abs=0.002)
+
+
+def test_gas_pressure_and_force_peak_where_the_table_does():
+    pressure, force = drawn("engine")["loads"].axes
+    assert pressure.get_ylabel() == "pressure [bar]" and force.get_ylabel() == "force [kN]"
+    x, bar = pressure.lines[0].get_data()
+    assert (x[np.argmax(bar)], bar.max()) == pytest.approx((373.5, 92.3), abs=0.05)
+    assert force.lines[0].get_ydata().max() == pytest.approx(37.2, abs=0.05)
+    peaks = [axes.lines[k].get_data() for axes in [drawn("engine-3")["loads"].axes[1]] for k in range(0, 3)]
+    assert sorted(round(x[np.argmax(y)] - 373.5) % 720 for x, y in peaks) == [0, 240, 480]
+
+
+def test_torque_panel_states_the_mean():
+    axes = drawn("engine-3")["motion"].axes[-1]
+    assert axes.get_title(loc="left") == "Torque that holds the speed"
+    assert axes.get_legend_handles_labels()[1][1] == "main, mean \u2212138.4 N m"
+
+
+def test_rigid_values_stand_dashed_beside_the_elastic_ones():
+    force = next(axes for axes in drawn("engine")["sensors"].axes if axes.get_title(loc="left").startswith("Axial"))
+    solid, dashed = force.lines[:2]
+    assert (solid.get_linestyle(), dashed.get_linestyle()) == ("-", "--")
+    assert solid.get_ydata().min() == pytest.approx(-33.27, abs=0.05)
+    assert dashed.get_ydata().min() == pytest.approx(-33.08, abs=0.05)
+    assert force.get_legend_handles_labels()[1][-1] == "dashed: rigid mechanism"
+
+
+def test_a_long_run_is_drawn_by_its_last_turns_and_says_so():
+    shown = view(solved("engine-rig"))
+    turn = 2 * math.pi / solved("engine-rig").model.scene.drives["main"].speed
+    assert np.ptp(shown.times) == pytest.approx(3 * turn, rel=0.02)
+    assert drawn("engine-rig")["records"].get_suptitle() == "Records over time (last 3 turns)"
+    assert view(solved("engine-transient")).note == ""
+
+
+def test_reversals_of_a_known_force():
+    times = np.linspace(0, 2, 2001)
+    assert reversals(times, np.cos(2 * np.pi * times)) == pytest.approx([0.25, 0.75, 1.25, 1.75], abs=1e-6)
+    assert reversals(times, 1 + np.cos(2 * np.pi * times)).size == 0  # touches zero
+    assert reversals(times, np.full(2001, -2.0)).size == 0
+    assert reversals(np.arange(5.0), np.array([1.0, 0, 0, 0, -1])) == pytest.approx([2.0])
+    assert reversals(np.arange(4.0), np.array([1.0, 0, 0, 1])).size == 0
+    assert reversals(np.arange(2.0), np.array([3.0, -1.0])) == pytest.approx([0.75])
+
+
+def test_reversals_are_marked_and_none_is_stated():
+    axes = {axes.get_title(loc="left"): axes for axes in drawn("engine-rig")["records"].axes}
+    assert "Axial force, tension positive: no reversal" in axes  # the piston's weight exceeds its inertia force
+    marks = axes["Force on the guide"].lines[-1]
+    assert marks.get_label() == f"reversals ({len(marks.get_xdata())})" == "reversals (6)"
+    piston = solved("engine-rig").series["piston_position"].values
+    at = np.interp(marks.get_xdata(), solved("engine-rig").times, piston)
+    assert np.minimum(at - 0.097, 0.177 - at) == pytest.approx(np.zeros(6), abs=1e-4)  # at the dead centres
+
+
+def test_spectrum_of_known_lines():
+    times = np.linspace(0, 4, 2001)
+    record = 7.0 + 3.0 * np.sin(2 * np.pi * 10 * times) + 0.01 * np.cos(2 * np.pi * 40.5 * times)
+    frequencies, amplitudes = spectrum(times, record)
+    assert np.diff(frequencies) == pytest.approx(0.25)
+    assert frequencies[np.argmax(amplitudes)] == 10.0
+    assert amplitudes[[40, 162]] == pytest.approx([3.0, 0.01], rel=1e-6)
+    assert spectrum(times, 7.0 + np.sin(2 * np.pi * 10.1 * times))[1][0] < 1e-12  # nothing of the mean
+
+
+def test_spectra_state_their_resolution_and_mark_natural_frequencies():
+    assert "1/T = 100 Hz" in drawn("engine-transient")["spectra"].get_suptitle()
+    assert "1/T = 0.0333 Hz" in drawn("engine-rig")["spectra"].get_suptitle()
+    axes = drawn("engine-transient")["spectra"].axes[0]
+    assert axes.get_ylabel() == "amplitude [km/s²]"
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["drive", "natural, at the reference angle"]
+    marked = [line.get_xdata()[0] for line in axes.lines[1:]]
+    assert marked[:2] == pytest.approx([0.1, 3.0389], rel=1e-4)
+
+
+def test_the_enlargement_is_a_round_number_and_stated():
+    shown = view(solved("engine"))
+    factor = animation.enlargement(shown)
+    largest = np.abs(solved("engine").series["tip_axial"].values).max()
+    size = scenery(solved("engine").model).size
+    assert 0.04 * size < factor * largest <= 0.1 * size
+    assert factor == 100
+    assert animation.title(factor) == "Deformation enlarged 100 times"
+    assert animation.title(2e6) == "Deformation enlarged 2 \u00d7 10$^{6}$ times"
+    assert animation.title(None) == "Rigid mechanism"
+
+
+@pytest.mark.parametrize(("value", "expected"), [(1.0, 1), (1.99, 1), (2.0, 2), (49.9, 20), (0.7, 0.5), (0.0, 1)])
+def test_round_down(value, expected):
+    assert round_down(value) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("unit", "largest", "expected"),
+    [
+        ("m", 1.46e-4, "mm"),
+        ("m", 3e-6, "µm"),
+        ("m", 1e-9, "nm"),
+        ("N", 33e3, "kN"),
+        ("N", 2.3, "N"),
+        ("rad", 0.3, "deg"),
+    ],
+)
+def test_units_are_those_that_people_read(unit, largest, expected):
+    assert readable(unit, np.array([0.0, -largest]))[1] == expected
+
+
+def test_the_folder_holds_png_svg_and_a_small_gif(tmp_path, monkeypatch):
+    monkeypatch.setattr(animation, "_FRAMES", 6)
+    monkeypatch.setitem(style._STYLE, "savefig.dpi", 50)
+    written = draw_all(solved("engine"), tmp_path / "pictures", progress=(shares := []).append)
+    expected = {f"{name}.{kind}" for name in EXPECTED["engine"] for kind in ("png", "svg")} | {"animation.gif"}
+    assert {path.name for path in written} == {path.name for path in (tmp_path / "pictures").iterdir()} == expected
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    for path in written:
+        text = path.read_bytes()
+        assert b"<dc:date>" not in text and b"tIME" not in text and b"Creation Time" not in text, path.name
+    with Image.open(tmp_path / "pictures" / "animation.gif") as gif:
+        assert gif.n_frames == 6
+
+
+def test_the_animation_has_sixty_frames_in_at_most_a_megabyte(tmp_path):
+    with styled():
+        path = animation.animate(solved("engine"), tmp_path / "a.gif")
+    with Image.open(path) as gif:
+        assert gif.n_frames == 60
+    assert path.stat().st_size < 1e6
+
+
+def test_the_same_solution_gives_the_same_bytes(tmp_path):
+    bytes_of = []
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        with styled():
+            figure = dict(figures(solved("rigid")))["loads"]
+            bytes_of.append([path.read_bytes() for path in save(figure, tmp_path / folder / "loads")])
+    assert bytes_of[0] == bytes_of[1]
+
+
+def cut(solution: Solution, instants: int) -> Solution:
+    names = ("times", "z", "v", "a")
+    parts = {name: getattr(solution.trajectory, name)[:instants] for name in names}
+    return replace(solution, trajectory=replace(solution.trajectory, **parts, outcome=Outcome.UNSTABLE))
+
+
+def test_a_run_that_broke_off_is_drawn_up_to_there(tmp_path, monkeypatch):
+    monkeypatch.setattr(animation, "_FRAMES", 3)
+    broken = cut(solved("engine-transient"), 200)
+    assert len(view(broken).times) == 200
+    assert set(dict(figures(broken))) == EXPECTED["engine-transient"]
+    with styled(), Image.open(animation.animate(broken, tmp_path / "a.gif")) as gif:
+        assert gif.n_frames == 3
+
+
+def test_without_an_instant_there_are_the_pictures_that_need_none(tmp_path):
+    written = draw_all(cut(solved("engine"), 0), tmp_path)
+    assert {path.stem for path in written} == {"loads", "modes"}
+
+
+def test_pictures_leave_the_callers_matplotlib_alone():
+    before = dict(matplotlib.rcParams)
+    dict(figures(solved("rigid")))
+    assert dict(matplotlib.rcParams) == before
+    code = "import sys, kaneflex.plots; print('matplotlib' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "False"
+    code = "import sys, kaneflex.plots.animation, kaneflex.plots.surfaces; print('matplotlib.pyplot' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "False"
