@@ -80,7 +80,7 @@ BAD = {
     ("run", "engine", "--set", "solve.modes=99"): ("solve.modes = 99",),
     ("check", "engine", "--set", "rod.elements=0"): ("elements", "0"),
     ("check", "engine", "--set", "rod.length=30 mm"): ("can't close", "main = "),
-    ("modes", "engine", "--at", "pin=0"): ("--at = 'pin=0'", "main"),
+    ("modes", "engine", "--at", "pin=0"): ("--at = 'pin=0'", "no drive 'pin'", "main"),
     ("modes", "engine", "--at", "90deg"): ("--at = '90deg'", "DRIVE=ANGLE"),
     ("modes", "engine", "--at", "main=inf"): ("--at = 'main=inf'", "finite"),
     ("modes", "engine", "--at", "main=5 mm"): ("--at = 'main=5 mm'", "angle"),
@@ -185,6 +185,7 @@ solution = kaneflex.simulate(kaneflex.load(scene))
 assert isinstance(solution, kaneflex.Solution) and isinstance(solution.model, kaneflex.Model)
 assert isinstance(solution.model.scene, kaneflex.Scene)
 assert set(kaneflex.__all__) <= set(dir(kaneflex))
+assert all(getattr(kaneflex, name) is getattr(kaneflex, name) for name in kaneflex.__all__)  # simulate: a module too
 print(solution["piston_position"].dims)
 try:
     kaneflex.simulat

@@ -29,7 +29,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     pictures = {}
     panels = _nodal(shown)
     if panels:
-        columns = 2 if len(panels) <= 6 else 3
+        columns = 1 if len(panels) <= 3 else 2 if len(panels) <= 6 else 3
         title = f"Elastic displacements of the nodes at joints and ends, global axes{shown.note}"
         pictures["nodal_displacements"] = _figure(shown, panels, columns, title)
     for name, deformation in shown.links.items():

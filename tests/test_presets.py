@@ -1,0 +1,265 @@
+"""The named models: what each keeps, and that each solves what it says."""
+
+import closed_forms as by_hand
+import numpy as np
+import pytest
+from runs import model, peaks, run
+from scipy.linalg import eigh, null_space
+
+from kaneflex.deformation import deform
+from kaneflex.errors import SceneError
+from kaneflex.options import resolve_options
+from kaneflex.scene import read_scene, with_settings
+
+R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
+ROD_RHO_A, PISTON = 0.153 / L, 0.214
+
+# dynamics; then spin, gyroscopic, Euler, geometric, damping, T' and T'', foreshortening, reduction, integrator
+PRESETS = {
+    "rigid": ("rigid", 0, 0, 0, 0, 0, 0, 0, "none", "none"),
+    "quasistatic": ("quasistatic", 1, 0, 1, 1, 0, 1, 1, "none", "none"),
+    "paper": ("frozen", 1, 0, 1, 0, 0, 0, 0, "modal", "exact-modal"),
+    "linear": ("dynamic", 1, 1, 1, 0, 1, 1, 0, "none", "gauss"),
+    "stiffened": ("dynamic", 1, 1, 1, 1, 1, 1, 1, "none", "gauss"),
+}
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_what_each_preset_keeps(preset):
+    options = resolve_options(with_settings(read_scene("engine"), [f"solve.preset={preset}"]))
+    groups = ("spin", "gyroscopic", "euler", "geometric", "damping", "convective", "foreshortening")
+    found = (options.dynamics, *(int(getattr(options, g)) for g in groups), options.reduction, options.integrator)
+    assert found == PRESETS[preset]
+    paper = preset == "paper"
+    assert (options.weld_pins, options.free_drives, options.elements) == (paper, paper, 1 if paper else None)
+    if paper:
+        assert (options.start, options.duration, options.mode_angle) == ("zero", 0.04, 0.0)
+
+
+@pytest.mark.parametrize("group", ["spin", "gyroscopic", "euler", "geometric", "damping"])
+def test_each_term_group_can_be_switched_off(group):
+    """As a whole: what remains differs from everything by exactly that group."""
+    whole, part = model("engine"), model("engine", f"solve.terms={{{group}=false}}")
+    t = 0.0037
+    rigid = whole.motion.at(t)
+    w, e = rigid["rod.omega"][0], rigid["rod.epsilon"][0]
+
+    def kept(found, name):
+        return found._dense(found.kept[name], t)
+
+    K, C = kept(whole, "K") - kept(part, "K"), kept(whole, "C") - kept(part, "C")
+    equations = whole.equations
+    euler = whole._dense(equations.K_d.only(lambda names: any(n.endswith(".epsilon") for n in names)), t)
+    spin = whole.K_d(t) - euler
+    zero = np.zeros_like(K)
+    expected = {
+        "spin": (spin, zero),
+        "euler": (euler, zero),
+        "geometric": (whole.K_g(t), zero),
+        "gyroscopic": (zero, whole._dense(equations.C_d, t)),
+        "damping": (whole._dense(equations.K_c, t), whole._dense(equations.C_s, t)),
+    }[group]
+    for found, wanted in zip((K, C), expected, strict=True):
+        assert found == pytest.approx(wanted, abs=1e-12 * max(np.abs(kept(whole, "K")).max(), 1.0))
+    assert np.abs(expected[0]).max() + np.abs(expected[1]).max() > 0
+    assert abs(w) > 1 and abs(e) > 1
+
+
+def test_rigid_has_no_coordinates_and_no_deformation():
+    solution = run("engine", "solve.preset=rigid")
+    assert solution.model.coordinates == ()
+    elastic = run("engine").series
+    for name in ("crank_torque", "crank_pin_force_x", "piston_side_force", "main_bearing_force_y"):
+        assert (solution.series[name].values == elastic[f"{name}_rigid"].values).all(), name
+
+
+# ---- quasi-static -----------------------------------------------------------------------------------------------
+
+
+def test_quasistatic_solves_its_equation_at_each_instant():
+    solution = run("engine", "solve.preset=quasistatic")
+    found = solution.model
+    for k in (0, 300, 748, 1100):
+        t = solution.times[k]
+        z = np.linalg.solve(found.K_s(t) + found.K_d(t) + found.K_g(t), found.F(t))
+        assert solution.trajectory.z[k] == pytest.approx(z, rel=1e-9, abs=1e-15)
+
+
+def test_quasistatic_ignores_damping():
+    """To the bit; and a fine mesh, whose damping matrix is large, gives what a coarse one gives."""
+    damped, undamped = (run("engine", "solve.preset=quasistatic", *more) for more in ((), ("damping=none",)))
+    assert (damped.trajectory.z == undamped.trajectory.z).all()
+    coarse, fine = (
+        peaks(run("engine", "solve.preset=quasistatic", f"rod.elements={n}"), "mid_transverse")[1].value
+        for n in (4, 32)
+    )
+    assert fine == pytest.approx(coarse, rel=1e-4)
+
+
+def test_velocities_of_the_quasistatic_answer_are_its_derivatives():
+    fine, coarse = (run("engine", "solve.preset=quasistatic", f"solve.steps={n}").trajectory for n in (2880, 1440))
+    h = fine.times[1]
+    rate = (np.roll(fine.z[:-1], -1, 0) - np.roll(fine.z[:-1], 1, 0)) / (2 * h)
+    assert fine.v[:-1] == pytest.approx(rate, abs=2e-3 * np.abs(rate).max())
+    assert coarse.v[:-1] == pytest.approx(fine.v[:-1:2], abs=1e-2 * np.abs(fine.v).max())
+    assert (fine.z[0] == pytest.approx(fine.z[-1], abs=1e-12)) and (fine.v[0] == fine.v[-1]).all()
+
+
+def test_quasistatic_leaves_mechanism_modes_to_inertia_relief():
+    """Both links elastic and the crank free to turn: K z = F - M R (R^T M R)^-1 R^T F and R^T M z = 0."""
+    solution = run("engine-elastic-crank", "drives.main.rotation=free", "solve.preset=quasistatic", "rod.elements=1")
+    found = solution.model
+    for k in (200, 748):
+        t = solution.times[k]
+        M, K = found.M(t), found.K_s(t)
+        scale = np.diag(1 / np.sqrt(np.diag(K)))
+        R = scale @ null_space(scale @ K @ scale, rcond=1e-9)
+        assert R.shape[1] == 1
+        z = solution.trajectory.z[k]
+        assert (R.T @ M @ z).item() == pytest.approx(0, abs=1e-6 * np.abs(R.T @ np.abs(M @ z)).item())
+        relief = np.eye(len(z)) - M @ R @ np.linalg.solve(R.T @ M @ R, R.T)
+        stiffness = K + found.K_d(t) + found.K_g(t)
+        F = relief @ found.F(t)
+        assert relief @ stiffness @ z == pytest.approx(F, abs=1e-9 * np.abs(F).max())
+
+
+@pytest.mark.parametrize("elements", [100, 300])
+def test_fine_meshes_are_not_taken_for_mechanisms(elements):
+    """Their highest frequencies are so high that the lowest ones look like nothing beside them."""
+    few, many = (
+        run("engine", "solve.preset=quasistatic", "solve.steps=48", f"rod.elements={n}").series for n in (8, elements)
+    )
+    for name in ("tip_axial", "mid_transverse"):
+        expected = few[name].values
+        assert many[name].values == pytest.approx(expected, abs=1e-3 * np.abs(expected).max()), name
+
+
+# ---- the paper's own model --------------------------------------------------------------------------------------
+
+
+def welded_frame(phi: float, gas: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """M, K_s, K_d, F of the paper's frame, T^T k T without T', coordinates Q3, Q4, Q5, Q6, Q7, Q9."""
+    motion = by_hand.slider_crank(R, L, phi, SPEED)
+    m_1, EA_1, EI_1 = 0.952 / R, 2.1e11 * 0.952 / R / 7850, 2.1e11 * 7.660080868730307e-7
+    EA_2, EI_2 = 2.1e11 * ROD_RHO_A / 7850, 2.1e11 * 7.008e-9
+    M, K_s, K_d, F = np.zeros((9, 9)), np.zeros((9, 9)), np.zeros((9, 9)), np.zeros(9)
+    pin = -R * SPEED**2 * np.array([np.cos(phi), np.sin(phi)])
+    c, s = np.cos(motion["phi2"]), np.sin(motion["phi2"])
+    for first, angle, w, e, a, data in (
+        (0, phi, SPEED, 0.0, (0.0, 0.0), (m_1, EA_1, EI_1, R)),
+        (3, motion["phi2"], motion["omega2"], motion["epsilon2"], (c * pin[0] + s * pin[1], -s * pin[0] + c * pin[1]),
+         (ROD_RHO_A, EA_2, EI_2, L)),
+    ):  # fmt: skip
+        rhoA, EA, EI, length = data
+        T = by_hand.rotation_to_local(np.cos(angle), np.sin(angle)).astype(float)
+        rows = slice(first, first + 6)
+        M[rows, rows] += T.T @ by_hand.mass(rhoA, length) @ T
+        K_s[rows, rows] += T.T @ by_hand.stiffness(EA, EI, length) @ T
+        K_d[rows, rows] += T.T @ by_hand.dynamic_stiffness(rhoA, length, w, e) @ T
+        load = by_hand.load_acceleration(rhoA, length, *a)
+        load = load + by_hand.load_centrifugal(rhoA, length, 0.0, w) + by_hand.load_euler(rhoA, length, 0.0, e)
+        F[rows] += T.T @ load
+    M[6, 6] += PISTON
+    F[6] -= PISTON * motion["piston_acceleration"] + gas
+    free = [2, 3, 4, 5, 6, 8]
+    return M[np.ix_(free, free)], K_s[np.ix_(free, free)], K_d[np.ix_(free, free)], F[free]
+
+
+@pytest.mark.parametrize("degrees", [0.0, 63.0, 190.0, 374.0])
+def test_matrices_of_the_papers_frame(degrees):
+    found, t = model("engine-paper"), np.radians(degrees) / SPEED
+    gas = found.motion.at(t)["gas"][0]
+    for name, expected in zip(("M", "K_s", "K_d", "F"), welded_frame(np.radians(degrees), gas), strict=True):
+        computed = getattr(found, name)(t)
+        assert computed == pytest.approx(expected, abs=1e-11 * np.abs(expected).max()), name
+
+
+def test_motion_of_the_papers_frame():
+    """Decoupled (143) at angle 0, from rest, undamped: convolution with sin(omega t)/omega, mode by mode."""
+    solution = run("engine-paper")
+    M, K_s, K_d, _ = welded_frame(0.0, 0.0)
+    squares, shapes = eigh(K_s + K_d, M)
+    omega = np.sqrt(squares)
+    times, h = solution.times[:721], solution.times[1] / 4
+    gas = solution.model.motion.at(h * np.arange(4 * len(times) - 3))["gas"]
+    forces = np.array([shapes.T @ welded_frame(SPEED * h * k, g)[3] for k, g in enumerate(gas)])
+    # Each step of the impulse response, force constant over it at its mean.
+    mean = 0.5 * (forces[:-1] + forces[1:])
+    turn = np.exp(1j * omega * h)
+    state, expected = np.zeros(6, complex), [np.zeros(6)]
+    for k in range(len(mean)):
+        state = turn * state + mean[k] * (turn - 1) / (1j * omega)
+        if (k + 1) % 4 == 0:
+            expected.append(shapes @ (state.imag / omega))
+    expected = np.array(expected)
+    found = solution.coordinates[0].T[: len(expected)]
+    assert found == pytest.approx(expected, abs=5e-4 * np.abs(expected).max())
+
+
+# ---- linear and stiffened ---------------------------------------------------------------------------------------
+
+
+def test_foreshortening_is_in_the_outputs_of_stiffened_only():
+    """-1/2 int v'^2 dx along the rod, by Simpson's rule on the slopes of the cubic elements."""
+    linear, stiffened = run("engine", "solve.preset=linear"), run("engine", "solve.terms={geometric=false}")
+    assert stiffened.trajectory.z == pytest.approx(linear.trajectory.z, abs=1e-12)
+    deformation = deform(linear.model, linear.rigid, linear.coordinates, "rod")
+    x = np.linspace(0, L, 401)
+    slopes = np.array([deformation.at(place)[0][2] for place in x])
+    weights = np.array([1, *([4, 2] * 199), 4, 1]) * (x[1] / 3)
+    shortening = 0.5 * weights @ slopes**2
+    difference = linear.series["tip_axial"].values - stiffened.series["tip_axial"].values
+    assert difference == pytest.approx(shortening, rel=1e-6, abs=1e-14)
+    assert shortening.max() > 1e-9
+
+
+# ---- reduction and size -----------------------------------------------------------------------------------------
+
+
+def test_craig_bampton_with_every_mode_changes_nothing():
+    """To 1e-9 in the displacements at 2880 steps; forces hold accelerations of stiff modes, which differ more."""
+    settings = ("rod.elements=4", "solve.steps=2880")
+    full = run("engine", *settings)
+    reduced = run("engine", *settings, "solve.reduction=craig-bampton")
+    assert len(reduced.model.coordinates) == len(full.model.coordinates) == 12
+    assert any("mode_" in name for name in reduced.model.coordinates)
+    bounds = {"tip_axial": 1e-9, "mid_transverse": 1e-9, "mid_global_x": 1e-9, "crank_torque": 1e-7}
+    for name, bound in bounds.items():
+        expected = full.series[name].values
+        assert reduced.series[name].values == pytest.approx(expected, abs=bound * np.abs(expected).max()), name
+
+
+def test_craig_bampton_converges_with_its_modes():
+    """The chord's rotation and the axial stretch are in the static shapes: a few modes do."""
+    full = run("engine", "rod.elements=8")
+    for modes, transverse, axial in ((1, 6e-3, 1e-4), (4, 5e-4, 1e-5), (8, 1e-4, 1e-6)):
+        reduced = run("engine", "rod.elements=8", f"solve.modes={modes}")
+        assert len(reduced.model.coordinates) == modes + 1
+        for name, bound in (("mid_transverse", transverse), ("tip_axial", axial)):
+            expected = full.series[name].values
+            assert np.abs(reduced.series[name].values - expected).max() < bound * np.abs(expected).max(), name
+
+
+def test_more_modes_than_the_link_has_are_refused():
+    with pytest.raises(SceneError, match=r"solve\.modes = 40.*rod has 11 fixed-interface modes"):
+        model("engine", "solve.modes=40")
+
+
+def test_sixty_four_elements_run_banded():
+    """The band does not grow with the number of elements, and the answer is that of eight."""
+    short = ("engine-transient", "solve.integrator=newmark", "solve.duration=0.0025 s", "solve.steps=900")
+    few, many = (run(*short, f"rod.elements={n}") for n in (8, 64))
+    assert len(many.model.coordinates) == 3 * 64
+    assert many.model.system.half_bandwidth == few.model.system.half_bandwidth <= 6
+    assert many.model.system.M.shape == (192 * 11, len(many.model.monomials))
+    for name in ("tip_axial", "mid_transverse"):
+        expected = few.series[name].values
+        assert many.series[name].values == pytest.approx(expected, abs=2e-3 * np.abs(expected).max()), name
+
+
+def test_hundreds_of_elements_stay_sparse():
+    """A quasi-static solve of 256 elements costs as many numbers as its band, not a square of them."""
+    found = model("engine", "solve.preset=quasistatic", "rod.elements=256")
+    assert len(found.coordinates) == 768
+    entries = sum(matrix.nnz for affine in found.equations.matrices().values() for matrix in affine.terms.values())
+    assert entries < 768 * 250

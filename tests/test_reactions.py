@@ -1,0 +1,105 @@
+"""Elastic-consistent reactions: they balance the whole mechanism, and act where the joints are."""
+
+import numpy as np
+import pytest
+from runs import run
+
+from kaneflex.deformation import Deformation, deform
+from kaneflex.loading import load
+from kaneflex.model import RigidMotion
+from kaneflex.scene import read_scene
+from kaneflex.simulate import simulate
+from kaneflex.solution import Solution
+
+R, SPEED, PISTON = 0.040, 2 * np.pi * 100, 0.214
+
+
+class Balance:
+    """What joints and gas must do to the whole mechanism: the momentum of its elastic motion, by quadrature."""
+
+    def __init__(self, solution: Solution):
+        self.solution, self.rigid = solution, solution.rigid
+        self.rod = deform(solution.model, self.rigid, solution.coordinates, "rod")
+
+    def momentum_rate(self) -> np.ndarray:
+        """Sum of mass times acceleration of crank, rod and piston, global components (2, n_times)."""
+        rigid, phi = self.rigid, self.rigid["main.angle"]
+        total = -0.952 * (R / 2) * SPEED**2 * np.array([np.cos(phi), np.sin(phi)])
+        total += rod_momentum_rate(self.rod, rigid)
+        slide = self.solution.model.coordinates.index("piston.slide")
+        total[0] += PISTON * (rigid["piston.a_x"] + self.solution.trajectory.a[:, slide])
+        return total
+
+    def forces(self) -> np.ndarray:
+        series = self.solution.series
+        bearing = np.array([series[f"main_bearing_force_{axis}"].values for axis in "xy"])
+        return bearing + np.array([-self.rigid["gas"], series["piston_side_force"].values])
+
+
+def rod_momentum_rate(rod: Deformation, rigid: RigidMotion) -> np.ndarray:
+    """rho A times the acceleration of every point of the bent rod, integrated by Gauss's rule."""
+    total = np.zeros((2, len(rigid.times)))
+    w, e, c, s = (rigid[f"rod.{name}"] for name in ("omega", "epsilon", "c", "s"))
+    for near, far in zip(rod.link.nodes[:-1], rod.link.nodes[1:], strict=True):
+        for point, weight in zip(*np.polynomial.legendre.leggauss(4), strict=True):
+            X = (near + far) / 2 + (far - near) / 2 * point
+            d, d_rate, d_accel = rod.at(X)
+            a_x = rigid["rod.link.a_x"] - e * d[1] - w**2 * (X + d[0]) - 2 * w * d_rate[1] + d_accel[0]
+            a_y = rigid["rod.link.a_y"] + e * (X + d[0]) - w**2 * d[1] + 2 * w * d_rate[0] + d_accel[1]
+            dm = weight * (far - near) / 2 * rod.link.rho_A
+            total += dm * np.array([c * a_x - s * a_y, s * a_x + c * a_y])
+    return total
+
+
+def test_elastic_reactions_balance_the_whole_mechanism():
+    """Undamped: bearing, guide and gas together are the rate of momentum of crank, bent rod and piston."""
+    balance = Balance(run("engine", "solve.preset=linear", "damping=none", "solve.start=zero"))
+    forces, momentum = balance.forces(), balance.momentum_rate()
+    assert forces == pytest.approx(momentum, abs=1e-12 * np.abs(balance.rigid["gas"]).max())
+    # From rest the rod rings, so the elastic part is not small.
+    rigid = balance.solution.series["main_bearing_force_x_rigid"].values
+    assert np.abs(balance.solution.series["main_bearing_force_x"].values - rigid).max() > 100
+
+
+def test_damping_is_a_force_on_the_whole_mechanism_of_its_mass_part_alone():
+    """Of alpha M + beta K_s only alpha M pulls from outside; with 2 % it is a thousandth of the gas force."""
+    balance = Balance(run("engine", "solve.preset=linear"))
+    outside = np.abs(balance.forces() - balance.momentum_rate()).max() / np.abs(balance.rigid["gas"]).max()
+    assert 1e-5 < outside < 2e-3
+
+
+SWINGING = """
+schema = 1
+[ground]
+pivot = ["100 mm", "40 mm"]
+[bodies]
+arm = {length = "200 mm", mass = "1 kg"}
+block = {mass = "0.3 kg", inertia = "1e-4 kg m^2"}
+rod = {length = "250 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4", elements = 1}}
+[joints]
+main = {revolute = ["ground", "arm.start"]}
+wrist = {revolute = ["rod.end", "block"]}
+foot = {revolute = ["ground.pivot", "rod.start"]}
+slot = {prismatic = ["arm.start", "block"], direction = [1, 0], branch = "+"}
+[drives]
+main = {speed = "20 rad/s", cycle = "360 deg"}
+[sensors]
+torque = {drive_torque = "main"}
+bearing = {joint_force = "main", component = "x"}
+slot = {joint_force = "slot", component = "y"}
+foot = {joint_force = "foot", component = "y"}
+[solve]
+preset = "quasistatic"
+"""
+
+
+def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is(tmp_path, monkeypatch):
+    """A block that slides along a driven arm: its push has a lever about the arm's bearing."""
+    (tmp_path / "swinging.toml").write_text(SWINGING)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    solution = simulate(load(read_scene(tmp_path / "swinging.toml")))
+    for name in ("torque", "bearing", "slot", "foot"):
+        rigid = solution.series[f"{name}_rigid"].values
+        # At 20 rad/s the rod is as good as rigid.
+        assert solution.series[name].values == pytest.approx(rigid, abs=1e-4 * np.abs(rigid).max()), name
+    assert np.abs(solution.series["torque_rigid"].values).max() > 1
