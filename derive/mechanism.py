@@ -158,7 +158,7 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             direction = tuple(pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
         closes = joint["closes_loop"]
         branch = number(f"{name}.branch", "1") if closes else sm.S.One
-        angle = number(f"{name}.angle", "rad") if "angle" in joint else sm.S.Zero
+        angle = number(f"{name}.relative_angle", "rad") if "relative_angle" in joint else sm.S.Zero
         joints[name] = JointModel(name, joint["kind"], first, second, direction, closes, branch, angle)
     masses = {}
     for name, mass in structure["masses"].items():

@@ -131,6 +131,8 @@ def _number(scene: Scene, owner: str, name: str) -> float:
         return 1.0 if scene.joints[owner].branch == "+" else -1.0
     if owner in scene.masses:
         return getattr(scene.masses[owner], name)
+    if owner in scene.joints and name == "relative_angle":
+        return scene.joints[owner].relative_angle
     table = scene.joints if owner in scene.joints else scene.loads
     if name.startswith("direction_"):
         return table[owner].direction["xy".index(name[-1])]

@@ -8,7 +8,7 @@ turn of their own. All other coordinates are a link's own, in its own axes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -37,7 +37,7 @@ class Frame:
 
     coordinates: tuple[str, ...]
     maps: Mapping[str, Affine]
-    bodies: Mapping[str, Affine]
+    bodies: Mapping[str, Affine] = field(default_factory=dict)
 
     def body_point(self, body: str, at: tuple[float, float]) -> Affine:
         """Global displacement of a point of a carried rigid body, and the body's turn: d + theta S R r; (3, n)."""

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from kaneflex.placing import constraint_count
 from kaneflex.scene import Scene
+
+if TYPE_CHECKING:
+    from kaneflex.links import Link
 
 
 @dataclass(frozen=True)
@@ -20,8 +24,6 @@ class Freedom:
         What each joint takes away.
     prescribed, free : tuple of str
         Joints whose motion a drive prescribes, and those that follow the forces.
-    elastic : tuple of str
-        Coordinates of the elastic stage, before any reduction to modes.
     still : bool
         Whether this is a structure whose bodies stand in given poses.
     """
@@ -30,7 +32,6 @@ class Freedom:
     constraints: Mapping[str, int]
     prescribed: tuple[str, ...]
     free: tuple[str, ...]
-    elastic: tuple[str, ...]
     still: bool
 
     @property
@@ -56,24 +57,24 @@ class Freedom:
 
 
 def count_freedom(scene: Scene) -> Freedom:
-    """Count the degrees of freedom of a scene.
+    """Count the degrees of freedom of a scene's rigid mechanism."""
+    return Freedom(
+        len(scene.bodies),
+        {name: constraint_count(joint) for name, joint in scene.joints.items()},
+        tuple(name for name, drive in scene.drives.items() if drive.kind != "free"),
+        tuple(name for name, drive in scene.drives.items() if drive.kind == "free"),
+        scene.is_frame,
+    )
+
+
+def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
+    """Names of the coordinates of the elastic stage, before any reduction to modes.
 
     Raises
     ------
     SceneError
         If the elastic stage can't be set up as the scene asks.
     """
-    return Freedom(
-        len(scene.bodies),
-        {name: constraint_count(joint) for name, joint in scene.joints.items()},
-        tuple(name for name, drive in scene.drives.items() if drive.kind != "free"),
-        tuple(name for name, drive in scene.drives.items() if drive.kind == "free"),
-        _elastic_coordinates(scene),
-        scene.is_frame,
-    )
-
-
-def _elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     from kaneflex.carried import carried_bodies, check_guides
     from kaneflex.frame import build_frame
     from kaneflex.interfaces import find_interfaces
@@ -93,7 +94,7 @@ def _elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     return build_frame(scene, {name: link.part for name, link in links.items()}, carried, interfaces).coordinates
 
 
-def _mesh_of(scene: Scene, name: str, elements: int):
+def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
     """A link with its nodes and coordinates alone: the matrices would need the derived element."""
     from kaneflex.links import DOFS, Link, Part, mesh
 

@@ -188,7 +188,7 @@ class _Rows:
                 t = _turned(joint.direction, poses[joint.addresses[0].body][2])
                 constraints += [t[0] * gap[1] - t[1] * gap[0], turn]
             else:
-                constraints += [*gap, turn - joint.angle][: constraint_count(joint)]
+                constraints += [*gap, turn - joint.relative_angle][: constraint_count(joint)]
             if name in self.drives:
                 moved = t @ gap if joint.kind == "prismatic" else turn
                 coordinates.append(moved - self.drives[name])

@@ -11,6 +11,7 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
+    from kaneflex.freedom import Freedom
     from kaneflex.model import Model
     from kaneflex.scene import Scene
     from kaneflex.summary import Instant, SensorSummary, Summary
@@ -100,12 +101,7 @@ def description(model: Model) -> str:
     """What a scene is, for ``kaneflex check``: one line for each part of the mechanism."""
     scene, options = model.scene, model.options
     blocks = [
-        f"{scene.name}: {scene.description}",
-        block("bodies", {name: _body(scene, name) for name in scene.bodies}),
-        block("joints", {name: _joint(scene, name) for name in scene.joints}),
-        block("drives", {name: _drive(scene, name) for name in scene.drives}),
-        block("loads", {name: f"{load.kind} on {load.force_on or load.torque_at}" for name, load in scene.loads.items()}),
-        block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
+        parts(scene),
         block("assumptions", scene.assumptions),
         block("options in force", {name: str(value) for name, value in options.as_dict().items()}),
         block(
@@ -119,6 +115,37 @@ def description(model: Model) -> str:
         ),
     ]
     return "\n".join(filter(None, blocks))
+
+
+def parts(scene: Scene) -> str:
+    """What a mechanism is made of, moved and loaded by, and what is measured."""
+    blocks = [
+        f"{scene.name}: {scene.description}",
+        block("bodies", {name: _body(scene, name) for name in scene.bodies}),
+        block("joints", {name: _joint(scene, name) for name in scene.joints}),
+        block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
+        block("drives", {name: _drive(scene, name) for name in scene.drives}),
+        block("loads", {name: f"{load.kind} on {load.force_on or load.torque_at}" for name, load in scene.loads.items()}),
+        block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
+    ]
+    return "\n".join(filter(None, blocks))
+
+
+def freedom(count: Freedom, elastic: int | None) -> str:
+    """The count of the degrees of freedom; ``elastic`` is None where that part is not known."""
+    taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
+    rows = {
+        "bodies": (3 * count.bodies, f"{count.bodies} of 3 each"),
+        "joints": (-sum(count.constraints.values()), taken),
+        "drives": (-len(count.prescribed), ", ".join(count.prescribed)),
+        "free joints": (-len(count.free), ", ".join(count.free)),
+        "left": (count.left, count.verdict),
+    }
+    if not count.free:
+        del rows["free joints"]
+    if elastic is not None:
+        rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
+    return block("degrees of freedom", {name: f"{number:4d}  {text}".rstrip() for name, (number, text) in rows.items()})
 
 
 def block(title: str, entries: Mapping[str, str]) -> str:
@@ -153,6 +180,8 @@ def _drive(scene: Scene, name: str) -> str:
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
     if drive.kind in ("law", "table"):
         return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
+    if drive.kind == "free":
+        return f"free, from {math.degrees(drive.angle):.6g} deg at {drive.initial_speed * 30.0 / math.pi:.6g} rpm"
     if drive.kind == "spin up":
         cycle = f", reached in {drive.spin_up:.6g} s"
     return f"{drive.speed * 30.0 / math.pi:.6g} rpm from {math.degrees(drive.angle):.6g} deg{cycle}"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-_DISTANCES = (7.0, 11.0, 16.0, 23.0, 32.0)
+_DISTANCES = (5.0, 8.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0)
 """Of a label's box from its point, in points (1/72 inch)."""
 _DIRECTIONS = np.radians(np.arange(0.0, 360.0, 22.5))
 _STEP = 4.0
@@ -75,7 +76,7 @@ class Labels:
         samples = [self.axes.transData.transform(label.at)[None] for label in self._labels]
         for line in self._lines:
             ends = self.axes.transData.transform(line)
-            for start, end in zip(ends[:-1], ends[1:], strict=True):
+            for start, end in pairwise(ends):
                 count = max(2, int(np.hypot(*(end - start)) / _STEP))
                 samples.append(np.linspace(start, end, count))
         return np.concatenate(samples) if samples else np.zeros((0, 2))

@@ -1,10 +1,10 @@
-"""A scene as a drawing: bodies, joints, drives, loads, masses and sensors with their names, before anything is derived."""
+"""A scene as a drawing: bodies, joints, drives, loads, masses, sensors with their names, before anything is derived."""
 
 from __future__ import annotations
 
+import io
 import math
 import textwrap
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,60 +19,63 @@ from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
 ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
-_ROOM = 0.22
+_ROOM = 0.18
 """Room around the mechanism for names and arrows, in its sizes."""
 _ARROW = 0.16
 _ARC = 0.055
 """Length of a force's arrow, and radius of a drive's or torque's, in sizes of the mechanism."""
 _LINE = 44
 """Characters in a line of the list of sensors."""
-_WIDTH, _LIST = 7.2, 3.6
+_LARGEST = np.array([6.6, 6.0])
+"""Of the drawing, in inches."""
+_LEFT, _BELOW, _ABOVE = 0.75, 0.55, 0.75
+_PER_CHARACTER, _PER_TITLE_CHARACTER = 0.062, 0.088
+"""Widths of a character in the list and in the title, in inches."""
 
 
-def draw_scheme(scene: Scene, placement: Placement, path: Path) -> None:
-    """Write the drawing of a scene at one configuration; ``path`` ends in .png, .svg or .pdf.
-
-    Raises
-    ------
-    OSError
-        If the file can't be written.
-    """
+def scheme_picture(scene: Scene, placement: Placement, kind: str) -> bytes:
+    """The drawing of a scene at one configuration as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
+    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    file = io.BytesIO()
     with styled():
-        figure = scheme(scene, placement)
-        metadata = {"CreationDate": None} if path.suffix == ".pdf" else {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(path, metadata=metadata)
+        scheme(scene, placement).savefig(file, format=kind, metadata=undated)
+    return file.getvalue()
 
 
 def scheme(scene: Scene, placement: Placement) -> Figure:
     """The drawing as a matplotlib Figure."""
     fixed = rigid_scenery(scene, placement)
     drawn = rigid_outline(scene, placement, fixed)
-    figure = new_figure(_WIDTH, 4.0, "", layout="none")
+    figure = new_figure(*_LARGEST, "", layout="none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    width, height = frame_axes(axes, [drawn], fixed, _ROOM)
+    shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
+    title = f"{scene.name}: {scene.description}" if scene.description else scene.name
     sensors = _sensors_by_place(scene, placement)
-    _arrange(figure, axes, width, height, bool(sensors))
-    figure.suptitle(f"{scene.name}: {scene.description}" if scene.description else scene.name, x=0.02, ha="left")
+    _arrange(figure, axes, shape, title, _listed(sensors))
     axes.set_title(_configuration(placement))
     draw_scenery(axes, fixed)
     grounded = {name: scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
     draw_guides(axes, fixed, grounded, drawn)
     draw_outline(axes, drawn, 0, colour=ELASTIC)
-    labels = Labels(axes, [*_paths(drawn), *_ground_points(fixed)])
+    labels = Labels(axes, [*_paths(drawn), *_ground_points(fixed), *_faces(fixed, drawn)])
     _Parts(scene, placement, fixed, axes, labels).draw()
     _mark_sensors(axes, labels, sensors)
     labels.place()
-    _list(figure, axes, scene, sensors)
     return figure
 
 
-def _arrange(figure: Figure, axes: Axes, width: float, height: float, listed: bool) -> None:
-    """Size the figure to the mechanism's shape, with room for the list at its right."""
-    tall = min(6.5, max(2.6, (_WIDTH - 0.9) * height / width))
-    total = _WIDTH + (_LIST if listed else 0.0)
-    figure.set_size_inches(total, tall + 1.25)
-    axes.set_position((0.75 / total, 0.55 / (tall + 1.25), (_WIDTH - 0.9) / total, tall / (tall + 1.25)))
-    axes.set_anchor("NW")
+def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: str) -> None:
+    """Size the figure to the mechanism's shape [mm], with the title above and the list at its right."""
+    width, height = shape * (_LARGEST / shape).min()
+    beside = 0.3 + _PER_CHARACTER * max(map(len, listed.splitlines()), default=0)
+    total = np.array([_LEFT + width + beside, _BELOW + height + _ABOVE])
+    total[0] = max(total[0], 0.3 + _PER_TITLE_CHARACTER * len(title))
+    figure.set_size_inches(*total)
+    axes.set_position((_LEFT / total[0], _BELOW / total[1], width / total[0], height / total[1]))
+    figure.suptitle(title, x=0.15 / total[0], ha="left")
+    top = (_BELOW + height) / total[1]
+    style = {"color": SENSOR, "fontsize": 7.5, "va": "top", "linespacing": 1.35}
+    figure.text((_LEFT + width + 0.2) / total[0], top, listed, **style)
 
 
 def _configuration(placement: Placement) -> str:
@@ -87,9 +90,18 @@ def _paths(drawn: Outline) -> list[np.ndarray]:
 
 
 def _ground_points(fixed: Scenery) -> list[np.ndarray]:
-    """The triangles under ground pivots."""
-    depth = np.array([0.0, 0.05 * fixed.size])
-    return [MM * np.array([pivot, pivot - depth]) for pivot in fixed.pivots]
+    """The triangles under ground pivots, as drawing.draw_scenery draws them, and their hatching."""
+    corners = fixed.size * np.array([(0, 0), (-0.04, -0.04), (-0.05, -0.056), (0.05, -0.056), (0.04, -0.04), (0, 0)])
+    return [MM * (pivot + corners) for pivot in fixed.pivots]
+
+
+def _faces(fixed: Scenery, drawn: Outline) -> list[np.ndarray]:
+    """The hatched faces of the guides."""
+    lines = []
+    for name, ends in fixed.guides.items():
+        box = drawn.boxes[name][0]
+        lines += [MM * (ends + share * (box[0] - box[3])) for share in (-0.62, -0.5, 0.5, 0.62)]
+    return lines
 
 
 class _Parts:
@@ -102,8 +114,7 @@ class _Parts:
     def draw(self) -> None:
         for name in self.scene.bodies:
             self._body(name)
-        for name in self.scene.joints:
-            self._joint(name)
+        self._joints()
         for name in self.scene.masses:
             self._mass(name)
         for name in self.scene.drives:
@@ -124,12 +135,16 @@ class _Parts:
         kind = f"{name} ({body.beam.elements} el.)" if body.elastic else name
         self.labels.add(kind, self.at(middle), ELASTIC if body.elastic else "black", style="italic", size=9.5)
 
-    def _joint(self, name: str) -> None:
-        joint = self.scene.joints[name]
-        at = self.at(joint.addresses[1])
-        if joint.kind == "weld":
-            self.axes.plot(*at, marker="s", markersize=5, color="black", zorder=4.5)
-        self.labels.add(name, at, "#555555", size=8)
+    def _joints(self) -> None:
+        """Names of joints, one label a place."""
+        here: dict[tuple[float, ...], list[str]] = {}
+        for name, joint in self.scene.joints.items():
+            at = self.at(joint.addresses[1])
+            here.setdefault(tuple(np.round(at, 6)), []).append(name)
+            if joint.kind == "weld":
+                self.axes.plot(*at, marker="s", markersize=5, color="black", zorder=4.5)
+        for at, names in here.items():
+            self.labels.add(", ".join(names), np.array(at), "#555555", size=8)
 
     def _mass(self, name: str) -> None:
         mass = self.scene.masses[name]
@@ -180,7 +195,8 @@ class _Parts:
         self.labels.add("g", middle, "#555555", style="italic", size=9)
 
     def _arrow(self, tail: np.ndarray, head: np.ndarray, colour: str) -> None:
-        style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 12}
+        style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "mutation_scale": 12}
+        style |= {"shrinkA": 0, "shrinkB": 0}
         self.axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=style, zorder=4.7)
 
 
@@ -206,17 +222,9 @@ def _mark_sensors(axes: Axes, labels: Labels, sensors: list[tuple[str, np.ndarra
         labels.add(", ".join(here), np.array(at), SENSOR, weight="bold", size=8)
 
 
-def _list(figure: Figure, axes: Axes, scene: Scene, sensors: list[tuple[str, np.ndarray, list[str]]]) -> None:
-    """The sensors by number, beside the drawing."""
-    if not sensors:
-        return
-    width, height = figure.get_size_inches()
-    lines = ["sensors"]
+def _listed(sensors: list[tuple[str, np.ndarray, list[str]]]) -> str:
+    """The sensors by number, in lines."""
+    lines = ["sensors"] if sensors else []
     for k, (place, _, names) in enumerate(sensors, 1):
         lines += textwrap.wrap(f"{k}  {place}: {', '.join(names)}", _LINE, subsequent_indent="    ")
-    figure.text(
-        (_WIDTH + 0.1) / width, axes.get_position().y1, "\n".join(lines), color=SENSOR, fontsize=7.5, va="top",
-        linespacing=1.35,
-    )  # fmt: skip
-
-
+    return "\n".join(lines)

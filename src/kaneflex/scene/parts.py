@@ -50,7 +50,7 @@ class Joint(SceneTable):
 
     `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
-    paper's welded pin). `angle` (rad) turns the second body against the first in a weld.
+    paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld.
     """
 
     revolute: AddressPair | None = None
@@ -59,7 +59,7 @@ class Joint(SceneTable):
     direction: Direction | None = None
     branch: Literal["+", "-"] = "+"
     rotation: Literal["released", "shared"] = "released"
-    angle: Angle = 0.0
+    relative_angle: Angle = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
@@ -68,8 +68,8 @@ class Joint(SceneTable):
             raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
         if kind != "prismatic" and self.direction is not None:
             raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
-        if kind != "weld" and self.angle:
-            raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="angle")
+        if kind != "weld" and self.relative_angle:
+            raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
         return self

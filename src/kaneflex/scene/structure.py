@@ -68,8 +68,8 @@ def _joint(scene: Scene, name: str) -> dict[str, Any]:
     entry = {"kind": joint.kind, "between": [str(address) for address in joint.addresses]}
     if joint.direction is not None:
         entry["direction"] = _direction(joint.direction)
-    if joint.angle:
-        entry["angle"] = ANY
+    if joint.relative_angle:
+        entry["relative_angle"] = ANY
     return entry | {"closes_loop": name in scene.loop_joints()}
 
 
