@@ -125,7 +125,7 @@ def parts(scene: Scene) -> str:
         block("joints", {name: _joint(scene, name) for name in scene.joints}),
         block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
         block("drives", {name: _drive(scene, name) for name in scene.drives}),
-        block("loads", {name: f"{load.kind} on {load.force_on or load.torque_at}" for name, load in scene.loads.items()}),
+        block("loads", {name: _load(scene, name) for name in scene.loads}),
         block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
     ]
     return "\n".join(filter(None, blocks))
@@ -173,6 +173,11 @@ def _joint(scene: Scene, name: str) -> str:
     joint = scene.joints[name]
     closing = f", closes a loop, branch {joint.branch}" if name in scene.loop_joints() else ""
     return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
+
+
+def _load(scene: Scene, name: str) -> str:
+    load = scene.loads[name]
+    return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind}, torque at {load.torque_at}"
 
 
 def _drive(scene: Scene, name: str) -> str:
