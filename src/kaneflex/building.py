@@ -20,6 +20,9 @@ from kaneflex.modes import lowest_modes
 from kaneflex.options import Options
 from kaneflex.scene import Scene
 
+_NARROW = 12
+"""Half-bandwidth that is not worth another order."""
+
 
 def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     """Mesh the links, assemble, reduce."""
@@ -75,7 +78,8 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
         touched = touched + L.pattern().T @ within @ L.pattern()
     pattern = csr_array(touched)
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
-    if _half_bandwidth(pattern[order][:, order]) >= _half_bandwidth(pattern):
+    before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])
+    if before <= _NARROW or after >= before:  # what is narrow keeps the order of its names
         return frame, placed
     swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
     moved = Frame(

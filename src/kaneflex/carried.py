@@ -97,8 +97,23 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
     return Carried(kind, scene.point(own), name, other)
 
 
-def check_guides(scene: Scene) -> None:
-    """A guide must hold a rigid body: an elastic one would slide through its own deformation."""
+def check_elastic(scene: Scene) -> None:
+    """What the elastic stage demands of a scene, before anything is derived.
+
+    A guide must hold a rigid body: an elastic one would slide through its own deformation. Loads and lumped masses on
+    a link lie on its axis, where its nodes are.
+    """
+    carried_bodies(scene)
+    points = {f"loads.{name}.force_on": load.force_on for name, load in scene.forces.items()}
+    points |= {f"masses.{name}.at": mass.at for name, mass in scene.masses.items()}
+    for key, address in points.items():
+        x, y = scene.point(address)
+        body = scene.bodies[address.body]
+        if body.elastic and not (y == 0 and 0 <= x <= body.length):
+            raise SceneError(
+                key, str(address), f"the point lies off the axis of {address.body}",
+                "Move the point onto the axis, between start and end, or join a rigid body there",
+            )  # fmt: skip
     for name, joint in scene.joints.items():
         for address in joint.addresses:
             if joint.kind == "prismatic" and address.body in scene.bodies and scene.bodies[address.body].elastic:

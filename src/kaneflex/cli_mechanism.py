@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from kaneflex.cli_scene import all_settings, configuration, read
+from kaneflex.cli_scene import all_settings, configuration, mode_angle, read
 from kaneflex.errors import OutputError, SceneError
 
 _PICTURES = (".png", ".svg", ".pdf")
@@ -77,3 +77,53 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
         raise OutputError(str(path), None, "not the name of a scene file", "End it in .toml")
     for written in new_scene(name, like, path, force):
         click.echo(f"Written to {written}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@preset_option
+@set_option
+@click.option(
+    "--at", metavar="DRIVE=ANGLE",
+    help="Configuration, like main=90deg; a plain number is in rad. [default: solve.mode_angle of the scene]",
+)  # fmt: skip
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
+    help="File to write: .npz for NumPy or .mat for MATLAB.",
+)  # fmt: skip
+@force_option
+def linearise(
+    name: str, preset: str | None, settings: tuple[str, ...], at: str | None, sensors: tuple[str, ...], output: Path,
+    force: bool,
+) -> None:  # fmt: skip
+    """Write the elastic equations of SCENE at one instant as a state space.
+
+    The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
+    outputs (sensors).
+    """
+    from kaneflex.loading import load
+    from kaneflex.presentation import poles_table
+    from kaneflex.statespace import available_sensors, check_file_kind, check_reached
+    from kaneflex.statespace import linearise as state_space
+    from kaneflex.terminal import Waiting
+    from kaneflex.writing import refuse_existing
+
+    check_file_kind(output)
+    refuse_existing(output, force, "engine.npz")
+    chosen = all_settings(preset, settings)
+    scene = read(name, chosen)
+    if at is not None:
+        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+        if at is not None:
+            check_reached(model)
+        system = state_space(model, sensors=sensors or None)
+    system.save(output)
+    click.echo(poles_table(system))
+    click.echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
+    left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
+    if left_out and not sensors:
+        click.echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
+    click.echo(f"Written to {output}")

@@ -11,7 +11,7 @@ import numpy as np
 
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
-from kaneflex.carried import carried_bodies, check_guides
+from kaneflex.carried import check_elastic
 from kaneflex.contract import ELEMENT_PARAMETERS
 from kaneflex.errors import SceneError
 from kaneflex.forward import integrate_free_joints
@@ -46,10 +46,12 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     SceneError
         If the linkage can't close over the drives' range, or the scene asks for what is not available.
     """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
-    check_guides(scene)
-    carried_bodies(scene)
+    if options.dynamics != "rigid":
+        check_elastic(scene)
     module, derived = find_module(scene, progress)
     bound = time.perf_counter()
     motion = Motion(module, bind_parameters(scene, module))

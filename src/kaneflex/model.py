@@ -175,7 +175,7 @@ class Model:
         return self._dense(self.equations.F, t)[:, 0]
 
     def _dense(self, affine: Affine, t: float) -> np.ndarray:
-        rigid = self.motion.at(t)
+        rigid = self.motion.at(float(t))
         return rigid.apply(affine, np.ones((1, 1))) if affine.shape[1] == 1 else self._matrix(affine, rigid)
 
     @staticmethod

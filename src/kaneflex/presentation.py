@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from kaneflex.freedom import Freedom
     from kaneflex.model import Model
     from kaneflex.scene import Scene
+    from kaneflex.statespace import StateSpace
     from kaneflex.summary import Instant, SensorSummary, Summary
 
 PRESETS_IN_WORDS = {
@@ -23,6 +24,7 @@ PRESETS_IN_WORDS = {
     "linear": "time-varying M, C, K of the released joints, without K_g",
     "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
 }
+_MOST_POLES = 8
 _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
     "m": ("mm", 1e3),
     "N": ("kN", 1e-3),
@@ -177,7 +179,7 @@ def _joint(scene: Scene, name: str) -> str:
 
 def _load(scene: Scene, name: str) -> str:
     load = scene.loads[name]
-    return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind}, torque at {load.torque_at}"
+    return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind} at {load.torque_at}"
 
 
 def _drive(scene: Scene, name: str) -> str:
@@ -197,3 +199,10 @@ def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
     names = [model.coordinates[int(abs(shape).argmax())] for shape in shapes.T]
     rows = [(str(k + 1), f"{value:.3f}", name) for k, (value, name) in enumerate(zip(hertz, names, strict=True))]
     return table(("mode", "Hz", "largest at"), rows, left=0)
+
+
+def poles_table(system: StateSpace) -> str:
+    """The slowest poles of a state space: frequency and damping ratio."""
+    poles = system.poles[:_MOST_POLES]
+    rows = [(str(k + 1), f"{abs(p) / (2 * math.pi):.3f}", f"{-p.real / abs(p):.4%}") for k, p in enumerate(poles)]
+    return table(("pole", "Hz", "damping"), rows, left=0)

@@ -23,17 +23,23 @@ def write_bytes(path: Path, data: bytes) -> None:
         If the file can't be written; it names the path and the reason.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
+            os.chmod(temporary, 0o666 & ~_umask())  # a temporary file is the user's alone, a written one is not
             os.replace(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
         raise OutputError(str(path), None, f"can't be written ({error.strerror})", "Choose a writable place") from error
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
 
 
 def refuse_existing(path: Path, force: bool, example: str) -> None:

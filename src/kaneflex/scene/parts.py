@@ -19,9 +19,9 @@ from kaneflex.scene.quantities import (
     ForceOrTorque,
     FrequencyPair,
     Inertia,
+    NonNegativeMass,
     NonNegativeRatio,
     NonNegativeViscosity,
-    NonNegativeMass,
     PositiveTime,
     Ratios,
     WholeNumber,
@@ -30,7 +30,7 @@ from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
-TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "axial", "gravity", "damping", "dynamics")
+TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping")
 
 
 def the_one_given(table: SceneTable, names: tuple[str, ...]) -> str:

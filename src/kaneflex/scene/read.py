@@ -37,6 +37,8 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes what the scene has.
     Raises SceneError: a path that leads nowhere or to several places, a value the scene cannot have.
     """
+    if isinstance(settings, str):
+        raise SceneError("settings", settings, "one text, where a list of settings is wanted", f"Write [{settings!r}]")
     raw = scene.raw
     for setting in settings:
         raw = merged(raw, nested(raw, setting))
