@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import sympy as sm
 
 from kaneflex.contract import LINK_SCALARS
-from kaneflex.derive.mechanism import Mechanism, Vector
+from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
 
 if TYPE_CHECKING:
-    from kaneflex.derive.motion import Solved
+    from kaneflex.derive.motion import Rates, Solved
 
 
 def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> tuple[Scalar, ...]:
@@ -49,9 +49,8 @@ def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
 def _forced_points(mechanism: Mechanism, body: str) -> set[str]:
     """Points of a body at which joints, loads or lumped masses act."""
     points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
-    points += [load.point for load in mechanism.loads.values() if load.point is not None] + [
-        mass.point for mass in mechanism.masses.values()
-    ]
+    points += [load.point for load in mechanism.loads.values() if load.point is not None]
+    points += [mass.point for mass in mechanism.masses.values()]
     return {point.name for point in points if point.body == body}
 
 
@@ -78,7 +77,7 @@ def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) ->
     return pose.c * force[0] + pose.s * force[1]
 
 
-def _joint_force(joint, rates: _Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
+def _joint_force(joint: JointModel, rates: Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
     """Global force on the second body of a joint."""
 
     def reaction(row: str) -> sm.Expr:

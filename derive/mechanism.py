@@ -103,9 +103,8 @@ class _Parameters:
 class Mechanism:
     """Everything that the rigid stage is derived from.
 
-    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``frame`` says whether the bodies stand still in given
-    poses; ``viscous`` whether the links
-    are damped by a force per length and velocity.
+    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``frame`` says
+    whether the bodies stand still in given poses, ``viscous`` whether a force per length and velocity damps the links.
     """
 
     bodies: dict[str, BodyModel]
@@ -192,4 +191,5 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")
     gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
-    return Mechanism(bodies, joints, masses, drives, loads, gravity, structure["frame"], structure["viscous"], number.entries)
+    switches = structure["frame"], structure["viscous"]
+    return Mechanism(bodies, joints, masses, drives, loads, gravity, *switches, number.entries)

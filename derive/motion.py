@@ -110,7 +110,7 @@ class Solved:
     """The rigid motion in symbols: drives, rates, loads, reactions by multiplier, margins of the loops."""
 
     drives: dict[str, _Drive]
-    rates: _Rates
+    rates: Rates
     loads: dict[str, sm.Expr]
     reactions: dict[sm.Symbol, sm.Expr]
     margins: dict[str, sm.Expr]
@@ -118,7 +118,7 @@ class Solved:
 
 def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, _Drive], steps: Steps) -> Solved:
     closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
-    rates = _Rates(mechanism, equations, drives, closure.poses, steps)
+    rates = Rates(mechanism, equations, drives, closure.poses, steps)
     loads = _loads(mechanism, drives, steps)
     return Solved(drives, rates, loads, _reactions(equations, rates, loads, steps), closure.margins)
 
@@ -220,7 +220,7 @@ def _loads(mechanism: Mechanism, drives: dict[str, _Drive], steps: Steps) -> dic
     return magnitude
 
 
-class _Rates:
+class Rates:
     """Velocities and accelerations of all bodies, and the substitution that brings equations to these symbols."""
 
     def __init__(self, mechanism, equations: RigidEquations, drives, poses: dict[str, Pose], steps: Steps):
@@ -291,7 +291,7 @@ def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scal
 
 
 def _reactions(
-    equations: RigidEquations, rates: _Rates, loads: dict[str, sm.Expr], steps: Steps
+    equations: RigidEquations, rates: Rates, loads: dict[str, sm.Expr], steps: Steps
 ) -> dict[sm.Symbol, sm.Expr]:
     """Joint reactions and drive torques: fr + fr* + J^T lambda = 0, one row per free coordinate of a body."""
     magnitude = {equations.magnitude[name]: value for name, value in loads.items()}

@@ -35,7 +35,6 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     if not path.exists():
         progress("deriving the equations, first time only")
         started = time.perf_counter()
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, generate_text(scene))
         seconds = time.perf_counter() - started
     return import_file(path, structure), seconds

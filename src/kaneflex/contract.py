@@ -53,7 +53,7 @@ ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
 """The composed element kernels; ``motion``, ``F_t`` and ``terms`` complete the module."""
 
 REQUIRED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS", "FREE",
-    "motion", "tabulate",
+    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
+    "FREE", "motion", "tabulate",
 )  # fmt: skip
 """Attributes of every generated module; with elastic links also ``terms`` and the kernels that the scene requires."""

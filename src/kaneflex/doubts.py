@@ -21,16 +21,16 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     if lowest is not None and model.options.dynamics == "dynamic":
         per_period = 1.0 / (lowest * model.step)
         if per_period < FEWEST_STEPS:
+            wanted = int(model.options.steps * FEWEST_STEPS / per_period) + 1
             found.append(
-                f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not resolved; "
-                f"give solve.steps = {int(model.options.steps * FEWEST_STEPS / per_period) + 1} or more, "
-                "unless only the slow response matters"
+                f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
+                f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
             )
     for name, link in model.links.items() if len(solution.times) else ():
         largest = abs(deform(model, solution.rigid, solution.coordinates, name).q[1::3]).max()
         if largest > LARGEST_DEFLECTION * link.length:
             found.append(
-                f"{name} moves across its axis by {largest / link.length:.0%} of its length: displacements are taken as "
-                "small, so compare with a geometrically exact model"
+                f"{name} moves across its axis by {largest / link.length:.0%} of its length: displacements are "
+                "taken as small, so compare with a geometrically exact model"
             )
     return found

@@ -54,7 +54,9 @@ def integrate_free_joints(
         return np.concatenate([state[len(free) :], accelerations(module, parameters, t, state)])
 
     with np.errstate(all="ignore"):
-        solution = solve_ivp(rates, (0.0, duration), start, method="DOP853", rtol=RELATIVE, atol=ABSOLUTE, dense_output=True)
+        solution = solve_ivp(
+            rates, (0.0, duration), start, method="DOP853", rtol=RELATIVE, atol=ABSOLUTE, dense_output=True
+        )
     if not solution.success or not np.isfinite(solution.y).all():
         raise SceneError(
             f"drives.{free[0]}", "free", f"the motion can't go on after t = {solution.t[-1]:.6g} s: {solution.message}",

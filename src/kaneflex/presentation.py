@@ -204,5 +204,9 @@ def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
 def poles_table(system: StateSpace) -> str:
     """The slowest poles of a state space: frequency and damping ratio."""
     poles = system.poles[:_MOST_POLES]
-    rows = [(str(k + 1), f"{abs(p) / (2 * math.pi):.3f}", f"{-p.real / abs(p):.4%}") for k, p in enumerate(poles)]
+    damping = [round(-pole.real / abs(pole), 8) + 0.0 for pole in poles]  # without the sign of a rounded zero
+    rows = [
+        (str(k + 1), f"{abs(pole) / (2 * math.pi):.3f}", f"{ratio:.3%}")
+        for k, (pole, ratio) in enumerate(zip(poles, damping, strict=True))
+    ]
     return table(("pole", "Hz", "damping"), rows, left=0)

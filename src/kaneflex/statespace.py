@@ -91,7 +91,7 @@ class StateSpace:
 
             # A cell array of strings: MATLAB pads a matrix of characters.
             savemat(data, arrays | {name: np.array(texts, dtype=object) for name, texts in names.items()})
-        write_bytes(path, data.getvalue())
+        write_bytes(path, _undated(data.getvalue()) if path.suffix == ".mat" else data.getvalue())
 
 
 def check_file_kind(path: Path) -> None:
@@ -107,6 +107,11 @@ def check_reached(model: Model) -> None:
     if abs(angle - model.options.mode_angle) > _REACHED:
         wanted = f"{np.degrees(model.options.mode_angle):.6g} deg"
         raise SceneError("--at", wanted, f"{drive} never stands there", "Choose an angle within the drive's range")
+
+
+def _undated(mat: bytes) -> bytes:
+    """A MATLAB 5 file whose header text, 116 bytes, says nothing of when and where it was made."""
+    return b"MATLAB 5.0 MAT-file, state space by kaneflex".ljust(116) + mat[116:]
 
 
 def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:

@@ -114,6 +114,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
     A run that stopped before its first step has no sensors.
     """
     import kaneflex
+    from kaneflex.doubts import doubts
 
     model, trajectory = solution.model, solution.trajectory
     seconds, times = model.seconds, solution.times

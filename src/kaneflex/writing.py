@@ -23,6 +23,7 @@ def write_bytes(path: Path, data: bytes) -> None:
         If the file can't be written; it names the path and the reason.
     """
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as file:

@@ -92,7 +92,8 @@ def _poses(scene: Scene) -> Iterator[Problem]:
         return
     for name, body in scene.bodies.items():
         if body.pose is None:
-            yield Problem(f"bodies.{name}.pose", None, "other bodies stand in given poses, this one does not", "Give its pose")
+            reason = "other bodies stand in given poses, this one does not"
+            yield Problem(f"bodies.{name}.pose", None, reason, "Give its pose")
     for name in scene.drives:
         yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
 
@@ -134,7 +135,8 @@ def _loads(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
         elif scene.joints[load.torque_at].kind != "revolute":
             kind = scene.joints[load.torque_at].kind
-            yield Problem(f"loads.{name}.torque_at", load.torque_at, f"a {kind} joint does not turn", "Name a revolute joint")
+            reason = f"a {kind} joint does not turn"
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, "Name a revolute joint")
         if load.against not in (None, "t", *scene.drives):
             cure = nearest(load.against, ["t", *scene.drives])
             yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)

@@ -31,7 +31,8 @@ class Drive(SceneTable):
     rest within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it as its `column`, in
     `unit`, against time in s. `cycle` (rad) is the angle of a constant speed, `period` (s) the time of a law or table,
     in which everything repeats. A `free` joint follows the forces (forward dynamics), from `angle` and `initial_speed`
-    (rad/s) at t = 0; its motor is a load. `rotation` is the elastic rotation at the driven joint: held by the drive, or free.
+    (rad/s) at t = 0; its motor is a load. `rotation` is the elastic rotation at the driven joint: held by the drive, or
+    free.
     """
 
     speed: AngularSpeed | None = None
