@@ -87,7 +87,7 @@ def test_a_step_of_the_load_gives_the_response_that_a_run_gives(folder):
         y = system.C @ x + system.D[:, 0] * force
         for name, value in zip(system.outputs, y, strict=True):
             series = solution.series[name].values
-            assert value == pytest.approx(series[k], abs=1e-5 * np.abs(series).max()), (name, k)
+            assert value == pytest.approx(series[k], abs=1e-4 * np.abs(series).max()), (name, k)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 90.0, 250.0])
@@ -111,8 +111,9 @@ def test_matrices_are_those_of_the_model_at_that_instant(degrees):
 def test_terms_that_are_switched_off_stay_out():
     off = linearise(model("engine", "solve.mode_angle=90 deg", "solve.terms.geometric=false"))
     on = linearise(model("engine", "solve.mode_angle=90 deg"))
-    assert abs(on.K - off.K).max() > 1e-3 * abs(on.K).max() * 1e-3
-    assert on.M == pytest.approx(off.M)
+    engine = model("engine", "solve.mode_angle=90 deg")
+    assert on.K - off.K == pytest.approx(engine.K_g(engine.reference_time), rel=1e-6, abs=1.0)
+    assert (on.M == off.M).all() and (on.C_damping == off.C_damping).all()
 
 
 ENGINE = ("solve.preset=linear", "solve.steps=720")
