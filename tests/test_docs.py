@@ -21,7 +21,9 @@ from kaneflex.simulation import simulate
 from kaneflex.solution import Solution
 
 TEXT = (Path(__file__).parent.parent / "docs" / "scene.md").read_text(encoding="utf-8")
-HEADING_OF = {  # table of the scene file -> the heading under which its keys stand
+HEADING_OF = {
+    "Mass": "Masses",
+    "Pose": "Poses",  # table of the scene file -> the heading under which its keys stand
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
     "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
     "Viscous": "Viscous damping", "Sensor": "Sensors", "Solve": "Solve",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli_mechanism import linearise, new, show
+from kaneflex.cli_mechanism import equations, linearise, new, show
 from kaneflex.cli_scene import all_settings, mode_angle, read, scene_options
 from kaneflex.errors import SceneError, UserError
 
@@ -230,5 +230,5 @@ def derive(name: str, output: Path, force: bool) -> None:
     click.echo(f"Written to {output}")
 
 
-for command in (show, new, linearise):
+for command in (show, new, linearise, equations):
     main.add_command(command)

@@ -127,3 +127,37 @@ def linearise(
     if left_out and not sensors:
         click.echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
     click.echo(f"Written to {output}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@click.option("--latex", "as_latex", is_flag=True, help="As a LaTeX document, the only form there is besides Python.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.tex", help="File to write. [default: printed]"
+)
+@force_option
+def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> None:
+    """Print the equations of SCENE that are compiled: the programs of its module, and the element's matrices."""
+    from kaneflex.terminal import Waiting
+    from kaneflex.writing import refuse_existing, write_text
+
+    if not as_latex:
+        raise click.UsageError("Say --latex; as Python the equations are what `kaneflex derive SCENE -o FILE.py` writes.")
+    if output is not None:
+        refuse_existing(output, force, "engine.tex")
+    scene = read(name, [])
+    with Waiting() as waiting:
+        waiting.stage("importing SymPy")
+        from kaneflex.derive import StructurallySingular, UnsupportedLoop
+        from kaneflex.derive.latex import latex
+
+        try:
+            text = latex(scene, waiting.stage)
+        except (StructurallySingular, UnsupportedLoop) as error:
+            cure = "Count the degrees of freedom with `kaneflex show`"
+            raise SceneError("joints", None, str(error), cure) from error
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        write_text(output, text)
+        click.echo(f"Written to {output}")

@@ -109,7 +109,7 @@ class Load(SceneTable):
     law: str | None = None
     table: str | None = None
     column: str | None = None
-    unit: str = Field(default_factory=lambda data: "N m" if data.get("torque_at") else "N")
+    unit: str = "N"
     against: str | None = None
     period: AngleOrTime | None = None
     offset: AngleOrTime = 0.0
@@ -158,7 +158,8 @@ class Load(SceneTable):
     def read_table(self) -> Table:
         """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
         dimension = TORQUE if self.torque_at else FORCE
-        table = read_table(self.table, self.column, self.unit, "s" if self.against == "t" else "deg", dimension)
+        unit = self.unit if "unit" in self.model_fields_set else self.si_unit
+        table = read_table(self.table, self.column, unit, "s" if self.against == "t" else "deg", dimension)
         if self.period is not None:
             table.check_period(self.period, self.closing)
         return table
