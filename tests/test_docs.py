@@ -154,7 +154,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 
 def test_every_complete_scene_runs(solved):
-    assert set(solved) == {"cantilever", "arm", "slow-engine"}
+    assert set(solved) == {"cantilever", "arm", "frame", "slow-engine"}
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
         assert all(np.isfinite(series.values).all() for series in solution.series.values()), name

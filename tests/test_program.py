@@ -257,6 +257,16 @@ def test_determinant(size):
     assert not any(power.exp.is_negative for power in determinant(symbols).atoms(sm.Pow))
 
 
+@pytest.mark.parametrize("sparsest", range(4))
+def test_determinant_expanded_along_any_row(sparsest):
+    """The row with the most zeros is taken; its signs alternate from its own place on."""
+    numbers = np.random.default_rng(sparsest).uniform(-1, 1, (4, 4))
+    numbers[sparsest, [0, 2]] = 0
+    entries = {sm.Symbol(f"m_{i}_{j}"): numbers[i, j] for i in range(4) for j in range(4)}
+    matrix = sm.Matrix(4, 4, lambda i, j: sm.Symbol(f"m_{i}_{j}") if numbers[i, j] else 0)
+    assert float(determinant(matrix).xreplace(entries)) == pytest.approx(np.linalg.det(numbers))
+
+
 def test_what_cannot_be_determined_is_named():
     with pytest.raises(StructurallySingular) as caught:
         solve_blocks([("one", x + a), ("two", x - b), ("three", x * c)], [x, y, z], Steps())

@@ -121,6 +121,16 @@ def test_the_rig_measures_gravity():
     assert across == pytest.approx(-9.81 * np.sin(tilt), abs=1.0)
 
 
+def test_the_rig_carries_its_weight():
+    """So slow that rigid and elastic forces agree: the weight of rod and piston is in both."""
+    series = run("engine-rig").series
+    for name in ("rod_force_piston", "rod_mid_force", "crank_pin_force_x", "main_bearing_force_x", "crank_torque"):
+        rigid = series[f"{name}_rigid"].values
+        assert series[name].values == pytest.approx(rigid, abs=2e-3 * np.abs(rigid).max()), name
+    weight = 9.81 * (0.952 + 0.153 + 0.214)
+    assert series["main_bearing_force_x"].values.mean() == pytest.approx(weight, rel=0.01)
+
+
 def test_the_rig_cannot_show_the_published_deformations():
     """Its elastic displacements are some 1e-5 mm: paper section 4 claims to see 0.003 and 0.015 mm."""
     rig = run("engine-rig")

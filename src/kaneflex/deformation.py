@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from kaneflex.affine import Affine, Monomial
-from kaneflex.assembly import spin_or_euler
+from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
 
@@ -171,6 +171,26 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> R
 def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
     """The deformation of one link, reduced coordinates expanded."""
     series = follow(model, rigid, coordinates, model.frame.maps[name])
-    if name in model.bases:
-        series = tuple(model.bases[name] @ part for part in series)
-    return Deformation(model, model.links[name], rigid, *series)
+    if name not in model.bases:
+        return Deformation(model, model.links[name], rigid, *series)
+    return _with_static_share(Deformation(model, model.links[name], rigid, *(model.bases[name] @ part for part in series)))
+
+
+def _with_static_share(found: Deformation) -> Deformation:
+    """What the modes that a reduction left out add statically: the mode-acceleration method (Craig 1981, ch. 15).
+
+    Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
+    """
+    from scipy.sparse.linalg import splu
+
+    link, model = found.link, found.model
+    unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
+    residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
+    for e in range(len(link.nodes) - 1):
+        residual[3 * e : 3 * e + 6] += found.end_forces(e)
+    kept = set(model.parts[link.name].coordinates)
+    inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
+    stiffness = link.part.matrices["K_s"].at({})[inner][:, inner]
+    q = found.q.copy()
+    q[inner] -= splu(stiffness.tocsc()).solve(residual[inner])
+    return replace(found, q=q)

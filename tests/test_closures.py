@@ -1,0 +1,189 @@
+"""Mechanisms of every kind that closes in closed form: they close, move and balance."""
+
+import numpy as np
+import pytest
+from newton_euler import imbalance, motion_of, place
+
+from kaneflex.model import RigidMotion
+from kaneflex.scene import Scene, read_scene
+from kaneflex.scene.quantities import Address
+
+# Offset, tilted guide, mass centres off their axes, loads by law and by value in body axes, gravity.
+SLIDER = """
+gravity = [3.0, -9.0]
+[ground]
+line = ["20 mm", "12 mm"]
+[bodies]
+crank = {length = "40 mm", mass = "0.952 kg"}
+rod = {length = "137 mm", mass = "0.2 kg", centre = ["50 mm", "6 mm"], inertia = "3e-4 kg m^2"}
+[bodies.piston]
+mass = "0.3 kg"
+centre = ["9 mm", "-4 mm"]
+inertia = "1e-4 kg m^2"
+points = {eye = ["5 mm", "3 mm"], skirt = ["-7 mm", "2 mm"]}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "rod.start"]}
+wrist = {revolute = ["rod.end", "piston.eye"]}
+bore = {prismatic = ["ground.line", "piston.skirt"], direction = [0.8, 0.6], branch = "+"}
+[loads]
+push = {force_on = "rod.mid", direction = [0.6, 0.8], axes = "body", law = "100 * sin(3 * main) + main_speed"}
+brake = {force_on = "crank.end", direction = [0, 1], value = "-250 N"}
+"""
+
+# The coupler is joined at points off its axis.
+FOUR_BAR = """
+gravity = [0.0, -9.81]
+[ground]
+pivot = ["200 mm", "30 mm"]
+[bodies]
+crank = {length = "60 mm", mass = "0.5 kg"}
+rocker = {length = "150 mm", mass = "0.8 kg", centre = ["70 mm", "10 mm"]}
+[bodies.coupler]
+mass = "0.7 kg"
+centre = ["90 mm", "20 mm"]
+inertia = "2e-3 kg m^2"
+points = {near = ["-10 mm", "5 mm"], far = ["170 mm", "15 mm"]}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "coupler.near"]}
+knee = {revolute = ["coupler.far", "rocker.end"]}
+foot = {revolute = ["rocker.start", "ground.pivot"], branch = "+"}
+[loads]
+pull = {force_on = "rocker.mid", direction = [0, 1], axes = "body", value = "40 N"}
+"""
+
+# A block on the crank's pin slides along a lever whose slot misses its pivot.
+LEVER = """
+gravity = [0.0, -9.81]
+[ground]
+pivot = ["-30 mm", "-150 mm"]
+[bodies]
+crank = {length = "60 mm", mass = "0.5 kg"}
+block = {mass = "0.2 kg", inertia = "1e-5 kg m^2", centre = ["2 mm", "1 mm"]}
+[bodies.lever]
+mass = "1.1 kg"
+centre = ["120 mm", "5 mm"]
+inertia = "5e-3 kg m^2"
+points = {slot = ["0 mm", "20 mm"]}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "block"]}
+foot = {revolute = ["ground.pivot", "lever.start"]}
+slide = {prismatic = ["lever.slot", "block"], direction = [0.96, 0.28], branch = "+"}
+"""
+
+# The guide turns with the driven arm.
+SWINGING = """
+gravity = [0.0, -9.81]
+[ground]
+pivot = ["100 mm", "40 mm"]
+[bodies]
+arm = {length = "200 mm", mass = "1 kg", points = {slot = ["10 mm", "15 mm"]}}
+block = {mass = "0.3 kg", inertia = "1e-4 kg m^2", points = {edge = ["5 mm", "-3 mm"]}}
+rod = {length = "250 mm", mass = "0.4 kg"}
+[joints]
+main = {revolute = ["ground", "arm.start"]}
+wrist = {revolute = ["rod.end", "block"]}
+foot = {revolute = ["ground.pivot", "rod.start"]}
+slot = {prismatic = ["arm.slot", "block.edge"], direction = [0.8, -0.6], branch = "+"}
+"""
+
+MECHANISMS = {
+    "slider": (SLIDER, 'branch = "+"'),
+    "slider, other branch": (SLIDER, 'branch = "-"'),
+    "four-bar": (FOUR_BAR, 'branch = "+"'),
+    "four-bar, other branch": (FOUR_BAR, 'branch = "-"'),
+    "lever": (LEVER, 'branch = "+"'),
+    "lever, guide on the block": (LEVER.replace('["lever.slot", "block"]', '["block", "lever.slot"]'), 'branch = "+"'),
+    "lever, other branch": (LEVER, 'branch = "-"'),
+    "swinging guide": (SWINGING, 'branch = "+"'),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("closures")
+
+
+@pytest.fixture(scope="module", params=MECHANISMS)
+def mechanism(request, folder) -> tuple[Scene, RigidMotion]:
+    text, branch = MECHANISMS[request.param]
+    file = folder / "mechanism.toml"
+    drive = '[drives]\nmain = {speed = "60 rad/s", cycle = "360 deg"}\n'
+    file.write_text("schema = 1\n" + text.replace('branch = "+"', branch) + drive)
+    scene = read_scene(file)
+    return scene, motion_of(scene, folder)
+
+
+def gap(scene: Scene, rigid: RigidMotion, joint: str) -> np.ndarray:
+    """From the first to the second point of a joint, global components (2, n_times)."""
+    first, second = scene.joints[joint].addresses
+    return place(scene, rigid, second) - place(scene, rigid, first)
+
+
+def rate(y: np.ndarray, h: float) -> np.ndarray:
+    """Derivative of a periodic series over its first turn, by differences of order six."""
+    y = y[:180]
+    differences = (np.roll(y, -k) - np.roll(y, k) for k in (1, 2, 3))
+    return sum(w * d for w, d in zip((45, -9, 1), differences, strict=True)) / (60 * h)
+
+
+def test_joints_stay_closed(mechanism):
+    scene, rigid = mechanism
+    for name, joint in scene.joints.items():
+        apart = gap(scene, rigid, name)
+        if joint.kind == "revolute":
+            assert np.abs(apart).max() < 1e-15, name
+            continue
+        carrier, slider = (address.body for address in joint.addresses)
+        c, s = (rigid[f"{carrier}.c"], rigid[f"{carrier}.s"]) if carrier != "ground" else (1.0, 0.0)
+        t = np.array([c * joint.direction[0] - s * joint.direction[1], s * joint.direction[0] + c * joint.direction[1]])
+        assert np.abs(apart[1] * t[0] - apart[0] * t[1]).max() < 1e-15, name
+        assert rigid[f"{slider}.c"] == pytest.approx(c, abs=1e-14)
+        assert rigid[f"{slider}.s"] == pytest.approx(s, abs=1e-14)
+
+
+def test_rates_are_derivatives(mechanism):
+    scene, rigid = mechanism
+    h = rigid.times[1] - rigid.times[0]
+
+    def agree(found: np.ndarray, expected: np.ndarray) -> bool:
+        return bool(np.abs(found[:180] - expected).max() <= 1e-5 * max(np.abs(expected).max(), 1e-6))
+
+    for body in scene.bodies:
+        for axis in "xy":
+            assert agree(rigid[f"{body}.v_{axis}"], rate(rigid[f"{body}.{axis}"], h)), body
+            assert agree(rigid[f"{body}.a_{axis}"], rate(rigid[f"{body}.v_{axis}"], h)), body
+        c, s, omega = (rigid[f"{body}.{name}"] for name in ("c", "s", "omega"))
+        assert c**2 + s**2 == pytest.approx(1.0, abs=1e-13)
+        assert agree(omega, c[:180] * rate(s, h) - s[:180] * rate(c, h)), body
+        assert agree(rigid[f"{body}.epsilon"], rate(omega, h)), body
+
+
+def test_every_body_balances(mechanism):
+    scene, rigid = mechanism
+    assert imbalance(scene, rigid) < 1e-10
+
+
+def test_loads_have_the_size_that_the_scene_gives(mechanism):
+    scene, rigid = mechanism
+    for name, load in scene.loads.items():
+        expected = load.value if load.kind == "value" else 100 * np.sin(3 * rigid["main.angle"]) + 60
+        assert rigid[name] == pytest.approx(expected * np.ones(len(rigid.times)), rel=1e-12), name
+
+
+def test_branch_chooses_the_side(folder):
+    """Four-bar: the knee to the left of the line between its pivots for +, to the right for -."""
+    for sign, branch in ((1, "+"), (-1, "-")):
+        file = folder / "side.toml"
+        drive = '[drives]\nmain = {speed = "60 rad/s", cycle = "360 deg"}\n'
+        file.write_text("schema = 1\n" + FOUR_BAR.replace('branch = "+"', f'branch = "{branch}"') + drive)
+        scene = read_scene(file)
+        rigid = motion_of(scene, folder)
+        near, far, foot = (
+            place(scene, rigid, Address(*point))
+            for point in (("coupler", "near"), ("coupler", "far"), ("rocker", "start"))
+        )
+        d, v = foot - near, far - near
+        assert (np.sign(d[0] * v[1] - d[1] * v[0]) == sign).all()
