@@ -81,8 +81,8 @@ def _place_driven(mechanism, drive_angle, poses, steps) -> bool:
         pose, at = poses[base.body], poses[base.body].place(base)
         c, s = pose.c, pose.s
         sign = 1 if forward else -1
-        if name in mechanism.drives and joint.kind == "revolute":
-            angle = drive_angle[name]
+        if joint.kind != "prismatic" and (name in mechanism.drives or joint.angle != 0):
+            angle = drive_angle.get(name, joint.angle)
             cosine = steps.assign(sm.Symbol(f"cos_{name}"), sm.cos(angle))
             sine = steps.assign(sm.Symbol(f"sin_{name}"), sm.sin(angle))
             c, s = pose.c * cosine - sign * pose.s * sine, pose.s * cosine + sign * pose.c * sine

@@ -54,9 +54,9 @@ class NumbaPrinter(PythonCodePrinter):
         return super().parenthesize(item, level, strict)
 
     def _print_Function(self, expr):
-        if expr.func.__name__ == "table":
+        if expr.func.__name__ in TABLE_LOOKUPS:
             x, start = (self._print(argument) for argument in expr.args)
-            return f"table({x}, p, int({start}))"
+            return f"{expr.func.__name__}({x}, p, int({start}))"
         return super()._print_Function(expr)
 
 
@@ -126,9 +126,19 @@ OPTIONS = {{"cache": True, "error_model": "numpy", "fastmath": {{"nsz", "arcp", 
 
 {kernels}'''
 
-TABLE_LOOKUP = '''@njit(**OPTIONS)
-def table(x, p, start):
-    """Piecewise cubic table: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
+_TABLE_DOC = {
+    "table": "Piecewise cubic table",
+    "table_rate": "First derivative of a piecewise cubic table",
+    "table_curvature": "Second derivative of a piecewise cubic table",
+}
+_TABLE_VALUE = {
+    "table": "p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))",
+    "table_rate": "p[k + 1] + d * (2.0 * p[k + 2] + d * 3.0 * p[k + 3])",
+    "table_curvature": "2.0 * p[k + 2] + d * 6.0 * p[k + 3]",
+}
+_TABLE = '''@njit(**OPTIONS)
+def {name}(x, p, start):
+    """{doc}: p[start] intervals, p[start + 1] the period (0 if none), breakpoints, coefficients."""
     n = int(p[start])
     period = p[start + 1]
     knots = start + 2
@@ -144,5 +154,9 @@ def table(x, p, start):
             high = middle
     d = x - p[knots + low]
     k = knots + n + 1 + 4 * low
-    return p[k] + d * (p[k + 1] + d * (p[k + 2] + d * p[k + 3]))
+    return {value}
 '''
+TABLE_LOOKUPS = {
+    name: _TABLE.format(name=name, doc=doc, value=_TABLE_VALUE[name]) for name, doc in _TABLE_DOC.items()
+}
+"""Name of a lookup -> its text; a module holds those that its motion calls."""

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy as sm
+from sympy.core.function import AppliedUndef
 
 from kaneflex.contract import ELEMENT_KERNELS, ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS
 from kaneflex.derive import emit
 from kaneflex.derive.beam import Element, Term, euler_bernoulli
 from kaneflex.derive.mechanism import Mechanism, read_structure
-from kaneflex.derive.motion import Motion, derive_motion
+from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
 from kaneflex.derive.program import Program, share
 
 Progress = Callable[[str], None]
@@ -22,12 +23,14 @@ Progress = Callable[[str], None]
 class Equations:
     """The rigid motion of a structure and the affine terms of its elastic links.
 
-    ``element`` is None where nothing is elastic: then no element kernel is emitted.
+    ``element`` is None where nothing is elastic: then no element kernel is emitted. ``inverse`` is the program of the
+    free joints' inverse dynamics with its states, None where no joint is free.
     """
 
     mechanism: Mechanism
     motion: Motion
     element: Element | None
+    inverse: Inverse | None
 
 
 def derive_equations(structure: dict[str, Any]) -> Equations:
@@ -35,7 +38,7 @@ def derive_equations(structure: dict[str, Any]) -> Equations:
     mechanism = read_structure(structure)
     motion = derive_motion(mechanism)
     element = required_terms(euler_bernoulli(), motion, mechanism.viscous) if motion.links else None
-    return Equations(mechanism, motion, element)
+    return Equations(mechanism, motion, element, derive_inverse(mechanism))
 
 
 def required_terms(element: Element, motion: Motion, viscous: bool) -> Element:
@@ -49,6 +52,8 @@ def required_terms(element: Element, motion: Motion, viscous: bool) -> Element:
         for k, (_, symbol, *_) in enumerate(element.scalars)
         if all(scalars[k].value == 0 for scalars in motion.links.values())
     }
+    if any(".link.jump_" in scalar.name and scalar.value != 0 for scalar in motion.scalars):
+        zero -= {symbol for name, symbol, *_ in element.scalars if name == "P_0"}  # it weighs the jumps as well
     terms = tuple(
         term for term in element.terms if not term.scalar.free_symbols & zero and (viscous or term.group != "damping")
     )
@@ -76,6 +81,8 @@ def lower(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
     """Kernels with shared subexpressions, each beside its raw program (for the count of what sharing saved)."""
     motion, raw = _motion_kernel(equations)
     kernels = [(motion, raw)]
+    if equations.inverse is not None:
+        kernels.append(_inverse_kernel(equations))
     if equations.element is not None:
         element = equations.element
         kernels += [_element_kernel(name, element) for name in ELEMENT_KERNELS if _sum(element, name) is not None]
@@ -94,6 +101,18 @@ def _motion_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
     )
     reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate(parameters))
     return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc), raw
+
+
+def _inverse_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
+    raw, states = equations.inverse
+    doc = (
+        "Torque that each free joint would need at time t [s] for a state and its accelerations.\n\n"
+        "p: PARAMETERS, then the blocks of the tables. y: coordinate, speed, acceleration of each joint of FREE."
+    )
+    parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
+    reads = [(symbol, f"y[{k}]") for k, (_, symbol) in enumerate(states)]
+    reads += [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters)]
+    return emit.Kernel(share(raw), ("t", "y", "p", "out"), tuple(reads), doc), raw
 
 
 _ELEMENT_DOCS = {
@@ -172,7 +191,7 @@ def _force_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
 
 def print_module(equations: Equations, kernels: list[tuple[emit.Kernel, Program]], scene: str, structure: str) -> str:
     counts = emit.operations(kernels)
-    blocks = [emit.TABLE_LOOKUP] if any(load.kind == "table" for load in equations.mechanism.loads.values()) else []
+    blocks = [text for name, text in emit.TABLE_LOOKUPS.items() if any(_calls(raw, name) for _, raw in kernels)]
     blocks += [emit.print_kernel(kernel) for kernel, _ in kernels] + [TABULATE]
     if equations.element is not None:
         blocks.append(_print_dispatch(equations.element))
@@ -185,6 +204,10 @@ def print_module(equations: Equations, kernels: list[tuple[emit.Kernel, Program]
         tables="\n".join(_tables(equations, counts)),
         kernels="\n\n".join(blocks),
     )
+
+
+def _calls(program: Program, function: str) -> bool:
+    return any(call.func.__name__ == function for _, e in program.assignments for call in e.atoms(AppliedUndef))
 
 
 def _about(scene: str, structure: str, counts: dict[str, tuple[int, int]]) -> str:
@@ -206,8 +229,8 @@ def _about(scene: str, structure: str, counts: dict[str, tuple[int, int]]) -> st
 def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[str]:
     mechanism, motion = equations.mechanism, equations.motion
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
-    loads = mechanism.loads.items()
-    tables = [name for name, load in loads if load.kind == "table"]
+    readers = {**mechanism.loads, **mechanism.drives}
+    tables = [name for name, reader in readers.items() if reader.kind == "table"]
     stored = [scalar for block in motion.links.values() for scalar in block]
     stored += [scalar for scalar in motion.scalars if not scalar.value.is_number]
     constants = {s.name: float(s.value) for s in motion.scalars if s.value.is_number}
@@ -216,16 +239,18 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         for link in motion.links:
             parameters += [(f"{link}.element.{name}", unit) for name, unit, _ in ELEMENT_PARAMETERS]
         rows = [(term.name, term.group, term.target, _monomial(term.scalar)) for term in equations.element.terms]
+    free = [name for name, drive in mechanism.drives.items() if drive.kind == "free"]
     links = {link: k * len(LINK_SCALARS) for k, link in enumerate(motion.links)}
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
-        emit.literal("TABLES", tables, "loads whose tables follow in p, at the index that <load>.table holds"),
+        emit.literal("TABLES", tables, "what has a table in p, which begins where <name>.table says"),
         emit.literal("SCALARS", [(s.name, s.unit, s.meaning) for s in stored], "s: name, unit, meaning"),
         emit.literal("CONSTANTS", constants, "scalars that the structure fixes"),
         emit.literal("LINKS", links, "elastic link -> where its LINK_SCALARS begin in s"),
         emit.literal("LINK_SCALARS", LINK_SCALARS if motion.links else (), "s of the element kernels"),
         emit.literal("ELEMENT_PARAMETERS", ELEMENT_PARAMETERS if motion.links else (), "p of the element kernels"),
         emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
+        emit.literal("FREE", free, "joints left to the forces, in the order of y in the kernel inverse"),
         emit.literal("OPERATIONS", counts, "kernel -> operations written out, operations with shared subexpressions"),
     ]  # fmt: skip
 

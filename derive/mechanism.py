@@ -12,6 +12,8 @@ from typing import Any
 
 import sympy as sm
 
+from kaneflex.contract import COURSES
+
 Vector = tuple[sm.Expr, sm.Expr]
 GROUND = "ground"
 
@@ -38,7 +40,10 @@ class BodyModel:
 
 @dataclass(frozen=True)
 class JointModel:
-    """A joint between a point of the first body and a point of the second; ``direction`` is fixed in the first."""
+    """A joint between a point of the first body and a point of the second.
+
+    ``direction`` is a guide's, fixed in the first body; ``angle`` a weld's, of the second against the first.
+    """
 
     name: str
     kind: str
@@ -47,16 +52,36 @@ class JointModel:
     direction: Vector = (sm.S.One, sm.S.Zero)
     closes_loop: bool = False
     branch: sm.Expr = sm.S.One
+    angle: sm.Expr = sm.S.Zero
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), or "free": by the forces."""
+
+    kind: str
+    law: str | None
+
+
+@dataclass(frozen=True)
+class MassModel:
+    """A lumped mass [kg] with its inertia [kg m^2], fixed to a point of a body."""
+
+    name: str
+    point: BodyPoint
+    mass: sm.Expr
+    inertia: sm.Expr
 
 
 @dataclass(frozen=True)
 class LoadModel:
-    """A force on a point along a direction fixed in global or in body axes; ``magnitude`` in N."""
+    """A force [N] on a point along a direction fixed in global or in body axes, or a torque [N m] at a joint."""
 
     name: str
-    point: BodyPoint
-    direction: Vector
-    axes: str
+    point: BodyPoint | None
+    direction: Vector | None
+    axes: str | None
+    joint: str | None
     kind: str
     against: str | None
     law: str | None
@@ -78,15 +103,17 @@ class _Parameters:
 class Mechanism:
     """Everything that the rigid stage is derived from.
 
-    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``viscous`` says whether the links
-    are damped by a force per length and velocity.
+    ``parameters`` maps the dotted path of a scene's number to its symbol and unit; ``frame`` says
+    whether the bodies stand still in given poses, ``viscous`` whether a force per length and velocity damps the links.
     """
 
     bodies: dict[str, BodyModel]
     joints: dict[str, JointModel]
-    drives: tuple[str, ...]
+    masses: dict[str, MassModel]
+    drives: dict[str, DriveModel]
     loads: dict[str, LoadModel]
     gravity: Vector
+    frame: bool
     viscous: bool
     parameters: dict[str, tuple[sm.Symbol, str]]
 
@@ -118,6 +145,9 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
         centre = tuple(pattern(body["centre"][k], f"{name}.centre_{'xy'[k]}", "m") for k in range(2))
         mass = pattern(body["mass"], f"{name}.mass", "kg")
         inertia = pattern(body["inertia"], f"{name}.inertia", "kg m^2")
+        if structure["frame"]:
+            for coordinate, unit in (("x", "m"), ("y", "m"), ("angle", "rad")):
+                number(f"{name}.pose_{coordinate}", unit)
         bodies[name] = BodyModel(name, body["elastic"], mass, centre, inertia)
     joints = {}
     for name, joint in structure["joints"].items():
@@ -127,28 +157,39 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             direction = tuple(pattern(joint["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
         closes = joint["closes_loop"]
         branch = number(f"{name}.branch", "1") if closes else sm.S.One
-        joints[name] = JointModel(name, joint["kind"], first, second, direction, closes, branch)
-    for drive in structure["drives"]:
-        unit = "m" if joints[drive].kind == "prismatic" else "rad"
-        number(f"{drive}.speed", f"{unit}/s")
-        number(f"{drive}.angle", unit)
+        angle = number(f"{name}.relative_angle", "rad") if "relative_angle" in joint else sm.S.Zero
+        joints[name] = JointModel(name, joint["kind"], first, second, direction, closes, branch, angle)
+    masses = {}
+    for name, mass in structure["masses"].items():
+        inertia = pattern(mass["inertia"], f"{name}.inertia", "kg m^2")
+        weight = pattern(mass["mass"], f"{name}.mass", "kg")
+        masses[name] = MassModel(name, point(mass["at"]), weight, inertia)
+    drives = {}
+    for name, drive in structure["drives"].items():
+        drives[name] = DriveModel(drive["kind"], drive.get("law"))
+        if drive["kind"] == "table":
+            number(f"{name}.table", "1")
+        elif drive["kind"] == "free":
+            for course in COURSES:
+                number(f"{name}.{course}", "1")
+        elif drive["kind"] != "law":
+            number(f"{name}.speed", "rad/s")
+            number(f"{name}.angle", "rad")
+        if drive["kind"] == "spin up":
+            number(f"{name}.spin_up", "s")
     loads = {}
     for name, load in structure["loads"].items():
-        direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
-        loads[name] = LoadModel(
-            name,
-            point(load["on"]),
-            direction,
-            load["axes"],
-            load["kind"],
-            load.get("against"),
-            load.get("law"),
-        )
+        origin = (load["kind"], load.get("against"), load.get("law"))
+        if "torque_at" in load:
+            loads[name] = LoadModel(name, None, None, None, load["torque_at"], *origin)
+        else:
+            direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
+            loads[name] = LoadModel(name, point(load["on"]), direction, load["axes"], None, *origin)
         if load["kind"] == "constant":
-            number(f"{name}.value", "N")
+            number(f"{name}.value", "N m" if "torque_at" in load else "N")
         elif load["kind"] == "table":
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")
     gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
-    drives = tuple(structure["drives"])
-    return Mechanism(bodies, joints, drives, loads, gravity, structure["viscous"], number.entries)
+    switches = structure["frame"], structure["viscous"]
+    return Mechanism(bodies, joints, masses, drives, loads, gravity, *switches, number.entries)

@@ -7,33 +7,28 @@ block by block. What comes out are the motion's scalars: those of every elastic 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sm
 
-from kaneflex.contract import LINK_SCALARS
+from kaneflex.contract import COURSES, LINK_SCALARS
 from kaneflex.derive.closure import Pose, place_bodies
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import solve_blocks
-from kaneflex.derive.mechanism import Mechanism
+from kaneflex.derive.links import jump_scalars, link_scalars
+from kaneflex.derive.mechanism import BodyPoint, Mechanism, Vector
 from kaneflex.derive.program import Program
 from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
+from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
 
 table = sm.Function("table")
-"""Stands for the periodic cubic table of a load: table(x, start of its block in the parameters)."""
+"""Stands for a cubic table: table(x, start of its block in the parameters); its derivatives have names of their own."""
+table_rate = sm.Function("table_rate")
+table_curvature = sm.Function("table_curvature")
 
 T = sm.Symbol("t")
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """One scalar of the motion: name, unit, meaning, and its expression (a number where the scene fixes it)."""
-
-    name: str
-    unit: str
-    meaning: str
-    value: sm.Expr
 
 
 @dataclass(frozen=True)
@@ -53,51 +48,160 @@ class Motion:
 
 
 def derive_motion(mechanism: Mechanism) -> Motion:
-    """Solve the rigid mechanism for its motion at constant drive speeds.
+    """Solve the rigid mechanism for its motion under its drives.
 
-    The drives' coordinates are free in Kane's equations; their constant speed is substituted here, which removes
+    The drives' coordinates are free in Kane's equations; their courses are substituted here: a constant speed removes
     every angular acceleration that comes from a drive alone.
     """
+    if mechanism.frame:
+        return _still(mechanism)
     equations = rigid_equations(mechanism)
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    drives = _drives(mechanism, steps)
-    closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
-    rates = _Rates(mechanism, equations, drives, closure.poses, steps)
-    loads = _loads(mechanism, drives, steps)
-    reactions = _reactions(equations, rates, loads, steps)
+    solved = _solve(mechanism, equations, _drives(mechanism, steps), steps)
     scalars = []
-    for name, drive in drives.items():
-        angular = mechanism.joints[name].kind == "revolute"
-        scalars.append(Scalar(f"{name}.angle", "rad" if angular else "m", "coordinate of the drive", drive.angle))
+    for name, drive in solved.drives.items():
+        scalars.append(Scalar(f"{name}.angle", "rad", "coordinate of the drive", drive.angle))
     for name in mechanism.bodies:
-        scalars += rates.scalars(name)
+        scalars += _body_scalars(name, solved.rates.poses[name], solved.rates.value[name])
     for constraint in equations.constraints:
-        value = reactions[constraint.multiplier]
+        value = solved.reactions[constraint.multiplier]
         scalars.append(Scalar(constraint.name, constraint.unit, constraint.meaning, value))
-    for name, value in loads.items():
-        scalars.append(Scalar(name, "N", "magnitude of the load", value))
-    for name, margin in closure.margins.items():
+    scalars += _load_scalars(mechanism, solved.loads)
+    for name, margin in solved.margins.items():
         scalars.append(Scalar(f"{name}.closure", "1", "margin of the loop: it can't close below zero", margin))
-    links = {
-        name: _link_scalars(mechanism, name, rates, reactions, loads, steps)
-        for name, body in mechanism.bodies.items()
-        if body.elastic
-    }
+    elastic = [name for name, body in mechanism.bodies.items() if body.elastic]
+    links = {name: link_scalars(mechanism, name, solved, steps) for name in elastic}
+    for name in links:
+        scalars += jump_scalars(mechanism, name, solved, steps)
     return Motion(tuple(steps.assignments), links, tuple(scalars))
+
+
+Inverse = tuple[Program, tuple[tuple[str, sm.Symbol], ...]]
+"""Inverse dynamics of the free joints: its program, and its states as (joint, symbol)."""
+
+
+def derive_inverse(mechanism: Mechanism) -> Inverse | None:
+    """Inverse dynamics of the free joints: the torque that each would need for a given state and acceleration.
+
+    It is linear in the accelerations, so that the forward equations follow from a few evaluations: they are the
+    accelerations at which every torque is zero. Returns the program and its states (joint, symbol); None where no joint
+    is free.
+    """
+    free = [name for name, drive in mechanism.drives.items() if drive.kind == "free"]
+    if not free:
+        return None
+    equations = rigid_equations(mechanism)
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
+    solved = _solve(mechanism, equations, _drives(mechanism, steps, states=free), steps)
+    outputs = tuple((f"out[{k}]", solved.reactions[sm.Symbol(f"{name}_drive")]) for k, name in enumerate(free))
+    parameters = tuple(symbol for symbol, _ in mechanism.parameters.values())
+    states = tuple((name, symbol) for name in free for symbol in _state_symbols(name))
+    inputs = (T, *(symbol for _, symbol in states), *parameters)
+    return Program("inverse", inputs, tuple(steps.assignments), outputs), states
+
+
+def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
+    """Coordinate, speed and acceleration of a free joint as inputs."""
+    return sm.Symbol(f"{name}_angle_"), sm.Symbol(f"{name}_speed_"), sm.Symbol(f"{name}_acceleration_")
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The rigid motion in symbols: drives, rates, loads, reactions by multiplier, margins of the loops."""
+
+    drives: dict[str, _Drive]
+    rates: Rates
+    loads: dict[str, sm.Expr]
+    reactions: dict[sm.Symbol, sm.Expr]
+    margins: dict[str, sm.Expr]
+
+
+def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, _Drive], steps: Steps) -> Solved:
+    closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
+    rates = Rates(mechanism, equations, drives, closure.poses, steps)
+    loads = _loads(mechanism, drives, steps)
+    return Solved(drives, rates, loads, _reactions(equations, rates, loads, steps), closure.margins)
+
+
+def _still(mechanism: Mechanism) -> Motion:
+    """A structure that doesn't move: given poses, no rates, and no rigid reactions (they may be indeterminate)."""
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
+    scalars = _load_scalars(mechanism, _loads(mechanism, {}, steps))
+    links = {}
+    rest = dict.fromkeys(("v_x", "v_y", "omega", "a_x", "a_y", "epsilon"), sm.S.Zero)
+    for name, body in mechanism.bodies.items():
+        angle = mechanism.symbol(f"{name}.pose_angle")
+        c, s = (steps.assign(sm.Symbol(f"{f}_{name}"), g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
+        pose = Pose(mechanism.symbol(f"{name}.pose_x"), mechanism.symbol(f"{name}.pose_y"), c, s)
+        scalars += _body_scalars(name, pose, rest)
+        if body.elastic:
+            g_x, g_y = mechanism.gravity
+            felt = {"a_x": -c * g_x - s * g_y, "a_y": s * g_x - c * g_y}
+            links[name] = tuple(
+                Scalar(
+                    f"{name}.link.{key}", unit, meaning,
+                    steps.assign(sm.Symbol(f"{name}_link_{key}"), felt.get(key, sm.S.Zero)),
+                )
+                for key, unit, meaning in LINK_SCALARS
+            )  # fmt: skip
+    return Motion(tuple(steps.assignments), links, tuple(scalars))
+
+
+def _load_scalars(mechanism: Mechanism, loads: dict[str, sm.Expr]) -> list[Scalar]:
+    unit = {name: "N" if load.joint is None else "N m" for name, load in mechanism.loads.items()}
+    return [Scalar(name, unit[name], "magnitude of the load", value) for name, value in loads.items()]
 
 
 @dataclass(frozen=True)
 class _Drive:
+    """Coordinate of a drive with its first and second time derivative."""
+
     angle: sm.Expr
     speed: sm.Expr
+    acceleration: sm.Expr
 
 
-def _drives(mechanism: Mechanism, steps: Steps) -> dict[str, _Drive]:
+def _drives(mechanism: Mechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, _Drive]:
+    """The drives' courses; those of the joints in ``states`` are inputs."""
     drives = {}
     for name in mechanism.drives:
-        start, speed = mechanism.symbol(f"{name}.angle"), mechanism.symbol(f"{name}.speed")
-        drives[name] = _Drive(steps.assign(sm.Symbol(f"{name}_coordinate"), start + speed * T), speed)
+        if name in states:
+            drives[name] = _Drive(*_state_symbols(name))
+            continue
+        angle, speed, acceleration = _course(mechanism, name, steps)
+        drives[name] = _Drive(
+            steps.assign(sm.Symbol(f"{name}_coordinate"), angle),
+            steps.assign(sm.Symbol(f"{name}_rate"), speed),
+            steps.assign(sm.Symbol(f"{name}_acceleration"), acceleration),
+        )
     return drives
+
+
+def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
+    """theta(t), theta'(t), theta''(t) of a drive."""
+    drive = mechanism.drives[name]
+    if drive.kind == "law":
+        angle = law_expression(drive.law, {"t": T})
+        return angle, angle.diff(T), angle.diff(T, 2)
+    if drive.kind == "free":
+        starts = [mechanism.symbol(f"{name}.{course}") for course in COURSES]
+        return tuple(table(T, start) for start in starts)
+    if drive.kind == "table":
+        start = mechanism.symbol(f"{name}.table")
+        return table(T, start), table_rate(T, start), table_curvature(T, start)
+    start, speed = mechanism.symbol(f"{name}.angle"), mechanism.symbol(f"{name}.speed")
+    if drive.kind == "constant speed":
+        return start + speed * T, speed, sm.S.Zero
+    # The smooth spin-up of Kane, Ryan & Banerjee (1987): theta'' = (speed / end) (1 - cos(2 pi t / end)) until ``end``.
+    end = mechanism.symbol(f"{name}.spin_up")
+    tau = steps.assign(sm.Symbol(f"tau_{name}"), sm.Min(T, end))
+    turn = steps.assign(sm.Symbol(f"turn_{name}"), 2 * sm.pi * tau / end)
+    rise = tau**2 / 2 + (end / (2 * sm.pi)) ** 2 * (sm.cos(turn) - 1)
+    return (
+        start + speed / end * rise + speed * (T - tau),
+        speed / end * (tau - end / (2 * sm.pi) * sm.sin(turn)),
+        speed / end * (1 - sm.cos(turn)),
+    )
 
 
 def _loads(mechanism: Mechanism, drives: dict[str, _Drive], steps: Steps) -> dict[str, sm.Expr]:
@@ -116,7 +220,7 @@ def _loads(mechanism: Mechanism, drives: dict[str, _Drive], steps: Steps) -> dic
     return magnitude
 
 
-class _Rates:
+class Rates:
     """Velocities and accelerations of all bodies, and the substitution that brings equations to these symbols."""
 
     def __init__(self, mechanism, equations: RigidEquations, drives, poses: dict[str, Pose], steps: Steps):
@@ -135,7 +239,7 @@ class _Rates:
                 unknown_v.append(v)
                 unknown_a.append(a)
         for name, coordinate in equations.drive_coordinate.items():
-            rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): sm.S.Zero}
+            rate |= {coordinate.diff(TIME): drives[name].speed, coordinate.diff(TIME, 2): drives[name].acceleration}
         # Velocity level, J v = -dg/dt; acceleration level, J a = -dJ/dt v; both by the constraint's total derivative.
         first = [
             (c.name, c.residual.diff(TIME).xreplace(rate).xreplace(self.to_symbols)) for c in equations.constraints
@@ -159,24 +263,35 @@ class _Rates:
                 self.to_symbols |= {speed.diff(TIME): acceleration, speed: velocity}
             self.value[name] = dict(v_x=v_x, v_y=v_y, omega=omega, a_x=a_x, a_y=a_y, epsilon=epsilon)
 
-    def scalars(self, body: str) -> list[Scalar]:
-        pose, value = self.poses[body], self.value[body]
-        return [
-            Scalar(f"{body}.x", "m", "global x of the body's start", pose.x),
-            Scalar(f"{body}.y", "m", "global y of the body's start", pose.y),
-            Scalar(f"{body}.c", "1", "cosine of the body's angle", pose.c),
-            Scalar(f"{body}.s", "1", "sine of the body's angle", pose.s),
-            Scalar(f"{body}.v_x", "m/s", "velocity of the body's start, global x", value["v_x"]),
-            Scalar(f"{body}.v_y", "m/s", "velocity of the body's start, global y", value["v_y"]),
-            Scalar(f"{body}.omega", "rad/s", "angular velocity of the body", value["omega"]),
-            Scalar(f"{body}.a_x", "m/s^2", "acceleration of the body's start, global x", value["a_x"]),
-            Scalar(f"{body}.a_y", "m/s^2", "acceleration of the body's start, global y", value["a_y"]),
-            Scalar(f"{body}.epsilon", "rad/s^2", "angular acceleration of the body", value["epsilon"]),
-        ]
+    def felt(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
+        """a - g of a body-fixed point, global: a_O + epsilon S R r - omega^2 R r - g."""
+        value = self.value[body]
+        x, y = self.poses[body].turn(point.at)
+        omega_squared = value["omega"] ** 2
+        return (
+            value["a_x"] - value["epsilon"] * y - omega_squared * x - gravity[0],
+            value["a_y"] + value["epsilon"] * x - omega_squared * y - gravity[1],
+        )
+
+
+def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scalar]:
+    """The rigid coordinates of a body and their rates."""
+    return [
+        Scalar(f"{body}.x", "m", "global x of the body's start", pose.x),
+        Scalar(f"{body}.y", "m", "global y of the body's start", pose.y),
+        Scalar(f"{body}.c", "1", "cosine of the body's angle", pose.c),
+        Scalar(f"{body}.s", "1", "sine of the body's angle", pose.s),
+        Scalar(f"{body}.v_x", "m/s", "velocity of the body's start, global x", value["v_x"]),
+        Scalar(f"{body}.v_y", "m/s", "velocity of the body's start, global y", value["v_y"]),
+        Scalar(f"{body}.omega", "rad/s", "angular velocity of the body", value["omega"]),
+        Scalar(f"{body}.a_x", "m/s^2", "acceleration of the body's start, global x", value["a_x"]),
+        Scalar(f"{body}.a_y", "m/s^2", "acceleration of the body's start, global y", value["a_y"]),
+        Scalar(f"{body}.epsilon", "rad/s^2", "angular acceleration of the body", value["epsilon"]),
+    ]
 
 
 def _reactions(
-    equations: RigidEquations, rates: _Rates, loads: dict[str, sm.Expr], steps: Steps
+    equations: RigidEquations, rates: Rates, loads: dict[str, sm.Expr], steps: Steps
 ) -> dict[sm.Symbol, sm.Expr]:
     """Joint reactions and drive torques: fr + fr* + J^T lambda = 0, one row per free coordinate of a body."""
     magnitude = {equations.magnitude[name]: value for name, value in loads.items()}
@@ -189,49 +304,3 @@ def _reactions(
             pushed = sum(c.multiplier * c.residual.diff(coordinate) for c in equations.constraints)
             rows.append((row, (balance + pushed).xreplace(rates.to_symbols).xreplace(magnitude)))
     return solve_blocks(rows, [constraint.multiplier for constraint in equations.constraints], steps)
-
-
-def _link_scalars(mechanism, name, rates: _Rates, reactions, loads, steps: Steps) -> tuple[Scalar, ...]:
-    """The scalars of design formula M q'' + ... = sum s_k f_k, in the link's own axes.
-
-    P(X) starts at P_0 = -(axial part of all forces that act on the link at its origin); its growth along the
-    link follows from a_x - g_x and omega^2 and is in the element's geometric terms.
-    """
-    pose, value, gravity = rates.poses[name], rates.value[name], mechanism.gravity
-    a, b = value["a_x"] - gravity[0], value["a_y"] - gravity[1]
-    force = [sm.S.Zero, sm.S.Zero]
-    for joint in mechanism.joints.values():
-        for point, sign in ((joint.second, 1), (joint.first, -1)):
-            if point.body == name and point.at == (0, 0):
-                on_second = _joint_force(joint, rates, reactions)
-                force = [force[k] + sign * on_second[k] for k in range(2)]
-    for load_name, load in mechanism.loads.items():
-        if load.point.body == name and load.point.at == (0, 0):
-            direction = load.direction if load.axes == "global" else pose.turn(load.direction)
-            force = [force[k] + loads[load_name] * direction[k] for k in range(2)]
-    values = {
-        "omega": value["omega"],
-        "epsilon": value["epsilon"],
-        "a_x": pose.c * a + pose.s * b,
-        "a_y": -pose.s * a + pose.c * b,
-        "P_0": -(pose.c * force[0] + pose.s * force[1]),
-    }
-    return tuple(
-        Scalar(f"{name}.link.{key}", unit, meaning, steps.assign(sm.Symbol(f"{name}_link_{key}"), values[key]))
-        for key, unit, meaning in LINK_SCALARS
-    )
-
-
-def _joint_force(joint, rates: _Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
-    """Global force on the second body of a joint."""
-
-    def reaction(row: str) -> sm.Expr:
-        return reactions[sm.Symbol(f"{joint.name}_{row}")]
-
-    if joint.kind != "prismatic":
-        return reaction("force_x"), reaction("force_y")
-    pose = rates.poses[joint.first.body]
-    t = pose.turn(joint.direction)
-    normal = reaction("normal")
-    along = reactions.get(sm.Symbol(f"{joint.name}_drive"), sm.S.Zero)
-    return -t[1] * normal + t[0] * along, t[0] * normal + t[1] * along

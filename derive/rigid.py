@@ -19,11 +19,12 @@ from sympy.physics.mechanics import (
     ReferenceFrame,
     RigidBody,
     System,
+    Torque,
     dynamicsymbols,
     inertia,
 )
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, Vector
+from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
 
 TIME = dynamicsymbols._t
 
@@ -99,12 +100,20 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         coordinates[name], speeds[name], joint = _free_body(name, ground, rigid, start)
         system.add_joints(joint)
         points[name] = (frame, start)
+    for mass in mechanism.masses.values():
+        frame, start = points[mass.point.body]
+        point = start.locatenew(f"{mass.name}_point", mass.point.at[0] * frame.x + mass.point.at[1] * frame.y)
+        point.v2pt_theory(start, system.frame, frame)
+        system.add_bodies(RigidBody(mass.name, point, frame, mass.mass, (inertia(frame, 0, 0, mass.inertia), point)))
     constraints, drive_coordinate = _constraints(mechanism, coordinates)
     system.add_holonomic_constraints(*(constraint.residual for constraint in constraints))
     system.apply_uniform_gravity(mechanism.gravity[0] * system.x + mechanism.gravity[1] * system.y)
     magnitude = {}
     for name, load in mechanism.loads.items():
         magnitude[name] = sm.Symbol(name)
+        if load.joint is not None:
+            _add_torque(system, mechanism.joints[load.joint], magnitude[name], points)
+            continue
         frame, start = points[load.point.body]
         at = load.point.at[0] * frame.x + load.point.at[1] * frame.y
         point = start.locatenew(f"{name}_point", at)
@@ -121,6 +130,13 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         for row, speed in zip(("force_x", "force_y", "moment"), triple, strict=True)
     )
     return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
+
+
+def _add_torque(system: System, joint: JointModel, torque: sm.Symbol, points) -> None:
+    """A torque on the second body of a joint, and its opposite on the first."""
+    for side, sign in ((joint.second, 1), (joint.first, -1)):
+        if side.body != GROUND:
+            system.add_loads(Torque(points[side.body][0], sign * torque * system.frame.z))
 
 
 def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):
@@ -156,7 +172,7 @@ def _constraints(
     found = []
     for name, joint in mechanism.joints.items():
         gap_x, gap_y = _gap(joint.first, joint.second, coordinates)
-        turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi
+        turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi - joint.angle
         on = f"on {joint.second.body} by {joint.first.body}"
         force_x = (f"{name}.force_x", gap_x, "N", f"force {on}, global x")
         force_y = (f"{name}.force_y", gap_y, "N", f"force {on}, global y")

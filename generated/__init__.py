@@ -2,18 +2,28 @@
 
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {
-    "5c48be519588b478": "engine",
-    "04a39a8c53a4e68f": "engine_3",
-    "c78c002d41172b07": "engine_elastic_crank",
-    "b4c0ca36bc13b35c": "engine_rig",
+    "fa1495c57f528a9c": "double_pendulum",
+    "3182af0611dedf2f": "engine",
+    "2a574e40531446f4": "engine_3",
+    "ef1620f7351a671c": "engine_elastic_crank",
+    "32a42375f3efb261": "engine_rig",
+    "bc6c582711c86980": "engine_torque",
+    "f96f4e8880f2e5d9": "four_bar",
+    "0a5f4c6a9e6c6bde": "slider_crank_150",
+    "507893a846aa4905": "spin_up",
 }
 
 # Scene -> module that serves it.
 SCENES = {
+    "double-pendulum": "double_pendulum",
     "engine": "engine",
     "engine-3": "engine_3",
     "engine-elastic-crank": "engine_elastic_crank",
     "engine-paper": "engine_elastic_crank",
     "engine-rig": "engine_rig",
+    "engine-torque": "engine_torque",
     "engine-transient": "engine",
+    "four-bar": "four_bar",
+    "slider-crank-150": "slider_crank_150",
+    "spin-up": "spin_up",
 }

@@ -8,7 +8,7 @@ import numpy as np
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 from kaneflex.solution import Solution
 
 

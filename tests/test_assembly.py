@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from kaneflex.affine import Affine
 from kaneflex.assembly import assemble
-from kaneflex.frame import Frame, to_link_axes
+from kaneflex.frame import to_link_axes
 from kaneflex.links import Part
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
@@ -193,7 +193,7 @@ def in_global_components(matrices: dict[str, Affine]):
         T += selector(place, (0, 1), (6, 2)) @ to_link_axes("rod") @ selector((0, 1), place, (2, 6))
     empty = {key: Affine.zero(6, 6) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g")} | {"F": Affine.zero(6, 1)}
     part = Part("rod", GLOBAL, empty | matrices, {0: (0, 1, 2), 1: (3, 4, 5)})
-    return assemble({"rod": part}, Frame(GLOBAL, {"rod": T}))
+    return assemble([(part, T)], GLOBAL)
 
 
 def inertia(M: np.ndarray, G: np.ndarray) -> dict[str, Affine]:

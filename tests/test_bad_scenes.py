@@ -268,8 +268,7 @@ BAD = {
         "Choose one of rigid, quasistatic, paper, linear, stiffened."),
     "unknown term": (
         "[solve]", "[solve]\nterms = {gyro = false}",
-        "solve.terms.gyro = False: unknown term. Known: axial, damping, dynamics, euler, geometric, gravity, "
-        "gyroscopic, spin."),
+        "solve.terms.gyro = False: unknown term. Known: damping, euler, geometric, gyroscopic, spin."),
     "no modes": (
         "[solve]", "[solve]\nmodes = 0",
         "solve.modes = 0: too few. Write a whole number of one or more."),

@@ -16,7 +16,7 @@ from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 
 DATA = Path(__file__).parent / "data"
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())

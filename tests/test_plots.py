@@ -21,7 +21,7 @@ from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 from kaneflex.solution import Solution
 
 SETTINGS = {

@@ -8,7 +8,7 @@ from kaneflex.deformation import Deformation, deform
 from kaneflex.loading import load
 from kaneflex.model import RigidMotion
 from kaneflex.scene import read_scene
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 from kaneflex.solution import Solution
 
 R, SPEED, PISTON = 0.040, 2 * np.pi * 100, 0.214

@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="module")
 def solution():
     from kaneflex.loading import load
-    from kaneflex.simulate import simulate
+    from kaneflex.simulation import simulate
 
     settings = ["solve.preset=quasistatic", "solve.steps=240", "rod.elements=1", "main.angle=10 deg"]
     return simulate(load(kaneflex.with_settings(kaneflex.read_scene("engine"), settings)))
@@ -120,7 +120,7 @@ def test_frequencies_are_those_of_the_modes(solution):
 )
 def test_degrees_of_freedom_are_counted_before_reduction(modes, reduction, kept):
     from kaneflex.loading import load
-    from kaneflex.simulate import simulate
+    from kaneflex.simulation import simulate
 
     settings = [f"solve.modes={modes}", f"solve.reduction={reduction}", "solve.steps=240"]
     model = load(kaneflex.with_settings(kaneflex.read_scene("engine"), settings))

@@ -247,7 +247,7 @@ def test_structure_hash_is_the_same_over_hash_seeds():
 def test_json_schema_describes_every_table():
     schema = json_schema()
     assert set(schema["properties"]) == {
-        "schema", "like", "name", "description", "assumptions", "gravity", "ground", "bodies", "joints",
+        "schema", "like", "name", "description", "assumptions", "gravity", "ground", "bodies", "joints", "masses",
         "drives", "loads", "damping", "sensors", "solve",
     }  # fmt: skip
     assert schema["$defs"]["Beam"]["additionalProperties"] is False

@@ -19,10 +19,12 @@ _HOMES = {
     "Scene": "kaneflex.scene",
     "SceneError": "kaneflex.errors",
     "Solution": "kaneflex.solution",
+    "StateSpace": "kaneflex.statespace",
     "UserError": "kaneflex.errors",
+    "linearise": "kaneflex.statespace",
     "load": "kaneflex.loading",
     "read_scene": "kaneflex.scene",
-    "simulate": "kaneflex.simulate",
+    "simulate": "kaneflex.simulation",
     "with_settings": "kaneflex.scene",
 }
 __all__ = sorted(_HOMES)

@@ -13,15 +13,19 @@ whatever inertia is isotropic, as they must.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kaneflex.affine import Affine, Monomial
+from kaneflex.carried import Carried
 from kaneflex.frame import Frame, to_link_axes
 from kaneflex.links import MATRIX_OF_GROUP, Link, Part
 from kaneflex.scene import Scene
+
+Placed = tuple[Part, Affine]
+"""A part and its L."""
 
 
 @dataclass(frozen=True)
@@ -57,56 +61,144 @@ class Equations:
         return Equations(coordinates, **projected)
 
 
-def guided_part(scene: Scene, name: str) -> Part:
-    """A rigid body on a guide, as a point mass in global axes; only its slide is a coordinate of the mechanism.
+def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[float, float], gravity) -> Part:
+    """A rigid mass at a point of a body, coordinates its global displacement x, y and the turn.
 
-    Its own inertia force -m (a - g) at the mass centre and the loads on it are its F.
+    M = diag(m, m, J) is constant; F = (-m (a - g), -J epsilon) with a = a_O + epsilon S R r - omega^2 R r.
     """
-    body = scene.bodies[name]
-    x, y = body.centre
-    mass = np.eye(2) * body.mass
-    load = Affine.constant(body.mass * np.array(scene.gravity)[:, None])
-    load += Affine.term((f"{name}.a_x",), [[-body.mass], [0.0]])
-    load += Affine.term((f"{name}.a_y",), [[0.0], [-body.mass]])
+    load = Affine.constant([[mass * gravity[0]], [mass * gravity[1]], [0.0]])
+    load += Affine.term((f"{body}.a_x",), [[-mass], [0.0], [0.0]]) + Affine.term(
+        (f"{body}.a_y",), [[0.0], [-mass], [0.0]]
+    )
+    x, y = at
     if x or y:
-        # a of the centre = a of the start + epsilon S R c - omega^2 R c
-        arm = to_link_axes(name).T @ Affine.constant(body.mass * np.array([[x], [y]]))
-        turned = to_link_axes(name).T @ Affine.constant(body.mass * np.array([[-y], [x]]))
-        load += turned @ Affine.term((f"{name}.epsilon",), [[-1.0]])
-        load += arm @ Affine.term((f"{name}.omega", f"{name}.omega"), [[1.0]])
-    matrices = {key: Affine.zero(2, 1 if key == "F" else 2) for key in set(MATRIX_OF_GROUP.values())}
-    matrices |= {"M": Affine.constant(mass), "F": load}
-    return Part(name, (f"{name}.x", f"{name}.y"), matrices, {})
+        spin, turn = (f"{body}.omega", f"{body}.omega"), (f"{body}.epsilon",)
+        global_axes = to_link_axes(body).T
+        toward = global_axes @ Affine.constant([[mass * x], [mass * y]])
+        across = global_axes @ Affine.constant([[-mass * y], [mass * x]])
+        arms = toward @ Affine.term(spin, [[1.0]]) + across @ Affine.term(turn, [[-1.0]])
+        load += Affine.constant(np.eye(3)[:, :2]) @ arms
+    if inertia:
+        load += Affine.term((f"{body}.epsilon",), [[0.0], [0.0], [-inertia]])
+    matrices = {key: Affine.zero(3, 1 if key == "F" else 3) for key in set(MATRIX_OF_GROUP.values())}
+    matrices |= {"M": Affine.constant(np.diag([mass, mass, inertia])), "F": load}
+    return Part(name, (f"{name}.x", f"{name}.y", f"{name}.turn"), matrices, {})
 
 
-def with_loads(scene: Scene, part: Part, link: Link | None) -> Part:
-    """Add the scene's point loads on this body to its F, in its own axes."""
+def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
+    """Add the scene's point loads on a link to its F, in link axes."""
     total = part.matrices["F"]
-    for name, load in scene.loads.items():
-        if load.force_on.body != part.name:
-            continue
-        direction = Affine.term((name,), np.array(load.direction)[:, None])
-        if link is not None:
-            node = link.node_at(scene.point(load.force_on)[0])
-            rows = part.place[node][:2]
+    for name, load in scene.forces.items():
+        if load.force_on.body == part.name:
+            direction = Affine.term((name,), np.array(load.direction)[:, None])
             local = to_link_axes(part.name) @ direction if load.axes == "global" else direction
-        else:
-            rows = (0, 1)
-            local = direction if load.axes == "global" else to_link_axes(part.name).T @ direction
-        spread = np.zeros((part.size, 2))
-        spread[rows, (0, 1)] = 1.0
-        total = total + Affine.constant(spread) @ local
+            spread = np.zeros((part.size, 2))
+            spread[part.place[link.node_at(scene.point(load.force_on)[0])][:2], (0, 1)] = 1.0
+            total = total + Affine.constant(spread) @ local
     return replace(part, matrices={**part.matrices, "F": total})
 
 
-def assemble(parts: Mapping[str, Part], frame: Frame, convective: bool = True) -> Equations:
+def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> list[Placed]:
+    """The carried rigid bodies and the loads on them."""
+    placed = []
+    for name in carried:
+        body = scene.bodies[name]
+        if body.mass:
+            part = inertia_part(name, name, body.mass, body.inertia, body.centre, scene.gravity)
+            placed.append((part, frame.body_point(name, body.centre)))
+        placed.append((_turning_part(scene, name, carried[name]), frame.bodies[name]))
+    for name, load in scene.forces.items():
+        body = load.force_on.body
+        if body in carried:
+            direction = Affine.term((name,), np.array(load.direction)[:, None])
+            pushed = direction if load.axes == "global" else to_link_axes(body).T @ direction
+            part = _empty(name, 3)
+            matrices = {**part.matrices, "F": Affine.constant(np.eye(3)[:, :2]) @ pushed}
+            placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(load.force_on))))
+    return placed
+
+
+def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
+    """Torques at joints, on the rotation of the second side against the first."""
+    placed = []
+    for name, load in scene.torques.items():
+        relative = Affine.zero(1, len(frame.coordinates))
+        for address, sign in zip(scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+            if address.body in links:
+                node = links[address.body].node_at(scene.point(address)[0])
+                motion = frame.link_point(address.body, parts[address.body], node)
+            elif address.body in frame.bodies:
+                motion = frame.bodies[address.body]
+            else:
+                continue
+            relative += sign * (Affine.constant([[0.0, 0.0, 1.0]]) @ motion)
+        part = _empty(name, 1)
+        placed.append((replace(part, matrices={**part.matrices, "F": Affine.term((name,), [[1.0]])}), relative))
+    return placed
+
+
+def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
+    """Lumped masses on links and on carried rigid bodies, each once and in global axes."""
+    placed = []
+    for name, mass in scene.masses.items():
+        at = scene.point(mass.at)
+        if mass.at.body in links:
+            motion = frame.link_point(mass.at.body, parts[mass.at.body], links[mass.at.body].node_at(at[0]))
+        elif mass.at.body in frame.bodies:
+            motion = frame.body_point(mass.at.body, at)
+        else:
+            continue
+        placed.append((inertia_part(name, mass.at.body, mass.mass, mass.inertia, at, scene.gravity), motion))
+    return placed
+
+
+def _empty(name: str, size: int) -> Part:
+    matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
+    return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices, {})
+
+
+def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
+    """K_g of a carried body that turns: the forces on it keep their direction while their arms turn.
+
+    A force F at the arm a = R (r - r_0) from the point that the body turns about does second-order work
+    -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
+    """
+    part = _empty(f"{name}.arms", 3)
+    if how.kind not in ("free", "hinged"):
+        return part
+    total = Affine.zero(1, 1)
+    body = scene.bodies[name]
+    for force, at in _forces_on(scene, name):
+        arm = np.array([[at[0] - how.at[0], at[1] - how.at[1]]])
+        if arm.any():
+            total += Affine.constant(arm) @ to_link_axes(name) @ force
+    inertia = inertia_part(name, name, body.mass, 0.0, body.centre, scene.gravity).matrices["F"]
+    arm = np.array([[body.centre[0] - how.at[0], body.centre[1] - how.at[1]]])
+    total += Affine.constant(arm) @ to_link_axes(name) @ Affine.constant(np.eye(3)[:2]) @ inertia
+    corner = Affine.constant([[0.0], [0.0], [1.0]])
+    return replace(part, matrices={**part.matrices, "K_g": corner @ total @ corner.T})
+
+
+def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
+    """Global force (2 x 1) and its point, of every load and joint on a rigid body."""
+    for name, load in scene.forces.items():
+        if load.force_on.body == body:
+            direction = Affine.term((name,), np.array(load.direction)[:, None])
+            yield direction if load.axes == "global" else to_link_axes(body).T @ direction, scene.point(load.force_on)
+    for name, joint in scene.joints.items():
+        for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+            if address.body == body and joint.kind != "prismatic":
+                force = Affine.term((f"{name}.force_x",), [[sign], [0.0]])
+                yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), scene.point(address)
+
+
+def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective: bool = True) -> Equations:
     """Sum the parts; ``convective=False`` drops L' and L'', as the paper does."""
-    size = len(frame.coordinates)
+    size = len(coordinates)
     total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
     total["F"] = Affine.zero(size, 1)
-    for name, part in parts.items():
-        L, A = frame.maps[name], part.matrices
-        L_T = L.T
+    for part, L in placed:
+        A, L_T = part.matrices, L.T
         for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g"):
             total[key] += L_T @ A[key] @ L
         total["F"] += L_T @ A["F"]
@@ -115,7 +207,7 @@ def assemble(parts: Mapping[str, Part], frame: Frame, convective: bool = True) -
             total["C_d"] += 2.0 * (L_T @ A["M"] @ rate)
             total["K_d"] += L_T @ A["C_d"] @ rate + L_T @ A["M"] @ rate.rate()
             total["K_c"] += L_T @ A["C_s"] @ rate
-    return Equations(frame.coordinates, **total)
+    return Equations(coordinates, **total)
 
 
 def spin_or_euler(monomial: Monomial) -> str:

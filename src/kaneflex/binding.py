@@ -12,7 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.contract import FORMAT, REQUIRED_ATTRIBUTES
+from kaneflex.contract import COURSES, FORMAT, REQUIRED_ATTRIBUTES
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
 from kaneflex.writing import write_text
@@ -103,11 +103,14 @@ def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
     for path, _ in module.PARAMETERS:
         owner, _, name = path.partition(".")
         if name == "table":
-            load_table = scene.loads[owner]
-            block = load_table.read_table().coefficients(load_table.period)
+            reader = scene.loads[owner] if owner in scene.loads else scene.drives[owner]
+            period = reader.period
+            block = reader.read_table().coefficients(period)
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)
+        elif owner in scene.drives and name in COURSES:
+            values.append(0.0)  # filled when the free joints have been integrated
         else:
             values.append(float(_number(scene, owner, name)))
     return np.concatenate([np.array(values), *blocks])
@@ -122,10 +125,14 @@ def _number(scene: Scene, owner: str, name: str) -> float:
     if owner == "ground":
         point, _, axis = name.partition(".")
         return scene.ground[point]["xy".index(axis)]
-    if owner in scene.drives and name in ("speed", "angle"):
+    if owner in scene.drives and name in ("speed", "angle", "spin_up"):
         return getattr(scene.drives[owner], name)
     if owner in scene.joints and name == "branch":
         return 1.0 if scene.joints[owner].branch == "+" else -1.0
+    if owner in scene.masses:
+        return getattr(scene.masses[owner], name)
+    if owner in scene.joints and name == "relative_angle":
+        return scene.joints[owner].relative_angle
     table = scene.joints if owner in scene.joints else scene.loads
     if name.startswith("direction_"):
         return table[owner].direction["xy".index(name[-1])]
@@ -134,6 +141,9 @@ def _number(scene: Scene, owner: str, name: str) -> float:
 
 def _body_number(scene: Scene, owner: str, name: str) -> float:
     body = scene.bodies[owner]
+    if name.startswith("pose_"):
+        pose = body.pose
+        return pose.angle if name == "pose_angle" else pose.at["xy".index(name[-1])]
     if name.startswith("element."):
         field = name.removeprefix("element.")
         return {"length": body.length / body.beam.elements, "x_0": 0.0}.get(field, getattr(body, field, 0.0))

@@ -6,22 +6,27 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine
-from kaneflex.assembly import Equations, assemble, guided_part, with_loads
+from kaneflex.assembly import Equations, Placed, assemble, load_on_link, place_masses, place_rigid, place_torques
+from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
-from kaneflex.frame import Interfaces, build_frame, find_interfaces, guided_bodies, prescribed_bodies
+from kaneflex.frame import Frame, build_frame
+from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.model import Model, Motion, RigidMotion, keep_terms
 from kaneflex.modes import lowest_modes
 from kaneflex.options import Options
 from kaneflex.scene import Scene
 
+_NARROW = 12
+"""Half-bandwidth that is not worth another order."""
+
 
 def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     """Mesh the links, assemble, reduce."""
-    reference = _reference_time(scene, options)
+    reference = _reference_time(scene, options, motion)
     if options.dynamics == "rigid":
         empty = {
             key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
@@ -33,10 +38,18 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
         for name, body in scene.bodies.items()
         if body.elastic
     }
-    interfaces = find_interfaces(scene, links, options.weld_pins, options.free_drives)
+    carried = carried_bodies(scene)
+    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces)
-    frame = build_frame(scene, parts, interfaces)
-    equations = assemble(parts, frame, options.convective)
+    frame = build_frame(scene, parts, carried, interfaces)
+    placed = [(part, frame.maps[name]) for name, part in parts.items()]
+    placed += place_rigid(scene, carried, frame)
+    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
+    if scene.damping is not None and scene.damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
+        placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+    frame, placed = _narrow_band(frame, placed)
+    equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model)
@@ -49,6 +62,37 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
     return model
+
+
+def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
+    """Order the coordinates so that those which meet are neighbours (Cuthill & McKee 1969), where that helps.
+
+    A chain of links is narrow as it was named; where a loop closes or several links meet, its two ends lie far apart.
+    """
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    size = len(frame.coordinates)
+    touched = csr_array((size, size))
+    for part, L in placed:
+        within = sum((part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), csr_array((part.size,) * 2))
+        touched = touched + L.pattern().T @ within @ L.pattern()
+    pattern = csr_array(touched)
+    order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
+    before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])
+    if before <= _NARROW or after >= before:  # what is narrow keeps the order of its names
+        return frame, placed
+    swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
+    moved = Frame(
+        tuple(frame.coordinates[k] for k in order),
+        {name: L @ swap for name, L in frame.maps.items()},
+        {name: L @ swap for name, L in frame.bodies.items()},
+    )
+    return moved, [(part, L @ swap) for part, L in placed]
+
+
+def _half_bandwidth(pattern: csr_array) -> int:
+    entries = coo_array(pattern)
+    return int(abs(entries.row - entries.col).max(initial=0))
 
 
 def _frozen(model: Model, reduced: Equations, omega: np.ndarray) -> Equations:
@@ -68,11 +112,21 @@ def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
     return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
-def _reference_time(scene: Scene, options: Options) -> float:
-    drive = next(iter(scene.drives.values()), None)
+def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
+    """The first instant [s] at which the first drive stands at the mode angle; 0 where it never does."""
+    name, drive = next(iter(scene.drives.items()), (None, None))
     if drive is None or drive.speed == 0:
         return 0.0
-    return (options.mode_angle - drive.angle) / drive.speed
+    if drive.kind == "constant speed":
+        return (options.mode_angle - drive.angle) / drive.speed
+    times = np.linspace(0.0, scene.horizon, 4001)
+    ahead = motion.at(times)[f"{name}.angle"] - options.mode_angle
+    crossings = np.flatnonzero(ahead[:-1] * ahead[1:] <= 0.0)
+    if not len(crossings):
+        return 0.0
+    k = int(crossings[0])
+    rise = ahead[k + 1] - ahead[k]
+    return float(times[k] - (times[k + 1] - times[k]) * ahead[k] / rise) if rise else float(times[k])
 
 
 def _parts(
@@ -81,9 +135,9 @@ def _parts(
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}
     for name, link in links.items():
-        parts[name] = with_loads(scene, link.part, link)
+        parts[name] = load_on_link(scene, link.part, link)
         if options.reduction == "craig-bampton":
-            held = interfaces.held_rows(parts[name])
+            held = interfaces.held_rows(parts[name]) | _loaded_rows(scene, link)
             limit = parts[name].size - len(held)
             count = limit if options.modes == "all" else options.modes
             if count > limit:
@@ -92,12 +146,15 @@ def _parts(
                     "Ask for fewer modes, or give the link more elements",
                 )  # fmt: skip
             parts[name], bases[name] = craig_bampton(parts[name], held, count)
-    for name in guided_bodies(scene, prescribed_bodies(scene)):
-        parts[name] = with_loads(scene, guided_part(scene, name), None)
-    if scene.damping is not None and scene.damping.kind == "rayleigh":
-        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
-        parts = {name: with_rayleigh(part, alpha, beta) for name, part in parts.items()}
     return parts, bases
+
+
+def _loaded_rows(scene: Scene, link: Link) -> set[int]:
+    """Rows of the nodes with lumped masses or torques, which a reduction keeps."""
+    addresses = [mass.at for mass in scene.masses.values()]
+    addresses += [address for load in scene.torques.values() for address in scene.joints[load.torque_at].addresses]
+    nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
+    return {row for node in nodes for row in link.part.place[node]}
 
 
 def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.errors import OutputError, SceneError, UserError, nearest
+from kaneflex.cli_mechanism import equations, linearise, new, show
+from kaneflex.cli_scene import all_settings, mode_angle, read, scene_options
+from kaneflex.errors import SceneError, UserError
 
 if TYPE_CHECKING:
     import numpy as np
 
     from kaneflex.model import Model
-    from kaneflex.scene import Scene
     from kaneflex.summary import Summary
 
 USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
@@ -60,37 +60,6 @@ def main() -> None:
     """
 
 
-def scene_options(command: Callable[..., None]) -> Callable[..., None]:
-    """SCENE and what can be changed in it."""
-    options = (
-        click.argument("name", metavar="SCENE"),
-        click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`."),
-        click.option(
-            "--set", "settings", multiple=True, metavar="PATH=VALUE",
-            help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
-            "Can be repeated.",
-        ),
-        click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
-        click.option("--integrator", metavar="NAME", help="Integrator, see `kaneflex list`."),
-    )  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def _settings(preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None) -> list[str]:
-    """All changes as settings; the options of their own come last and win."""
-    own = {"preset": preset, "steps": steps, "integrator": integrator}
-    return [*settings, *(f"solve.{key}={value}" for key, value in own.items() if value is not None)]
-
-
-def _read(name: str, settings: list[str]) -> Scene:
-    from kaneflex.scene import read_scene, with_settings
-
-    scene = read_scene(name)
-    return with_settings(scene, settings) if settings else scene
-
-
 @main.command("list")
 def list_() -> None:
     """The shipped scenes, the presets and the integrators."""
@@ -126,7 +95,7 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
     from kaneflex.presentation import description
     from kaneflex.terminal import Waiting
 
-    scene = _read(name, _settings(preset, settings, steps, integrator))
+    scene = read(name, all_settings(preset, settings, steps, integrator))
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
     click.echo(description(model))
@@ -151,9 +120,9 @@ def run(
     """
     from kaneflex.running import run_into, uncollected
 
-    chosen = _settings(preset, settings, steps, integrator)
+    chosen = all_settings(preset, settings, steps, integrator)
     with uncollected():
-        scene = _read(name, chosen)
+        scene = read(name, chosen)
     folder = output or Path(f"{scene.name}-results")
     summary = run_into(scene, folder, chosen, plots, force)
     _report(summary, folder)
@@ -197,10 +166,10 @@ def modes(
     from kaneflex.loading import load
     from kaneflex.terminal import Waiting
 
-    chosen = _settings(preset, settings, steps, integrator)
-    scene = _read(name, chosen)
+    chosen = all_settings(preset, settings, steps, integrator)
+    scene = read(name, chosen)
     if at is not None:
-        scene = _read(name, [*chosen, f"solve.mode_angle={_angle(scene, at)!r}"])
+        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
         omega, shapes = reference_modes(model, _mode_count(model, count))
@@ -211,34 +180,6 @@ def modes(
     from kaneflex.presentation import modes_table
 
     click.echo(modes_table(model, hertz, shapes))
-
-
-def _angle(scene: Scene, at: str) -> float:
-    """The angle in rad of "DRIVE=ANGLE", where DRIVE is the scene's first drive."""
-    from kaneflex.errors import Fault
-    from kaneflex.units import ANGLE, to_si
-
-    drive, equals, angle = at.partition("=")
-    if not equals:
-        raise SceneError("--at", at, "not of the form DRIVE=ANGLE", "Write like --at main=90deg")
-    if drive not in scene.drives:
-        raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
-    first = next(iter(scene.drives))
-    if drive != first:
-        cure = f"Give the angle of {first}"
-        raise SceneError("--at", at, "a configuration is given by the first drive's angle", cure)
-    try:
-        return to_si(float(angle) if _is_number(angle) else angle, ANGLE)
-    except Fault as fault:
-        raise SceneError("--at", at, fault.reason, fault.cure) from None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _mode_count(model: Model, count: int | None) -> int:
@@ -276,13 +217,10 @@ def derive(name: str, output: Path, force: bool) -> None:
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
     """
     from kaneflex.terminal import Waiting
-    from kaneflex.writing import write_text
+    from kaneflex.writing import refuse_existing, write_text
 
-    if output.is_dir():
-        raise OutputError(str(output), None, "is a folder", "Give the name of a file, like engine.py")
-    if output.exists() and not force:
-        raise OutputError(str(output), None, "the file exists", "Choose another name, or replace it with --force")
-    scene = _read(name, [])
+    refuse_existing(output, force, "engine.py")
+    scene = read(name, [])
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
         from kaneflex.derive import generate
@@ -290,3 +228,7 @@ def derive(name: str, output: Path, force: bool) -> None:
         text = generate(scene, waiting.stage)
     write_text(output, text)
     click.echo(f"Written to {output}")
+
+
+for command in (show, new, linearise, equations):
+    main.add_command(command)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.affine import Affine, Monomial
-from kaneflex.assembly import spin_or_euler, with_loads
+from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
 
@@ -154,20 +154,26 @@ class Deformation:
         }.get(key, True)  # fmt: skip
 
 
-def deform(model: Model, rigid: RigidMotion, coordinates: tuple[np.ndarray, ...], name: str) -> Deformation:
-    """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z of one link, reduced coordinates expanded."""
+Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
+    """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
     z, v, a = coordinates
-    L = model.frame.maps[name]
     q, q_rate, q_accel = rigid.apply(L, z), rigid.apply(L, v), rigid.apply(L, a)
     if model.options.convective:
         rate = L.rate()
         q_rate += rigid.apply(rate, z)
         q_accel += 2.0 * rigid.apply(rate, v) + rigid.apply(rate.rate(), z)
-    if name in model.bases:
-        basis = model.bases[name]
-        q, q_rate, q_accel = basis @ q, basis @ q_rate, basis @ q_accel
-    found = Deformation(model, model.links[name], rigid, q, q_rate, q_accel)
-    return _with_static_share(found) if name in model.bases else found
+    return q, q_rate, q_accel
+
+
+def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
+    """The deformation of one link, reduced coordinates expanded."""
+    series = follow(model, rigid, coordinates, model.frame.maps[name])
+    if name not in model.bases:
+        return Deformation(model, model.links[name], rigid, *series)
+    return _with_static_share(Deformation(model, model.links[name], rigid, *(model.bases[name] @ part for part in series)))
 
 
 def _with_static_share(found: Deformation) -> Deformation:
@@ -179,23 +185,12 @@ def _with_static_share(found: Deformation) -> Deformation:
 
     link, model = found.link, found.model
     unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
-    residual = -found.rigid.column_of(with_loads(model.scene, unloaded, link).matrices["F"])
+    residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
     for e in range(len(link.nodes) - 1):
         residual[3 * e : 3 * e + 6] += found.end_forces(e)
-    inner = np.setdiff1d(np.arange(link.part.size), sorted(model.interfaces.held_rows(link.part)))
+    kept = set(model.parts[link.name].coordinates)
+    inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
     stiffness = link.part.matrices["K_s"].at({})[inner][:, inner]
     q = found.q.copy()
     q[inner] -= splu(stiffness.tocsc()).solve(residual[inner])
     return replace(found, q=q)
-
-
-def slide(model: Model, rigid: RigidMotion, coordinates: tuple[np.ndarray, ...], name: str) -> tuple[np.ndarray, ...]:
-    """Global displacement of a guided rigid body and its rates; each (2, n_times)."""
-    z, v, a = coordinates
-    L = model.frame.maps[name]
-    d, d_rate, d_accel = rigid.apply(L, z), rigid.apply(L, v), rigid.apply(L, a)
-    if model.options.convective:
-        rate = L.rate()
-        d_rate += rigid.apply(rate, z)
-        d_accel += 2.0 * rigid.apply(rate, v) + rigid.apply(rate.rate(), z)
-    return d, d_rate, d_accel

@@ -10,7 +10,7 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-_LONGEST_VALUE = 80  # characters of a value that a message repeats
+_LONGEST_VALUE = 200  # characters of a value that a message repeats
 
 
 class Fault(ValueError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
@@ -17,6 +18,9 @@ MATRIX_OF_GROUP = {
     "damping": "C_s", "load": "F",
 }  # fmt: skip
 """Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
+
+_SAME = 1e-9
+"""Points closer than this share of a link's length are one."""
 
 DOFS = ("u", "v", "theta")
 """Coordinates of a node: axial and transverse displacement [m], rotation [rad]."""
@@ -79,7 +83,24 @@ class Link:
     def node_at(self, x: float) -> int | None:
         """Index of the node at distance x [m] from the start, if there is one."""
         index = int(np.argmin(abs(self.nodes - x)))
-        return index if abs(self.nodes[index] - x) <= 1e-9 * self.length else None
+        return index if abs(self.nodes[index] - x) <= _SAME * self.length else None
+
+
+def forced_points(scene: Scene, link: str) -> dict[str, float]:
+    """Points between a link's ends at which joints, loads or lumped masses act: name -> distance from the start [m]."""
+    addresses = [address for joint in scene.joints.values() for address in joint.addresses]
+    addresses += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
+    inner = sorted({a.point for a in addresses if a.body == link and a.point not in ("start", "end")})
+    return {point: scene.bodies[link].points_all[point][0] for point in inner}
+
+
+def mesh(scene: Scene, link: str, elements: int) -> np.ndarray:
+    """Nodes at the ends and at every point with a force, and ``elements`` of nearly equal length between them."""
+    length = scene.bodies[link].length
+    stops = sorted({0.0, length, *forced_points(scene, link).values()})
+    counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
+    spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
+    return np.concatenate([*spans, [length]])
 
 
 def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
@@ -89,7 +110,8 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     result has no more entries than the chain of elements, whatever its length.
     """
     body = scene.bodies[name]
-    nodes = np.linspace(0.0, body.length, elements + 1)
+    nodes = mesh(scene, name, elements)
+    elements = len(nodes) - 1
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
     for e in range(elements):
         p = np.array([body.rho_A, body.E_A, body.E_I, nodes[e + 1] - nodes[e], nodes[e]])
@@ -102,6 +124,14 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
                 continue
             key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
             sums.setdefault(key, np.zeros((elements, *out.shape)))[e] += out
+    known = {scalar for scalar, *_ in module.SCALARS}
+    for point, x in forced_points(scene, name).items():
+        if f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
+            continue
+        # Beyond a force between the ends P is higher by a constant: the same matrix as for P_0, from there on.
+        beyond = nodes[:-1] > x - _SAME * body.length
+        key = "K_g", (f"{name}.link.jump_{point}",)
+        sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
     size = 3 * (elements + 1)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())

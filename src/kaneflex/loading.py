@@ -11,14 +11,19 @@ import numpy as np
 
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
+from kaneflex.carried import check_elastic
 from kaneflex.contract import ELEMENT_PARAMETERS
 from kaneflex.errors import SceneError
-from kaneflex.frame import guided_bodies, prescribed_bodies
+from kaneflex.forward import integrate_free_joints
 from kaneflex.model import Model, Motion
 from kaneflex.options import Options, resolve_options
 from kaneflex.scene import Scene
 
 Progress = Callable[[str], None]
+ONE_WAY = (
+    "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
+)
+"""Said of every run with free joints."""
 _SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 
@@ -41,15 +46,23 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     SceneError
         If the linkage can't close over the drives' range, or the scene asks for what is not available.
     """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
-    guided_bodies(scene, prescribed_bodies(scene))
+    if options.dynamics != "rigid":
+        check_elastic(scene)
     module, derived = find_module(scene, progress)
     bound = time.perf_counter()
     motion = Motion(module, bind_parameters(scene, module))
     progress("compiling, first time only")
     _compile(motion)
     compiled = time.perf_counter()
+    warnings: tuple[str, ...] = ()
+    if module.FREE:
+        progress("forward dynamics of the rigid mechanism")
+        p = integrate_free_joints(scene, module, motion.parameters, options.duration)
+        motion, warnings = Motion(module, p), (ONE_WAY.format(joints=", ".join(module.FREE)),)
     check_closure(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
@@ -57,7 +70,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
-    return replace(model, seconds=seconds)
+    return replace(model, seconds=seconds, warnings=(*model.warnings, *warnings))
 
 
 def _compile(motion: Motion) -> None:

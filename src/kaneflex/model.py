@@ -12,8 +12,9 @@ from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine, Monomial
 from kaneflex.assembly import Equations, spin_or_euler
-from kaneflex.frame import Frame, Interfaces
+from kaneflex.frame import Frame
 from kaneflex.integrate.system import AffineSystem
+from kaneflex.interfaces import Interfaces
 from kaneflex.links import Link, Part
 from kaneflex.options import Options
 from kaneflex.scene import Scene
@@ -94,7 +95,7 @@ class Model:
     links : mapping of str to Link
         Elastic bodies with their meshes.
     parts : mapping of str to Part
-        What was assembled: links (reduced where asked) and guided rigid bodies.
+        The links as they were assembled, reduced where asked.
     bases : mapping of str to ndarray
         Craig-Bampton basis of each reduced link.
     interfaces, frame
@@ -174,7 +175,7 @@ class Model:
         return self._dense(self.equations.F, t)[:, 0]
 
     def _dense(self, affine: Affine, t: float) -> np.ndarray:
-        rigid = self.motion.at(t)
+        rigid = self.motion.at(float(t))
         return rigid.apply(affine, np.ones((1, 1))) if affine.shape[1] == 1 else self._matrix(affine, rigid)
 
     @staticmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
-from kaneflex.errors import SceneError, nearest
+from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
 
 STEPS_PER_TURN = 720
@@ -112,11 +112,6 @@ def resolve_options(scene: Scene) -> Options:
     solve = scene.solve
     chosen = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
     for name, on in solve.terms.items():
-        if name not in _ALL:
-            switchable = [group for group in _ALL if group != "convective"]
-            raise SceneError(
-                f"solve.terms.{name}", on, "not a term group that can be switched", nearest(name, switchable)
-            )
         chosen[name] = on
     dynamics = str(chosen["dynamics"])
     elastic = any(body.elastic for body in scene.bodies.values())
@@ -147,9 +142,11 @@ def _truncates(modes: int | str, dynamics: str) -> bool:
 
 
 def default_steps(scene: Scene, duration: float) -> int:
-    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all."""
-    fastest = max((abs(drive.speed) for drive in scene.drives.values()), default=0.0)
+    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all; 2000 where no drive has a speed."""
+    fastest = max((abs(drive.speed or 0.0) for drive in scene.drives.values()), default=0.0)
     turns = fastest * duration / (2 * math.pi)
+    if not fastest:
+        return 2000
     return max(200, math.ceil(round(STEPS_PER_TURN * turns, 6)))
 
 
@@ -158,6 +155,11 @@ def _check(options: Options) -> None:
         raise SceneError(
             "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",
             "Give a drive a cycle and no duration, or start from zero or quasistatic",
+        )  # fmt: skip
+    if options.dynamics == "frozen" and options.reduction != "modal":
+        raise SceneError(
+            "solve.reduction", options.reduction, f"preset {options.preset} superposes modes of the whole mechanism",
+            "Leave the reduction out",
         )  # fmt: skip
     exact = options.integrator == "exact-modal"
     if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):

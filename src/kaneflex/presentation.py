@@ -11,8 +11,10 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
+    from kaneflex.freedom import Freedom
     from kaneflex.model import Model
     from kaneflex.scene import Scene
+    from kaneflex.statespace import StateSpace
     from kaneflex.summary import Instant, SensorSummary, Summary
 
 PRESETS_IN_WORDS = {
@@ -22,6 +24,7 @@ PRESETS_IN_WORDS = {
     "linear": "time-varying M, C, K of the released joints, without K_g",
     "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
 }
+_MOST_POLES = 8
 _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
     "m": ("mm", 1e3),
     "N": ("kN", 1e-3),
@@ -100,12 +103,7 @@ def description(model: Model) -> str:
     """What a scene is, for ``kaneflex check``: one line for each part of the mechanism."""
     scene, options = model.scene, model.options
     blocks = [
-        f"{scene.name}: {scene.description}",
-        block("bodies", {name: _body(scene, name) for name in scene.bodies}),
-        block("joints", {name: _joint(scene, name) for name in scene.joints}),
-        block("drives", {name: _drive(scene, name) for name in scene.drives}),
-        block("loads", {name: f"{load.kind} on {load.force_on.body}" for name, load in scene.loads.items()}),
-        block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
+        parts(scene),
         block("assumptions", scene.assumptions),
         block("options in force", {name: str(value) for name, value in options.as_dict().items()}),
         block(
@@ -119,6 +117,37 @@ def description(model: Model) -> str:
         ),
     ]
     return "\n".join(filter(None, blocks))
+
+
+def parts(scene: Scene) -> str:
+    """What a mechanism is made of, moved and loaded by, and what is measured."""
+    blocks = [
+        f"{scene.name}: {scene.description}",
+        block("bodies", {name: _body(scene, name) for name in scene.bodies}),
+        block("joints", {name: _joint(scene, name) for name in scene.joints}),
+        block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
+        block("drives", {name: _drive(scene, name) for name in scene.drives}),
+        block("loads", {name: _load(scene, name) for name in scene.loads}),
+        block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
+    ]
+    return "\n".join(filter(None, blocks))
+
+
+def freedom(count: Freedom, elastic: int | None) -> str:
+    """The count of the degrees of freedom; ``elastic`` is None where that part is not known."""
+    taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
+    rows = {
+        "bodies": (3 * count.bodies, f"{count.bodies} of 3 each"),
+        "joints": (-sum(count.constraints.values()), taken),
+        "drives": (-len(count.prescribed), ", ".join(count.prescribed)),
+        "free joints": (-len(count.free), ", ".join(count.free)),
+        "left": (count.left, count.verdict),
+    }
+    if not count.free:
+        del rows["free joints"]
+    if elastic is not None:
+        rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
+    return block("degrees of freedom", {name: f"{number:4d}  {text}".rstrip() for name, (number, text) in rows.items()})
 
 
 def block(title: str, entries: Mapping[str, str]) -> str:
@@ -148,9 +177,20 @@ def _joint(scene: Scene, name: str) -> str:
     return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
 
 
+def _load(scene: Scene, name: str) -> str:
+    load = scene.loads[name]
+    return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind} at {load.torque_at}"
+
+
 def _drive(scene: Scene, name: str) -> str:
     drive = scene.drives[name]
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
+    if drive.kind in ("law", "table"):
+        return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
+    if drive.kind == "free":
+        return f"free, from {math.degrees(drive.angle):.6g} deg at {drive.initial_speed * 30.0 / math.pi:.6g} rpm"
+    if drive.kind == "spin up":
+        cycle = f", reached in {drive.spin_up:.6g} s"
     return f"{drive.speed * 30.0 / math.pi:.6g} rpm from {math.degrees(drive.angle):.6g} deg{cycle}"
 
 
@@ -159,3 +199,14 @@ def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
     names = [model.coordinates[int(abs(shape).argmax())] for shape in shapes.T]
     rows = [(str(k + 1), f"{value:.3f}", name) for k, (value, name) in enumerate(zip(hertz, names, strict=True))]
     return table(("mode", "Hz", "largest at"), rows, left=0)
+
+
+def poles_table(system: StateSpace) -> str:
+    """The slowest poles of a state space: frequency and damping ratio."""
+    poles = system.poles[:_MOST_POLES]
+    damping = [round(-pole.real / abs(pole), 8) + 0.0 for pole in poles]  # without the sign of a rounded zero
+    rows = [
+        (str(k + 1), f"{abs(pole) / (2 * math.pi):.3f}", f"{ratio:.3%}")
+        for k, (pole, ratio) in enumerate(zip(poles, damping, strict=True))
+    ]
+    return table(("pole", "Hz", "damping"), rows, left=0)

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kaneflex.deformation import Deformation
-from kaneflex.frame import prescribed_bodies
+from kaneflex.affine import Affine
+from kaneflex.deformation import Deformation, Rates, follow
 from kaneflex.model import Model, RigidMotion
 from kaneflex.scene.quantities import Address
 
@@ -29,10 +29,7 @@ def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
 
 
 def consistent_reactions(
-    model: Model,
-    rigid: RigidMotion,
-    deformed: Mapping[str, Deformation],
-    slides: Mapping[str, tuple[np.ndarray, ...]],
+    model: Model, rigid: RigidMotion, coordinates: Rates, deformed: Mapping[str, Deformation]
 ) -> dict[str, np.ndarray]:
     """Solve the balances of all interface nodes and rigid bodies for the reactions.
 
@@ -42,7 +39,7 @@ def consistent_reactions(
         Name of the reaction, as in the motion's scalars -> series (n_times,); forces act on the second body.
     """
     names = [row for rows in reaction_rows(model).values() for row in rows]
-    balances = _Balances(model, rigid, names, deformed, slides)
+    balances = _Balances(model, rigid, names, coordinates, deformed)
     matrix, residual = balances.assemble()
     # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
     square = np.einsum("tri,trj->tij", matrix, matrix)
@@ -54,13 +51,12 @@ def consistent_reactions(
 class _Balances:
     """Rows 'sum of joint forces = residual' with the joint forces' coefficients, at all times."""
 
-    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], deformed, slides):
-        self.model, self.rigid, self.deformed, self.slides = model, rigid, deformed, slides
+    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], coordinates: Rates, deformed):
+        self.model, self.rigid, self.coordinates, self.deformed = model, rigid, coordinates, deformed
         self.index = {name: k for k, name in enumerate(names)}
         self.steps = len(rigid.times)
         lengths = [body.length for body in model.scene.bodies.values() if body.length]
         self.scale = 1.0 / max(lengths)
-        self.prescribed = prescribed_bodies(model.scene)
 
     def assemble(self) -> tuple[np.ndarray, np.ndarray]:
         matrices, residuals = [], []
@@ -146,29 +142,80 @@ class _Balances:
             local += deformation.end_forces(node - 1)[3:]
         c, s = self.rigid[f"{link}.c"], self.rigid[f"{link}.s"]
         total = np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]])
-        for name, load in self.model.scene.loads.items():
+        for name, load in self.model.scene.forces.items():
             if load.force_on.body == link and self._node(load.force_on) == node:
                 total[:2] -= self._load(name, load)
+        total[2] -= self._torque(link, node)
+        for mass in self.model.scene.masses.values():
+            if mass.at.body == link and self._node(mass.at) == node:
+                motion = self.model.frame.link_point(link, self.model.parts[link], node)
+                total += self._inertia(link, mass.mass, mass.inertia, mass.at, motion)
         return total
 
-    def _rigid_residual(self, body: str) -> np.ndarray:
-        """Inertia force minus loads of a rigid body, and their moment about its start, (3, n_times)."""
-        scene, rigid = self.model.scene, self.rigid
-        data = scene.bodies[body]
-        arm = self._turn(body, data.centre)
+    def _inertia(
+        self, body: str, mass: float, inertia: float, at: Address | tuple, motion: Affine | None
+    ) -> np.ndarray:
+        """m (a - g) and J epsilon of a mass fixed to a body, with the elastic motion of its place; (3, n_times)."""
+        rigid, gravity = self.rigid, self.model.scene.gravity
+        x, y = self._turn(body, self.model.scene.point(at) if isinstance(at, Address) else at)
         omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
-        elastic = (
-            self.slides[body][2] if body in self.slides and self.model.options.dynamics != "quasistatic" else (0.0, 0.0)
-        )
-        a_x = rigid[f"{body}.a_x"] - epsilon * arm[1] - omega**2 * arm[0] - scene.gravity[0] + elastic[0]
-        a_y = rigid[f"{body}.a_y"] + epsilon * arm[0] - omega**2 * arm[1] - scene.gravity[1] + elastic[1]
-        force = data.mass * np.array([a_x, a_y])
-        total = np.array([force[0], force[1], data.inertia * epsilon + arm[0] * force[1] - arm[1] * force[0]])
-        for name, load in scene.loads.items():
+        total = np.array([
+            rigid[f"{body}.a_x"] - epsilon * y - omega**2 * x - gravity[0],
+            rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - gravity[1],
+            epsilon,
+        ])  # fmt: skip
+        if motion is not None and self.model.options.dynamics != "quasistatic":
+            total += follow(self.model, rigid, self.coordinates, motion)[2]
+        return np.array([[mass], [mass], [inertia]]) * total
+
+    def _rigid_residual(self, body: str) -> np.ndarray:
+        """Inertia minus loads of a rigid body, moments about its start, (3, n_times).
+
+        Where the deformation turns the body by theta, the forces keep their direction and the arms turn: each force F
+        at the arm a adds -theta a . F to the moments.
+        """
+        scene, frame = self.model.scene, self.model.frame
+        data = scene.bodies[body]
+        carried = body in frame.bodies
+        fixed = [(data.mass, data.inertia, data.centre)]
+        fixed += [(m.mass, m.inertia, scene.point(m.at)) for m in scene.masses.values() if m.at.body == body]
+        total = np.zeros((3, self.steps))
+        work = np.zeros(self.steps)  # sum of a . F over all forces on the body
+        for mass, inertia, at in fixed:
+            motion = frame.body_point(body, at) if carried else None
+            push = self._inertia(body, mass, inertia, at, motion)
+            arm = self._turn(body, at)
+            total += push
+            total[2] += arm[0] * push[1] - arm[1] * push[0]
+            work -= arm[0] * push[0] + arm[1] * push[1]
+        for name, load in scene.forces.items():
             if load.force_on.body == body:
-                push = self._load(name, load)
-                at = self._turn(body, scene.point(load.force_on))
-                total -= np.array([push[0], push[1], at[0] * push[1] - at[1] * push[0]])
+                push, arm = self._load(name, load), self._turn(body, scene.point(load.force_on))
+                total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+                work += arm[0] * push[0] + arm[1] * push[1]
+        total[2] -= self._torque(body, None)
+        if carried and self.model.options.geometric:
+            turn = self.rigid.apply(frame.bodies[body], self.coordinates[0])[2]
+            total[2] += turn * (work + self._joint_work(body))
+        return total
+
+    def _torque(self, body: str, node: int | None) -> np.ndarray:
+        """Sum of the torques that loads exert on a rigid body, or on a node of a link."""
+        total = np.zeros(self.steps)
+        for name, load in self.model.scene.torques.items():
+            for address, sign in zip(self.model.scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+                if address.body == body and (node is None or self._node(address) == node):
+                    total += sign * self.rigid[name]
+        return total
+
+    def _joint_work(self, body: str) -> np.ndarray:
+        """Sum of a . F over the rigid mechanism's joint forces on a body."""
+        total = np.zeros(self.steps)
+        for name, joint in self.model.scene.joints.items():
+            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+                if address.body == body and joint.kind != "prismatic":
+                    arm = self._turn(body, self.model.scene.point(address))
+                    total += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
         return total
 
     def _load(self, name: str, load) -> np.ndarray:

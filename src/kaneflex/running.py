@@ -77,7 +77,7 @@ def uncollected() -> Iterator[None]:
 
 def _solve(scene: Scene, settings: Sequence[str], waiting: Waiting) -> tuple[Solution, Summary]:
     from kaneflex.loading import load
-    from kaneflex.simulate import simulate
+    from kaneflex.simulation import simulate
     from kaneflex.summary import summarise
 
     model = load(scene, waiting.stage)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.deformation import Deformation, deform, slide
+from kaneflex.deformation import Deformation, deform, follow
 from kaneflex.reactions import consistent_reactions
 from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
@@ -68,15 +68,10 @@ class _Reader:
         return {name: deform(self.model, self.rigid, self.solution.coordinates, name) for name in self.model.links}
 
     @cached_property
-    def slides(self) -> dict[str, tuple[np.ndarray, ...]]:
-        guided = [name for name in self.model.parts if name not in self.model.links]
-        return {name: slide(self.model, self.rigid, self.solution.coordinates, name) for name in guided}
-
-    @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
         if not self.model.links:
             return {}
-        return consistent_reactions(self.model, self.rigid, self.deformed, self.slides)
+        return consistent_reactions(self.model, self.rigid, self.solution.coordinates, self.deformed)
 
     def read(self, sensor: Sensor) -> np.ndarray:
         if self.steps == 0:  # a run that stopped before its first instant
@@ -117,8 +112,9 @@ class _Reader:
                     d_accel + offset * d_accel[2],
                 )
             return d, d_rate, d_accel
-        if address.body in self.slides:
-            d, d_rate, d_accel = self.slides[address.body]
+        if self.model.frame is not None and address.body in self.model.frame.bodies:
+            L = self.model.frame.body_point(address.body, self.scene.point(address))
+            d, d_rate, d_accel = follow(self.model, self.rigid, self.solution.coordinates, L)
             omega, epsilon = self.rigid[f"{address.body}.omega"], self.rigid[f"{address.body}.epsilon"]
             # Rates in the body's axes: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
             rate = np.array([d_rate[0] + omega * d[1], d_rate[1] - omega * d[0]])
@@ -126,8 +122,8 @@ class _Reader:
                 d_accel[0] + 2 * omega * d_rate[1] + epsilon * d[1] - omega**2 * d[0],
                 d_accel[1] - 2 * omega * d_rate[0] - epsilon * d[0] - omega**2 * d[1],
             ])  # fmt: skip
-            turned = (self._turn_back(address.body, part) for part in (d, rate, accel))
-            return tuple(np.vstack([part, np.zeros(self.steps)]) for part in turned)
+            turned = [self._turn_back(address.body, part) for part in (d, rate, accel)]
+            return tuple(np.vstack([part, turn[2]]) for part, turn in zip(turned, (d, d_rate, d_accel), strict=True))
         return still, still, still
 
     def _component(self, sensor: Sensor, body_axes: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -225,37 +221,60 @@ class _Reader:
     # ---- forces -----------------------------------------------------------------------------------------------
 
     def _rigid_section(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N, V, M of the rigid link at X: balance of the part before X under its inertia and the forces at its start.
+        """N, V, M of the rigid link at X: balance of the part before X under its inertia and all forces before X.
 
-        N(X) = P(X) = P_0 + rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2; the signs are those of `Deformation.section`.
+        The inertia gives N its growth rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2 of P(X); the signs are those of
+        `Deformation.section`.
         """
         name, (x, _) = address.body, self.scene.point(address)
         rho_A, rigid = self.scene.bodies[name].rho_A, self.rigid
-        a_y, epsilon = rigid[f"{name}.link.a_y"], rigid[f"{name}.epsilon"]
-        N = rigid[f"{name}.link.P_0"] + rho_A * x * (rigid[f"{name}.link.a_x"] - 0.5 * x * rigid[f"{name}.omega"] ** 2)
-        force, moment = self._forces_at_start(name)
-        V = -force[1] + rho_A * x * (a_y + 0.5 * x * epsilon)
-        M = x * force[1] - moment - rho_A * x**2 * (a_y / 2 + epsilon * x / 6)
+        a_x, a_y = rigid[f"{name}.link.a_x"], rigid[f"{name}.link.a_y"]
+        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+        N = rho_A * x * (a_x - 0.5 * x * omega**2)
+        V = rho_A * x * (a_y + 0.5 * x * epsilon)
+        M = -rho_A * x**2 * (a_y / 2 + epsilon * x / 6)
+        for point, (at, _) in self.scene.bodies[name].points_all.items():
+            if at < x or point == "start":
+                force, moment = self._forces_at(Address(name, point))
+                N, V, M = N - force[0], V - force[1], M + (x - at) * force[1] - moment
         return N, V, M
 
-    def _forces_at_start(self, link: str) -> tuple[np.ndarray, np.ndarray]:
-        """Force (2, n_times) in link axes and moment on a rigid link by what acts at its start."""
+    def _forces_at(self, address: Address) -> tuple[np.ndarray, np.ndarray]:
+        """Force (2, n_times) in link axes and moment on a rigid link by what acts at one of its points."""
+        link = address.body
         force, moment = np.zeros((2, self.steps)), np.zeros(self.steps)
-        start = Address(link, "start")
         for name, joint in self.scene.joints.items():
-            if start not in joint.addresses:
+            if address not in joint.addresses:
                 continue
-            sign = 1.0 if joint.addresses[1] == start else -1.0
+            sign = 1.0 if joint.addresses[1] == address else -1.0
             force += sign * self._joint_vector(name, lambda row: self.rigid[row])
             if joint.kind != "revolute":
                 moment += sign * self.rigid[f"{name}.moment"]
             elif name in self.scene.drives:
                 moment += sign * self.rigid[f"{name}.drive"]
-        for name, load in self.scene.loads.items():
-            if load.force_on == start:
+        for name, load in self.scene.forces.items():
+            if load.force_on == address:
                 direction = np.outer(load.direction, np.ones(self.steps))
                 force += self.rigid[name] * (direction if load.axes == "global" else self._turn(link, load.direction))
+        for name, load in self.scene.torques.items():
+            for side, sign in zip(self.scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+                if side == address:
+                    moment += sign * self.rigid[name]
+        for mass in self.scene.masses.values():
+            if mass.at == address:
+                force -= mass.mass * self._felt(address)
+                moment -= mass.inertia * self.rigid[f"{link}.epsilon"]
         return self._turn_back(link, force), moment
+
+    def _felt(self, address: Address) -> np.ndarray:
+        """a - g of a point of the rigid mechanism, global, (2, n_times)."""
+        body, rigid = address.body, self.rigid
+        x, y = self._turn(body, self.scene.point(address))
+        omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
+        return np.array([
+            rigid[f"{body}.a_x"] - epsilon * y - omega**2 * x - self.scene.gravity[0],
+            rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - self.scene.gravity[1],
+        ])  # fmt: skip
 
     def _axial_force(self, sensor: Sensor) -> np.ndarray:
         return self._section(sensor)[0]

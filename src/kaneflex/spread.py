@@ -26,7 +26,7 @@ def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = N
         Sensor -> (smallest, largest) of max |y| over ANGLES mode angles, in the sensor's SI unit.
     """
     from kaneflex.building import build_model
-    from kaneflex.simulate import simulate
+    from kaneflex.simulation import simulate
 
     peaks: dict[str, list[float]] = {}
     for k in range(ANGLES):

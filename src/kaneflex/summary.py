@@ -114,10 +114,12 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
     A run that stopped before its first step has no sensors.
     """
     import kaneflex
+    from kaneflex.doubts import doubts
 
     model, trajectory = solution.model, solution.trajectory
     seconds, times = model.seconds, solution.times
     multipliers = trajectory.multipliers
+    frequencies = _frequencies(solution)
     return Summary(
         schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,
@@ -129,14 +131,14 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         elements={name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links},
         outcome=trajectory.outcome.name.lower(),
         message=trajectory.message,
-        warnings=list(model.warnings),
+        warnings=[*model.warnings, *doubts(solution, frequencies)],
         duration_s=float(times[-1] - times[0]) if len(times) else 0.0,
         step_s=model.step,
         steps=model.options.steps,
         stored=len(times),
         sensors=_sensors(solution) if len(times) else {},
         mode_angle_spread=_spread(solution),
-        frequencies_hz=_frequencies(solution),
+        frequencies_hz=frequencies,
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
         modes_kept=model.reduced.size,
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),

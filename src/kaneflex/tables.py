@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.errors import Fault, nearest
-from kaneflex.units import ANGLE, FORCE, TIME, scaled
+from kaneflex.units import ANGLE, FORCE, TIME, Dimension, scaled
 
 _FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
 _SPAN = 1e-6  # relative; the table covers its period this exactly
@@ -114,8 +114,10 @@ def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
     return c[0] + d * (c[1] + d * (c[2] + d * c[3]))
 
 
-def read_table(path: str | Path, column: str | None, unit: str, x_unit: str) -> Table:
-    """The first column (in `x_unit`, deg or s) and `column` (in `unit`, a force; default: the second) of a
+def read_table(
+    path: str | Path, column: str | None, unit: str, x_unit: str, dimension: Dimension = FORCE
+) -> Table:
+    """The first column (in `x_unit`, deg or s) and `column` (in `unit` of `dimension`; default: the second) of a
     CSV file.
 
     The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the
@@ -136,7 +138,7 @@ def read_table(path: str | Path, column: str | None, unit: str, x_unit: str) -> 
         raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
     x_dimension = TIME if x_unit == "s" else ANGLE
     try:
-        scaled(1.0, unit, FORCE)
+        scaled(1.0, unit, dimension)
     except Fault as fault:
         raise Fault(fault.reason, fault.cure, below="unit") from None
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
@@ -145,7 +147,7 @@ def read_table(path: str | Path, column: str | None, unit: str, x_unit: str) -> 
             reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"
             raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
     x = np.array([scaled(x, x_unit, x_dimension) for _, x, _ in cells])
-    return Table(x, np.array([scaled(y, unit, FORCE) for _, _, y in cells]))
+    return Table(x, np.array([scaled(y, unit, dimension) for _, _, y in cells]))
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:

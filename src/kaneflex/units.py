@@ -41,6 +41,7 @@ SPEED = Dimension("a speed", "m/s", "0.5 m/s")
 TIME = Dimension("a time", "s", "0.04 s")
 FREQUENCY = Dimension("a frequency", "Hz", "3039 Hz")
 FORCE = Dimension("a force", "N", "1.2 kN")
+TORQUE = Dimension("a torque", "N m", "170 N m")
 VISCOSITY = Dimension("a force per length and velocity", "N s/m^2", "12 N s/m^2")
 RATIO = Dimension("a ratio", "", "0.02")
 

@@ -121,13 +121,18 @@ def _line(axes: Axes, points: np.ndarray, colour, width: float, zorder: float) -
     return axes.plot(*(MM * points).T, color=colour, linewidth=width, **style)[0]
 
 
-def frame_axes(axes: Axes, outlines: list[Outline], fixed: Scenery) -> tuple[float, float]:
-    """Limits that hold the scenery and every instant of the outlines; returns width and height [mm]."""
+def frame_axes(
+    axes: Axes, outlines: list[Outline], fixed: Scenery, room: float = _MARGIN
+) -> tuple[float, float]:
+    """Limits that hold the scenery and every instant of the outlines; returns width and height [mm].
+
+    ``room`` is left free around them, in sizes of the mechanism.
+    """
     parts = [fixed.pivots - [0, 0.07 * fixed.size]]
     for outline in outlines:
         parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
     points = np.concatenate([part.reshape(-1, 2) for part in parts])
-    margin = _MARGIN * fixed.size
+    margin = room * fixed.size
     lower, upper = MM * (points.min(axis=0) - margin), MM * (points.max(axis=0) + margin)
     axes.set_xlim(lower[0], upper[0])
     axes.set_ylim(lower[1], upper[1])

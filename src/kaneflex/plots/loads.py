@@ -45,7 +45,7 @@ def _figure(solution: Solution, against: str, loads: dict[str, Load]) -> Figure:
         _mark_peak(panels[0], factor * x, next(iter(pressures.values())), "bar", label)
         panels[0].set_ylim(bottom=0)
     forces = {name: _force(load, x) for name, load in loads.items()}
-    towards = {f"on {load.force_on.body}" for load in loads.values()}
+    towards = {f"on {load.force_on.body}" if load.force_on else f"at {load.torque_at}" for load in loads.values()}
     title = f"Force {towards.pop()}" if len(towards) == 1 else "Force"
     plot_curves(panels[-1], factor * x, forces.items(), "N", title, "force")
     _mark_peak(panels[-1], factor * x, next(iter(forces.values())), "N", label)

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.deformation import deform, slide
+from kaneflex.deformation import deform, follow
 from kaneflex.model import Model, RigidMotion
+from kaneflex.placing import Placement
+from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
 
 _SWEEP = 180
@@ -16,6 +18,8 @@ _SWEEP = 180
 _ALONG_LINK = 33
 _BOX = (0.10, 0.07)
 """Half length and half width of a guided body, in sizes of the mechanism."""
+_STANDING = 0.2
+"""Half length of a guide where only one configuration is known."""
 _CARRIED = 0.5
 """Share of that size for a body on a guide that moves."""
 
@@ -69,10 +73,13 @@ class Outline:
 
 def scenery(model: Model) -> Scenery:
     """Pivots, guides and extent of a scene."""
-    scene = model.scene
-    horizon = scene.period if model.options.cycles else model.options.duration
-    rigid = model.motion.at(np.linspace(0.0, horizon, _SWEEP, endpoint=False))
-    swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in _used_points(model, name)]
+    horizon = model.scene.period if model.options.cycles else model.options.duration
+    return rigid_scenery(model.scene, model.motion.at(np.linspace(0.0, horizon, _SWEEP, endpoint=False)))
+
+
+def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
+    """Pivots, guides and extent of a scene over some rigid motion, or at one configuration."""
+    swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in _used_points(scene, name)]
     swept = np.concatenate(swept)
     lower, upper = swept.min(axis=0), swept.max(axis=0)
     size = float(np.hypot(*(upper - lower))) or 1.0
@@ -83,7 +90,8 @@ def scenery(model: Model) -> Scenery:
             points = _rigid_point(rigid, rider.body, scene.point(rider))
             if carrier.body != "ground":
                 points = _to_body(rigid, carrier.body, points)
-            guides[name] = _travel(points, np.array(joint.direction), _BOX[0] * size)
+            margin = (_BOX[0] if len(points) > 1 else _STANDING) * size
+            guides[name] = _travel(points, np.array(joint.direction), margin)
     pivots = [
         scene.point(address)
         for joint in scene.joints.values()
@@ -111,18 +119,22 @@ def outline(
 
     ``coordinates`` are z, z', z'' of the elastic coordinates, each (n, n_times); without them nothing is deformed.
     """
-    return _Pose(model, rigid, fixed, coordinates if model.frame is not None else None, factor).outline()
+    moving = model if model.frame is not None and coordinates is not None else None
+    return _Pose(model.scene, rigid, fixed, moving, coordinates, factor).outline()
+
+
+def rigid_outline(scene: Scene, rigid: RigidMotion | Placement, fixed: Scenery) -> Outline:
+    """The undeformed mechanism at the times of a rigid motion, or at one configuration."""
+    return _Pose(scene, rigid, fixed, None, None, 0.0).outline()
 
 
 class _Pose:
-    """Everything of one outline that more than one part of it needs."""
+    """Everything of one outline that more than one part of it needs; ``model`` is None where nothing is deformed."""
 
-    def __init__(self, model: Model, rigid: RigidMotion, fixed: Scenery, coordinates, factor: float):
-        self.model, self.scene, self.rigid, self.fixed = model, model.scene, rigid, fixed
-        elastic = [name for name, body in self.scene.bodies.items() if body.elastic]
-        self.axes = {name: self._axis(name, coordinates, factor) for name in elastic}
-        guided = [] if coordinates is None else [name for name in model.parts if name not in model.links]
-        self.slides = {name: factor * slide(model, rigid, coordinates, name)[0].T for name in guided}
+    def __init__(self, scene: Scene, rigid, fixed: Scenery, model: Model | None, coordinates, factor: float):
+        self.scene, self.rigid, self.fixed = scene, rigid, fixed
+        self.model, self.coordinates, self.factor = model, coordinates, factor
+        self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
 
     def outline(self) -> Outline:
         links = {name: _to_global(self.rigid, name, axis) for name, axis in self.axes.items()}
@@ -136,21 +148,25 @@ class _Pose:
                 pins[name] = self._point(address.body, self.scene.point(address))
         return Outline(links, bars, boxes, pins)
 
-    def _axis(self, name: str, coordinates, factor: float) -> np.ndarray:
+    def _axis(self, name: str) -> np.ndarray:
         """Points along a link in its own axes, displaced, (n_times, n_points, 2)."""
         x = np.linspace(0.0, self.scene.bodies[name].length, _ALONG_LINK)
         axis = np.zeros((len(self.rigid.times), _ALONG_LINK, 2))
         axis[:, :, 0] = x
-        if coordinates is not None:
-            deformation = deform(self.model, self.rigid, coordinates, name)
+        if self.model is not None:
+            deformation = deform(self.model, self.rigid, self.coordinates, name)
             for k, at in enumerate(x):
-                axis[:, k] += factor * deformation.at(at)[0][:2].T
+                axis[:, k] += self.factor * deformation.at(at)[0][:2].T
         return axis
 
     def _point(self, body: str, at: Place) -> np.ndarray:
         """Global position of a body's point, displaced, (n_times, 2)."""
         if body not in self.axes:
-            return _rigid_point(self.rigid, body, at) + self.slides.get(body, 0.0)
+            place = _rigid_point(self.rigid, body, at)
+            if self.model is None or body not in self.model.frame.bodies:
+                return place
+            moved = follow(self.model, self.rigid, self.coordinates, self.model.frame.body_point(body, at))[0]
+            return place + self.factor * moved[:2].T
         x, y = at
         share = x / self.scene.bodies[body].length * (_ALONG_LINK - 1)
         k = min(int(share), _ALONG_LINK - 2)
@@ -162,7 +178,7 @@ class _Pose:
         """From the first used point of a rigid body to every other and back, then along the guides that it carries."""
         path = []
         if name not in self.axes:
-            hub, *rest = (self._point(name, at) for at in _used_points(self.model, name))
+            hub, *rest = (self._point(name, at) for at in _used_points(self.scene, name))
             path = [part for tip in rest for part in (hub, tip, hub)]
         for joint, ends in self.fixed.guides.items():
             if self.scene.joints[joint].addresses[0].body == name:
@@ -183,29 +199,28 @@ class _Pose:
         return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
 
 
-def _used_points(model: Model, body: str) -> list[Place]:
+def _used_points(scene: Scene, body: str) -> list[Place]:
     """Points of a body that joints use, and its ends, in its axes; each place once, the first joint's first."""
-    scene = model.scene
     used = [scene.point(side) for joint in scene.joints.values() for side in joint.addresses if side.body == body]
     if body != "ground" and scene.bodies[body].length is not None:
         used += [(0.0, 0.0), (scene.bodies[body].length, 0.0)]
     return list(dict.fromkeys(used)) or [(0.0, 0.0)]
 
 
-def _rigid_point(rigid: RigidMotion, body: str, at: Place) -> np.ndarray:
+def _rigid_point(rigid: RigidMotion | Placement, body: str, at: Place) -> np.ndarray:
     """Global position of a point of the rigid mechanism, (n_times, 2)."""
     points = np.tile(at, (len(rigid.times), 1))
     return points if body == "ground" else _to_global(rigid, body, points[:, None])[:, 0]
 
 
-def _to_global(rigid: RigidMotion, body: str, local: np.ndarray) -> np.ndarray:
+def _to_global(rigid: RigidMotion | Placement, body: str, local: np.ndarray) -> np.ndarray:
     """Points (n_times, n_points, 2) from a body's axes to global ones."""
     c, s, x_0, y_0 = (rigid[f"{body}.{part}"][:, None] for part in "csxy")
     x, y = local[..., 0], local[..., 1]
     return np.stack([x_0 + c * x - s * y, y_0 + s * x + c * y], axis=-1)
 
 
-def _to_body(rigid: RigidMotion, body: str, points: np.ndarray) -> np.ndarray:
+def _to_body(rigid: RigidMotion | Placement, body: str, points: np.ndarray) -> np.ndarray:
     """Points (n_times, 2) from global axes to a body's."""
     c, s, x_0, y_0 = (rigid[f"{body}.{part}"] for part in "csxy")
     x, y = points[:, 0] - x_0, points[:, 1] - y_0

@@ -96,7 +96,7 @@ class View:
 def view(solution: Solution) -> View:
     """The instants to draw: of a long run those of the last turns, thinned where there are very many."""
     instants = np.arange(len(solution.times))
-    speed = max((abs(drive.speed) for drive in solution.model.scene.drives.values()), default=0.0)
+    speed = max((abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()), default=0.0)
     turns = speed * float(np.ptp(solution.times)) / (2 * math.pi)
     shown = None
     if turns > _MOST_TURNS and not solution.model.options.cycles:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from kaneflex.errors import Fault, nearest
 from kaneflex.scene.quantities import (
+    Angle,
     Inertia,
     Point,
     PositiveArea,
@@ -87,6 +88,13 @@ def _default_inertia(data: dict) -> float:
     return data["mass"] * (data.get("length") or 0.0) ** 2 / 12
 
 
+class Pose(SceneTable):
+    """Where a body of a structure that doesn't move stands: global position of its start (m) and its angle (rad)."""
+
+    at: Point = (0.0, 0.0)
+    angle: Angle = 0.0
+
+
 class Body(SceneTable):
     """A body; rigid unless it has a `beam`. Its frame starts at `start`, with `end` on its x axis.
 
@@ -101,6 +109,7 @@ class Body(SceneTable):
     mass: PositiveMass = Field(default_factory=_default_mass)
     centre: Point = Field(default_factory=_default_centre)
     inertia: Inertia = Field(default_factory=_default_inertia)
+    pose: Pose | None = None
     points: dict[str, Point] = Field(default={})
 
     @model_validator(mode="after")

@@ -18,6 +18,8 @@ def problems_of(scene: Scene) -> list[Problem]:
     found = [
         *_names(scene),
         *_joints(scene),
+        *_masses(scene),
+        *_poses(scene),
         *_drives(scene),
         *_loads(scene),
         *_sensors(scene),
@@ -27,7 +29,7 @@ def problems_of(scene: Scene) -> list[Problem]:
 
 
 def _names(scene: Scene) -> Iterator[Problem]:
-    for table in ("ground", "bodies", "joints", "drives", "loads", "sensors"):
+    for table in ("ground", "bodies", "joints", "masses", "drives", "loads", "sensors"):
         for name in getattr(scene, table):
             key = f"{table}.{name}"
             if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
@@ -84,6 +86,18 @@ def _joints(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"joints.{name}.branch", joint.branch, "this joint closes no loop", cure)
 
 
+def _poses(scene: Scene) -> Iterator[Problem]:
+    """A structure that doesn't move needs the pose of every body, and no drive."""
+    if not scene.is_frame:
+        return
+    for name, body in scene.bodies.items():
+        if body.pose is None:
+            reason = "other bodies stand in given poses, this one does not"
+            yield Problem(f"bodies.{name}.pose", None, reason, "Give its pose")
+    for name in scene.drives:
+        yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
+
+
 def _drives(scene: Scene) -> Iterator[Problem]:
     for name in scene.drives:
         if name not in scene.joints:
@@ -96,11 +110,33 @@ def _drives(scene: Scene) -> Iterator[Problem]:
         elif scene.joints[name].kind != "revolute":
             reason = f"a {scene.joints[name].kind} joint cannot be driven in this version"
             yield Problem(f"drives.{name}", None, reason, "Drive a revolute joint")
+        drive = scene.drives[name]
+        try:
+            if drive.kind == "law":
+                parse_law(drive.law, ("t",))
+            elif drive.kind == "table":
+                drive.read_table()
+        except Fault as fault:
+            field = fault.below or drive.kind
+            yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
+
+
+def _masses(scene: Scene) -> Iterator[Problem]:
+    for name, mass in scene.masses.items():
+        yield from _address(scene, f"masses.{name}.at", mass.at, ground=False)
 
 
 def _loads(scene: Scene) -> Iterator[Problem]:
     for name, load in scene.loads.items():
-        yield from _address(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        if load.force_on is not None:
+            yield from _address(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        elif load.torque_at not in scene.joints:
+            cure = nearest(load.torque_at, scene.joints)
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
+        elif scene.joints[load.torque_at].kind != "revolute":
+            kind = scene.joints[load.torque_at].kind
+            reason = f"a {kind} joint does not turn"
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, "Name a revolute joint")
         if load.against not in (None, "t", *scene.drives):
             cure = nearest(load.against, ["t", *scene.drives])
             yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)
@@ -175,8 +211,9 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
     for name, drive in scene.drives.items():
         if drive.period is None:
             continue
-        key, wrote = f"drives.{name}.cycle", written(scene.raw, ("drives", name, "cycle"))
-        if not _is_multiple(drive.cycle, math.tau):
+        key = f"drives.{name}.{'cycle' if drive.cycle else 'period'}"
+        wrote = written(scene.raw, key.split("."))
+        if drive.cycle and not _is_multiple(drive.cycle, math.tau):
             reason = "the mechanism repeats after whole turns only"
             yield Problem(key, wrote, reason, "Give a multiple of 360 deg")
         if not math.isclose(drive.period, scene.period, rel_tol=1e-9):
@@ -195,7 +232,10 @@ def _periods(scene: Scene) -> Iterator[Problem]:
         if load.period is None:
             yield Problem(key, None, "a periodic start needs tables that repeat", "Give the table's period")
             continue
-        cycle = scene.period if load.against == "t" else scene.period * abs(scene.drives[load.against].speed)
+        speed = 1.0 if load.against == "t" else scene.drives[load.against].speed
+        if speed is None:
+            continue
+        cycle = scene.period * abs(speed)
         if not _is_multiple(cycle, load.period):
             reason = "the cycle is no multiple of it, so a periodic start has no period"
             yield Problem(key, wrote, reason, "Give a period that the cycle is a multiple of")

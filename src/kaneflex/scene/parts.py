@@ -14,23 +14,23 @@ from kaneflex.scene.quantities import (
     AddressPair,
     Angle,
     AngleOrTime,
-    AngularSpeed,
     CountOrAll,
     Direction,
-    Force,
+    ForceOrTorque,
     FrequencyPair,
+    Inertia,
+    NonNegativeMass,
     NonNegativeRatio,
     NonNegativeViscosity,
-    PositiveAngle,
     PositiveTime,
     Ratios,
     WholeNumber,
 )
 from kaneflex.tables import Table, read_table
-from kaneflex.units import ANGLE, TIME, to_si
+from kaneflex.units import ANGLE, FORCE, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
-TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "axial", "gravity", "damping", "dynamics")
+TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping")
 
 
 def the_one_given(table: SceneTable, names: tuple[str, ...]) -> str:
@@ -50,7 +50,7 @@ class Joint(SceneTable):
 
     `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
-    paper's welded pin).
+    paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld.
     """
 
     revolute: AddressPair | None = None
@@ -59,6 +59,7 @@ class Joint(SceneTable):
     direction: Direction | None = None
     branch: Literal["+", "-"] = "+"
     rotation: Literal["released", "shared"] = "released"
+    relative_angle: Angle = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
@@ -67,6 +68,8 @@ class Joint(SceneTable):
             raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
         if kind != "prismatic" and self.direction is not None:
             raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
+        if kind != "weld" and self.relative_angle:
+            raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
         return self
@@ -80,37 +83,29 @@ class Joint(SceneTable):
         return getattr(self, self.kind)
 
 
-class Drive(SceneTable):
-    """Prescribed motion of the joint of the same name: constant `speed` (rad/s) from `angle` (rad) at t = 0.
+class Mass(SceneTable):
+    """A lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body."""
 
-    `cycle` (rad) is the drive's angle in which everything repeats. `rotation` is the elastic rotation at the
-    driven joint: held by the drive, or free.
-    """
-
-    speed: AngularSpeed
-    angle: Angle = 0.0
-    cycle: PositiveAngle | None = None
-    rotation: Literal["held", "free"] = "held"
-
-    @property
-    def period(self) -> float | None:
-        """Duration of a cycle in s, where there is one."""
-        return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
+    at: AddressField
+    mass: NonNegativeMass = 0.0
+    inertia: Inertia = 0.0
 
 
 class Load(SceneTable):
-    """A point force along `direction`, in fixed (`global`) or `body` axes, in N.
+    """A point force along `direction`, in fixed (`global`) or `body` axes, in N; or a torque in N m at a joint.
 
+    `torque_at` names a revolute joint: the torque acts on its second body, and its opposite on the first.
     Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
     `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
     seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by
     `closing` of its largest value.
     """
 
-    force_on: AddressField
-    direction: Direction
+    force_on: AddressField | None = None
+    torque_at: str | None = None
+    direction: Direction | None = None
     axes: Literal["global", "body"] = "global"
-    value: Force | None = None
+    value: ForceOrTorque | None = None
     law: str | None = None
     table: str | None = None
     column: str | None = None
@@ -119,6 +114,11 @@ class Load(SceneTable):
     period: AngleOrTime | None = None
     offset: AngleOrTime = 0.0
     closing: NonNegativeRatio = 0.01
+
+    @field_validator("value", mode="before")
+    @classmethod
+    def _force_or_torque(cls, value: object, info: ValidationInfo) -> float:
+        return to_si(value, TORQUE if info.data.get("torque_at") else FORCE)
 
     @field_validator("period", "offset", mode="before")
     @classmethod
@@ -131,6 +131,13 @@ class Load(SceneTable):
     @model_validator(mode="after")
     def _consistent(self) -> Load:
         kind = self.kind
+        if the_one_given(self, ("force_on", "torque_at")) == "force_on":
+            if self.direction is None:
+                raise Fault("a force without direction", "Give it, like direction = [1, 0]", below="direction")
+        else:
+            for field in ("direction", "axes"):
+                if field in self.model_fields_set:
+                    raise Fault("a torque has none", "Leave it out", below=field)
         if kind == "table" and self.against is None:
             raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
         if kind != "table":
@@ -140,13 +147,19 @@ class Load(SceneTable):
         return self
 
     @property
+    def si_unit(self) -> str:
+        return "N m" if self.torque_at else "N"
+
+    @property
     def kind(self) -> str:
         """Which of "value", "law" and "table" gives the size."""
         return the_one_given(self, ("value", "law", "table"))
 
     def read_table(self) -> Table:
-        """The load's table, in N over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
-        table = read_table(self.table, self.column, self.unit, "s" if self.against == "t" else "deg")
+        """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
+        dimension = TORQUE if self.torque_at else FORCE
+        unit = self.unit if "unit" in self.model_fields_set else self.si_unit
+        table = read_table(self.table, self.column, unit, "s" if self.against == "t" else "deg", dimension)
         if self.period is not None:
             table.check_period(self.period, self.closing)
         return table

@@ -140,6 +140,7 @@ def _list_schema(item: list[str] | str, count: int, description: str) -> WithJso
 PositiveLength = _positive(units.LENGTH)
 Length = _quantity(units.LENGTH)
 PositiveMass = _positive(units.MASS)
+NonNegativeMass = _quantity(units.MASS, lowest=0.0)
 Inertia = _quantity(units.INERTIA, lowest=0.0)
 PositiveArea = _positive(units.AREA)
 PositiveSecondMoment = _positive(units.SECOND_MOMENT)
@@ -156,7 +157,9 @@ AngleOrTime = Annotated[
 ]
 Point = _vector(units.LENGTH)
 Acceleration = _vector(units.ACCELERATION)
-Force = _quantity(units.FORCE)
+ForceOrTorque = Annotated[
+    float, WithJsonSchema({"type": ["number", "string"], "description": "a force or a torque"})
+]
 Direction = Annotated[
     tuple[float, float], BeforeValidator(_unit_vector), _list_schema("number", 2, "a direction, any length")
 ]

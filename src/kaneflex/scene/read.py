@@ -37,6 +37,8 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     "rod.elements=1" is short for "bodies.rod.beam.elements=1"; "loads.gas=none" removes what the scene has.
     Raises SceneError: a path that leads nowhere or to several places, a value the scene cannot have.
     """
+    if isinstance(settings, str):
+        raise SceneError("settings", settings, "one text, where a list of settings is wanted", f"Write [{settings!r}]")
     raw = scene.raw
     for setting in settings:
         raw = merged(raw, nested(raw, setting))
@@ -90,9 +92,9 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
             "scene", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file"
         ) from None
     raw.setdefault("name", path.stem)
-    for load in _tables(raw.get("loads")):
-        if isinstance(load.get("table"), str) and load["table"] != "none":
-            load["table"] = str((path.parent / load["table"]).resolve())
+    for entry in (*_tables(raw.get("loads")), *_tables(raw.get("drives"))):
+        if isinstance(entry.get("table"), str) and entry["table"] != "none":
+            entry["table"] = str((path.parent / entry["table"]).resolve())
     if isinstance(raw.get("like"), str):
         raw = merged(_read_raw(_located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)

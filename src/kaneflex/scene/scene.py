@@ -8,7 +8,8 @@ from typing import Any, Literal
 from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body, SceneTable
-from kaneflex.scene.parts import Damping, Drive, Joint, Load, Solve
+from kaneflex.scene.drives import Drive
+from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
 
@@ -42,6 +43,7 @@ class Scene(SceneTable):
     ground: dict[str, Point] = Field(default={})
     bodies: dict[str, Body] = Field(min_length=1)
     joints: dict[str, Joint] = Field(default={})
+    masses: dict[str, Mass] = Field(default={})
     drives: dict[str, Drive] = Field(default={})
     loads: dict[str, Load] = Field(default={})
     damping: Damping | None = None
@@ -81,6 +83,21 @@ class Scene(SceneTable):
     def horizon(self) -> float:
         """What a run covers, in s: `solve.duration`, else one cycle."""
         return self.solve.duration if self.solve.duration is not None else self.period
+
+    @property
+    def forces(self) -> dict[str, Load]:
+        """Loads that push a point."""
+        return {name: load for name, load in self.loads.items() if load.force_on is not None}
+
+    @property
+    def torques(self) -> dict[str, Load]:
+        """Loads that turn two bodies against each other at a joint."""
+        return {name: load for name, load in self.loads.items() if load.torque_at is not None}
+
+    @property
+    def is_frame(self) -> bool:
+        """Whether this is a structure that doesn't move: its bodies have poses and nothing is driven."""
+        return any(body.pose is not None for body in self.bodies.values())
 
     def law_names(self) -> tuple[str, ...]:
         """Names that a law may use beside pi: t, each drive's angle (rad) and speed (rad/s)."""

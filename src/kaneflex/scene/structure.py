@@ -28,9 +28,11 @@ def structure(scene: Scene) -> dict[str, Any]:
         "bodies": {name: _body(scene, name) for name in sorted(scene.bodies)},
         "points": _points(scene),
         "joints": {name: _joint(scene, name) for name in sorted(scene.joints)},
-        "drives": {name: {"kind": "constant speed"} for name in sorted(scene.drives)},
+        "masses": {name: _mass(scene, name) for name in sorted(scene.masses)},
+        "drives": {name: _drive(scene, name) for name in sorted(scene.drives)},
         "loads": {name: _load(scene, name) for name in sorted(scene.loads)},
         "gravity": _zeros(scene.gravity),
+        "frame": scene.is_frame,
         "viscous": scene.damping is not None and scene.damping.kind == "viscous",
     }
 
@@ -50,7 +52,7 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
     used = {address for joint in scene.joints.values() for address in joint.addresses}
-    used |= {load.force_on for load in scene.loads.values()}
+    used |= {load.force_on for load in scene.forces.values()} | {mass.at for mass in scene.masses.values()}
     return {
         str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)
     }
@@ -66,12 +68,30 @@ def _joint(scene: Scene, name: str) -> dict[str, Any]:
     entry = {"kind": joint.kind, "between": [str(address) for address in joint.addresses]}
     if joint.direction is not None:
         entry["direction"] = _direction(joint.direction)
+    if joint.relative_angle:
+        entry["relative_angle"] = ANY
     return entry | {"closes_loop": name in scene.loop_joints()}
+
+
+def _mass(scene: Scene, name: str) -> dict[str, Any]:
+    mass = scene.masses[name]
+    weight, inertia = _zeros((mass.mass, mass.inertia))
+    return {"at": str(mass.at), "mass": weight, "inertia": inertia}
+
+
+def _drive(scene: Scene, name: str) -> dict[str, Any]:
+    drive = scene.drives[name]
+    if drive.kind == "law":
+        return {"kind": "law", "law": parse_law(drive.law, ("t",)).text}
+    return {"kind": drive.kind}
 
 
 def _load(scene: Scene, name: str) -> dict[str, Any]:
     load = scene.loads[name]
-    entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
+    if load.torque_at is not None:
+        entry = {"torque_at": load.torque_at}
+    else:
+        entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
     if load.kind == "table":
         return entry | {"kind": "table", "against": load.against}
     if load.kind == "law":

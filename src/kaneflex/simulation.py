@@ -7,12 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model
 from kaneflex.quasistatic import quasistatic
 from kaneflex.solution import Solution
 
 Progress = Callable[[float], None]
+_REPEATS = 1e-6
+"""Relative change over a cycle that rounding and tables may leave."""
 _MAX_STORED = 40_000
 """Steps stored at most; longer runs keep every second, third, ... step."""
 
@@ -32,6 +35,8 @@ def simulate(model: Model, progress: Progress | None = None) -> Solution:
     Solution
         Also where the run stopped early: its ``outcome`` and ``message`` then say when and why.
     """
+    if not isinstance(model, Model):
+        raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
     started = time.perf_counter()
     trajectory = _METHODS[model.options.dynamics](model, progress)
     return Solution(model, trajectory, time.perf_counter() - started)
@@ -55,6 +60,19 @@ def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
     return _completed(times, z, v, a, ns)
 
 
+def _check_repeats(model: Model) -> None:
+    """A periodic start needs a motion and loads that are after a cycle what they were."""
+    period = model.scene.period
+    cycle = model.motion.at(np.linspace(0.0, period, 65))
+    for name in {name for monomial in model.monomials for name in monomial}:
+        values = cycle[name]
+        if abs(values[-1] - values[0]) > _REPEATS * abs(values).max():
+            raise SceneError(
+                "solve.start", "periodic", f"{name} is {values[0]:.6g} at first and {values[-1]:.6g} a cycle later",
+                "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic",
+            )  # fmt: skip
+
+
 def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:
     return Trajectory(times, z, v, a, Outcome.COMPLETED, Outcome.COMPLETED.value, None, ns)
 
@@ -64,6 +82,8 @@ def _integrated(model: Model, progress: Progress | None) -> Trajectory:
 
     options = model.options
     start: object = options.start
+    if options.start == "periodic":
+        _check_repeats(model)
     if options.start == "quasistatic":
         # A few instants around the first give the velocity of the quasi-static answer.
         z, v, _ = quasistatic(model, model.step * np.arange(-4, 5), periodic=False)

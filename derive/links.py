@@ -1,0 +1,92 @@
+"""The motion's scalars of one elastic link, in the link's own axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import sympy as sm
+
+from kaneflex.contract import LINK_SCALARS
+from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
+from kaneflex.derive.scalars import Scalar
+from kaneflex.derive.steps import Steps
+
+if TYPE_CHECKING:
+    from kaneflex.derive.motion import Rates, Solved
+
+
+def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> tuple[Scalar, ...]:
+    """The scalars of M q'' + ... = sum s_k f_k, in the link's own axes.
+
+    P(X) starts at P_0 = -(axial part of all forces that act on the link at its origin); its growth along the
+    link follows from a_x - g_x and omega^2 and is in the element's geometric terms.
+    """
+    pose, value, gravity = solved.rates.poses[name], solved.rates.value[name], mechanism.gravity
+    a, b = value["a_x"] - gravity[0], value["a_y"] - gravity[1]
+    values = {
+        "omega": value["omega"],
+        "epsilon": value["epsilon"],
+        "a_x": pose.c * a + pose.s * b,
+        "a_y": -pose.s * a + pose.c * b,
+        "P_0": -_axial_force(mechanism, name, "start", solved),
+    }
+    return tuple(
+        Scalar(f"{name}.link.{key}", unit, meaning, steps.assign(sm.Symbol(f"{name}_link_{key}"), values[key]))
+        for key, unit, meaning in LINK_SCALARS
+    )
+
+
+def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> list[Scalar]:
+    """What P(X) falls by where forces act on the link between its ends: one scalar a point."""
+    found = []
+    for point in sorted(_forced_points(mechanism, name) - {"start", "end"}):
+        force = _axial_force(mechanism, name, point, solved)
+        value = steps.assign(sm.Symbol(f"{name}_link_jump_{point}"), -force)
+        found.append(Scalar(f"{name}.link.jump_{point}", "N", f"growth of the axial force at {point}", value))
+    return found
+
+
+def _forced_points(mechanism: Mechanism, body: str) -> set[str]:
+    """Points of a body at which joints, loads or lumped masses act."""
+    points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
+    points += [load.point for load in mechanism.loads.values() if load.point is not None]
+    points += [mass.point for mass in mechanism.masses.values()]
+    return {point.name for point in points if point.body == body}
+
+
+def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) -> sm.Expr:
+    """Axial part of the forces of joints, loads and lumped masses on a link at one of its points."""
+    rates, loads, reactions = solved.rates, solved.loads, solved.reactions
+    pose, force = rates.poses[name], [sm.S.Zero, sm.S.Zero]
+
+    def push(vector: Vector) -> None:
+        force[0] += vector[0]
+        force[1] += vector[1]
+
+    for joint in mechanism.joints.values():
+        for side, sign in ((joint.second, 1), (joint.first, -1)):
+            if (side.body, side.name) == (name, point):
+                push(tuple(sign * component for component in _joint_force(joint, rates, reactions)))
+    for load_name, load in mechanism.loads.items():
+        if load.point is not None and (load.point.body, load.point.name) == (name, point):
+            direction = load.direction if load.axes == "global" else pose.turn(load.direction)
+            push(tuple(loads[load_name] * component for component in direction))
+    for mass in mechanism.masses.values():
+        if (mass.point.body, mass.point.name) == (name, point):
+            push(tuple(-mass.mass * component for component in rates.felt(name, mass.point, mechanism.gravity)))
+    return pose.c * force[0] + pose.s * force[1]
+
+
+def _joint_force(joint: JointModel, rates: Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
+    """Global force on the second body of a joint."""
+
+    def reaction(row: str) -> sm.Expr:
+        return reactions[sm.Symbol(f"{joint.name}_{row}")]
+
+    if joint.kind != "prismatic":
+        return reaction("force_x"), reaction("force_y")
+    pose = rates.poses[joint.first.body]
+    t = pose.turn(joint.direction)
+    normal = reaction("normal")
+    along = reactions.get(sm.Symbol(f"{joint.name}_drive"), sm.S.Zero)
+    return -t[1] * normal + t[0] * along, t[0] * normal + t[1] * along

@@ -1,0 +1,163 @@
+"""Commands around a mechanism: draw it, start a new one, take its state space and its equations out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from kaneflex.cli_scene import all_settings, configuration, mode_angle, read
+from kaneflex.errors import OutputError, SceneError
+
+_PICTURES = (".png", ".svg", ".pdf")
+
+force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
+preset_option = click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`.")
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="PATH=VALUE", help="Change an entry of the scene. Can be repeated."
+)
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@preset_option
+@set_option
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.png",
+    help="Picture to write: .png, .svg or .pdf. [default: NAME.png]",
+)  # fmt: skip
+@click.option(
+    "--at", "places", multiple=True, metavar="DRIVE=ANGLE",
+    help="Configuration, like main=30deg; a plain number is in rad. Can be repeated. [default: as the run starts]",
+)  # fmt: skip
+@force_option
+def show(
+    name: str, preset: str | None, settings: tuple[str, ...], output: Path | None, places: tuple[str, ...], force: bool
+) -> None:
+    """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
+
+    Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
+    """
+    from kaneflex.freedom import count_freedom, elastic_coordinates
+    from kaneflex.placing import place
+    from kaneflex.presentation import freedom, parts
+    from kaneflex.writing import refuse_existing, write_bytes
+
+    scene = read(name, all_settings(preset, settings))
+    path = output or Path(f"{scene.name}.png")
+    if path.suffix not in _PICTURES:
+        raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
+    refuse_existing(path, force, "mechanism.png")
+    at = dict(configuration(scene, text) for text in places)
+    click.echo(parts(scene))
+    try:
+        elastic = len(elastic_coordinates(scene))
+    except SceneError as error:
+        click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
+        elastic = None
+    click.echo(freedom(count_freedom(scene), elastic))
+    placement = place(scene, at)
+    from kaneflex.plots.scheme import scheme_picture
+
+    write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))
+    click.echo(f"Written to {path}")
+
+
+@click.command()
+@click.argument("name", metavar="NAME")
+@click.option("--like", required=True, metavar="SCENE", help="Shipped scene to start from, see `kaneflex list`.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE.toml", help="[default: NAME.toml]")
+@click.option("--force", is_flag=True, help="Replace existing files.")
+def new(name: str, like: str, output: Path | None, force: bool) -> None:
+    """Write a scene of your own to start from, with comments, and the tables that it reads beside it."""
+    from kaneflex.starting import new_scene
+
+    path = output or Path(f"{name}.toml")
+    if path.suffix != ".toml":
+        raise OutputError(str(path), None, "not the name of a scene file", "End it in .toml")
+    for written in new_scene(name, like, path, force):
+        click.echo(f"Written to {written}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@preset_option
+@set_option
+@click.option(
+    "--at", metavar="DRIVE=ANGLE",
+    help="Configuration, like main=90deg; a plain number is in rad. [default: solve.mode_angle of the scene]",
+)  # fmt: skip
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
+    help="File to write: .npz for NumPy or .mat for MATLAB.",
+)  # fmt: skip
+@force_option
+def linearise(
+    name: str, preset: str | None, settings: tuple[str, ...], at: str | None, sensors: tuple[str, ...], output: Path,
+    force: bool,
+) -> None:  # fmt: skip
+    """Write the elastic equations of SCENE at one instant as a state space.
+
+    The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
+    outputs (sensors).
+    """
+    from kaneflex.loading import load
+    from kaneflex.presentation import poles_table
+    from kaneflex.statespace import available_sensors, check_file_kind, check_reached
+    from kaneflex.statespace import linearise as state_space
+    from kaneflex.terminal import Waiting
+    from kaneflex.writing import refuse_existing
+
+    check_file_kind(output)
+    refuse_existing(output, force, "engine.npz")
+    chosen = all_settings(preset, settings)
+    scene = read(name, chosen)
+    if at is not None:
+        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+        if at is not None:
+            check_reached(model)
+        system = state_space(model, sensors=sensors or None)
+    system.save(output)
+    click.echo(poles_table(system))
+    click.echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
+    left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
+    if left_out and not sensors:
+        click.echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
+    click.echo(f"Written to {output}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@click.option("--latex", "as_latex", is_flag=True, help="As a LaTeX document, the only form there is besides Python.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.tex", help="File to write. [default: printed]"
+)
+@force_option
+def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> None:
+    """Print the equations of SCENE that are compiled: the programs of its module, and the element's matrices."""
+    from kaneflex.terminal import Waiting
+    from kaneflex.writing import refuse_existing, write_text
+
+    if not as_latex:
+        raise click.UsageError("Say --latex; as Python the equations are what `kaneflex derive SCENE -o FILE.py` writes.")
+    if output is not None:
+        refuse_existing(output, force, "engine.tex")
+    scene = read(name, [])
+    with Waiting() as waiting:
+        waiting.stage("importing SymPy")
+        from kaneflex.derive import StructurallySingular, UnsupportedLoop
+        from kaneflex.derive.latex import latex
+
+        try:
+            text = latex(scene, waiting.stage)
+        except (StructurallySingular, UnsupportedLoop) as error:
+            cure = "Count the degrees of freedom with `kaneflex show`"
+            raise SceneError("joints", None, str(error), cure) from error
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        write_text(output, text)
+        click.echo(f"Written to {output}")

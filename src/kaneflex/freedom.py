@@ -1,0 +1,104 @@
+"""Degrees of freedom, counted from a scene alone: the rigid mechanism by Gruebler's formula, and what is elastic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from kaneflex.placing import constraint_count
+from kaneflex.scene import Scene
+
+if TYPE_CHECKING:
+    from kaneflex.links import Link
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """The count 3 bodies - constraints - drives of a planar mechanism (Gruebler; e.g. Norton, Design of Machinery).
+
+    Attributes
+    ----------
+    bodies : int
+    constraints : mapping of str to int
+        What each joint takes away.
+    prescribed, free : tuple of str
+        Joints whose motion a drive prescribes, and those that follow the forces.
+    still : bool
+        Whether this is a structure whose bodies stand in given poses.
+    """
+
+    bodies: int
+    constraints: Mapping[str, int]
+    prescribed: tuple[str, ...]
+    free: tuple[str, ...]
+    still: bool
+
+    @property
+    def mobility(self) -> int:
+        """Degrees of freedom of the rigid mechanism, drives left out."""
+        return 3 * self.bodies - sum(self.constraints.values())
+
+    @property
+    def left(self) -> int:
+        """What neither a prescribed nor a free joint accounts for; below zero where constraints are redundant."""
+        return self.mobility - len(self.prescribed) - len(self.free)
+
+    @property
+    def verdict(self) -> str:
+        """What ``left`` means, in words."""
+        if self.still:
+            return "a structure: its bodies stand in the given poses, and only deform"
+        if self.left > 0:
+            return f"{self.left} too many: drive or join something more, or leave a joint free"
+        if self.left < 0:
+            return f"{-self.left} constraints too many: leave a drive or a joint out"
+        return "the forces drive what is free" if self.free else "the drives determine the motion"
+
+
+def count_freedom(scene: Scene) -> Freedom:
+    """Count the degrees of freedom of a scene's rigid mechanism."""
+    return Freedom(
+        len(scene.bodies),
+        {name: constraint_count(joint) for name, joint in scene.joints.items()},
+        tuple(name for name, drive in scene.drives.items() if drive.kind != "free"),
+        tuple(name for name, drive in scene.drives.items() if drive.kind == "free"),
+        scene.is_frame,
+    )
+
+
+def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
+    """Names of the coordinates of the elastic stage, before any reduction to modes.
+
+    Raises
+    ------
+    SceneError
+        If the elastic stage can't be set up as the scene asks.
+    """
+    from kaneflex.carried import carried_bodies, check_guides
+    from kaneflex.frame import build_frame
+    from kaneflex.interfaces import find_interfaces
+    from kaneflex.options import resolve_options
+
+    options = resolve_options(scene)
+    if options.dynamics == "rigid":
+        return ()
+    check_guides(scene)
+    links = {
+        name: _mesh_of(scene, name, options.elements or body.beam.elements)
+        for name, body in scene.bodies.items()
+        if body.elastic
+    }
+    carried = carried_bodies(scene)
+    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
+    return build_frame(scene, {name: link.part for name, link in links.items()}, carried, interfaces).coordinates
+
+
+def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
+    """A link with its nodes and coordinates alone: the matrices would need the derived element."""
+    from kaneflex.links import DOFS, Link, Part, mesh
+
+    nodes = mesh(scene, name, elements)
+    coordinates = tuple(f"{name}.{i}.{dof}" for i in range(len(nodes)) for dof in DOFS)
+    place = {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(nodes))}
+    return Link(name, nodes, 0.0, 0.0, 0.0, (), Part(name, coordinates, {}, place))

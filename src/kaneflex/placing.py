@@ -1,0 +1,277 @@
+"""Where the bodies of a scene stand, by numbers alone: what can be known of a mechanism before anything is derived.
+
+Every joint and drive gives residuals in the bodies' global coordinates x, y, phi. Groups of bodies that the ground and
+the bodies placed before determine (a driven body, a dyad, ...) are solved one after the other by Newton's method; of a
+dyad's two solutions the branch of the joint that closes its loop chooses, as the generated equations do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from kaneflex.errors import SceneError
+from kaneflex.laws import FUNCTIONS, parse_law
+from kaneflex.scene import Scene
+from kaneflex.scene.parts import Joint
+from kaneflex.scene.quantities import Address
+
+_STARTS = 400
+"""Places from which a group of bodies is closed before it counts as one that can't close."""
+_CLOSED = 1e-9
+"""Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
+_GROUND = np.zeros(3)
+
+Poses = Mapping[str, np.ndarray]
+"""Body -> x, y of its start [m] and its angle [rad], global."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """The rigid mechanism at one configuration; ``placement["rod.c"]`` reads as in a RigidMotion at one time.
+
+    Attributes
+    ----------
+    poses : mapping of str to ndarray (3,)
+        Each body's x, y of its start [m] and angle [rad].
+    drives : mapping of str to float
+        Coordinate of each drive [rad or m].
+    """
+
+    poses: Poses
+    drives: Mapping[str, float]
+
+    @property
+    def times(self) -> np.ndarray:
+        return np.zeros(1)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        body, _, kind = name.rpartition(".")
+        x, y, phi = self.poses[body]
+        return np.array([{"x": x, "y": y, "c": math.cos(phi), "s": math.sin(phi)}[kind]])
+
+
+def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
+    """Place the bodies with the drives as the run starts, or at the coordinates [rad or m] that ``at`` gives some.
+
+    Raises
+    ------
+    SceneError
+        If the linkage can't close there, or if the drives leave a body's place open.
+    """
+    if scene.is_frame:
+        poses = {name: np.array([*body.pose.at, body.pose.angle]) for name, body in scene.bodies.items()}
+        return Placement(poses, {})
+    drives = {name: start_coordinate(scene, name) for name in scene.drives} | dict(at or {})
+    rows = _Rows(scene, drives)
+    poses: dict[str, np.ndarray] = {"ground": _GROUND}
+    while len(poses) <= len(scene.bodies):
+        group = _next_group(scene, poses)
+        poses |= _closed(rows, poses, group)
+    del poses["ground"]
+    return Placement(poses, drives)
+
+
+def start_coordinate(scene: Scene, name: str) -> float:
+    """Coordinate of a drive at t = 0 [rad]."""
+    drive = scene.drives[name]
+    if drive.kind == "law":
+        functions = {key: getattr(math, key) for key in FUNCTIONS if key != "abs"} | {"abs": abs}
+        return float(parse_law(drive.law, ("t",)).to(functions, {"t": 0.0, "pi": math.pi}, float))
+    if drive.kind == "table":
+        from kaneflex.tables import evaluate_block
+
+        return float(evaluate_block(drive.read_table().coefficients(drive.period), 0.0))
+    return drive.angle
+
+
+def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
+    """Velocity (x, y of its start; angle) of every body for unit speed of each drive: drive -> body -> ndarray (3,).
+
+    The same factors take the drives' accelerations to those of the bodies, beside what depends on the speeds.
+    """
+    rows, names = _Rows(scene, placement.drives), list(scene.bodies)
+    joints = [*scene.joints]
+    jacobian = rows.jacobian({"ground": _GROUND, **placement.poses}, names, joints)
+    rates = {}
+    for drive, row in zip(rows.driven(joints), range(len(jacobian) - len(scene.drives), len(jacobian)), strict=True):
+        unit = np.zeros(len(jacobian))
+        unit[row] = 1.0
+        velocity = np.linalg.lstsq(jacobian, unit, rcond=None)[0]
+        rates[drive] = {name: velocity[3 * k : 3 * k + 3] for k, name in enumerate(names)}
+    return rates
+
+
+def constraint_count(joint: Joint) -> int:
+    """Constraints of a joint in the plane."""
+    return 3 if joint.kind == "weld" else 2
+
+
+def _next_group(scene: Scene, poses: Poses) -> tuple[str, ...]:
+    """The fewest bodies that their joints and drives determine, given the bodies that are placed."""
+    waiting = [name for name in scene.bodies if name not in poses]
+    for size in range(1, len(waiting) + 1):
+        for group in combinations(waiting, size):
+            joints = _joints_of(scene, poses, group)
+            equations = sum(constraint_count(scene.joints[name]) + (name in scene.drives) for name in joints)
+            if equations >= 3 * size:
+                return group
+    raise SceneError(
+        "drives", ", ".join(scene.drives) or None, f"they leave the place of {', '.join(waiting)} open",
+        "Drive or join these bodies: each needs three constraints, drives counted",
+    )  # fmt: skip
+
+
+def _joints_of(scene: Scene, poses: Poses, group: Sequence[str]) -> list[str]:
+    """Joints between bodies of a group, or between the group and placed bodies."""
+    known = {*poses, *group}
+    return [
+        name
+        for name, joint in scene.joints.items()
+        if {side.body for side in joint.addresses} <= known and {side.body for side in joint.addresses} & set(group)
+    ]
+
+
+def _closed(rows: _Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Poses of a group: Newton's method from many starts, until one ends on the branch that the scene names."""
+    from scipy.optimize import least_squares
+
+    scene, joints = rows.scene, _joints_of(rows.scene, poses, group)
+
+    def with_group(unknowns: np.ndarray) -> dict[str, np.ndarray]:
+        return {**poses, **{name: unknowns[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
+
+    random = np.random.default_rng(0)
+    size = rows.size
+    for _ in range(_STARTS):
+        start = random.uniform([-size, -size, -math.pi], [size, size, math.pi], (len(group), 3)).ravel()
+        found = least_squares(
+            lambda unknowns: rows.residuals(with_group(unknowns), joints), start, xtol=1e-15, ftol=1e-15, gtol=1e-15,
+            jac=lambda unknowns: rows.jacobian(with_group(unknowns), group, joints), method="lm",
+            x_scale=np.tile([size, size, 1.0], len(group)), max_nfev=60,
+        )  # fmt: skip
+        if np.abs(found.fun).max() > _CLOSED * max(size, 1.0):
+            continue
+        closed = with_group(found.x)
+        if _on_branch(scene, poses, closed, group, joints):
+            return {name: closed[name] for name in group}
+    closing = next((name for name in joints if name in scene.loop_joints()), joints[-1])
+    at = ", ".join(f"{name} = {math.degrees(value):.6g} deg" for name, value in rows.drives.items())
+    raise SceneError(
+        f"joints.{closing}", scene.joints[closing].branch, f"the linkage can't close at {at}: {', '.join(group)}",
+        "Change the lengths, or show another configuration",
+    )  # fmt: skip
+
+
+class _Rows:
+    """Residuals of joints, then of the drives among them, in the bodies' coordinates; second side minus first."""
+
+    def __init__(self, scene: Scene, drives: Mapping[str, float]):
+        self.scene, self.drives = scene, drives
+        points = [math.hypot(*scene.point(side)) for joint in scene.joints.values() for side in joint.addresses]
+        self.size = max([*points, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
+
+    def driven(self, joints: Sequence[str]) -> list[str]:
+        return [name for name in joints if name in self.drives]
+
+    def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
+        """One number a constraint: lengths [m] and angles [rad]."""
+        constraints, coordinates = [], []
+        for name in joints:
+            joint = self.scene.joints[name]
+            gap, turn = self._gap(poses, joint)
+            if joint.kind == "prismatic":
+                t = _turned(joint.direction, poses[joint.addresses[0].body][2])
+                constraints += [t[0] * gap[1] - t[1] * gap[0], turn]
+            else:
+                constraints += [*gap, turn - joint.relative_angle][: constraint_count(joint)]
+            if name in self.drives:
+                moved = t @ gap if joint.kind == "prismatic" else turn
+                coordinates.append(moved - self.drives[name])
+        return np.array(constraints + coordinates)
+
+    def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
+        """Derivatives of the residuals by x, y, phi of some bodies."""
+        constraints, coordinates = [], []
+        column = {name: 3 * k for k, name in enumerate(bodies)}
+        for name in joints:
+            joint = self.scene.joints[name]
+            by_gap = np.zeros((2, 3 * len(bodies)))
+            by_turn = np.zeros(3 * len(bodies))
+            for side, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+                if side.body in column:
+                    k = column[side.body]
+                    x, y = _turned(self.scene.point(side), poses[side.body][2])
+                    by_gap[:, k : k + 3] = sign * np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
+                    by_turn[k + 2] = sign
+            if joint.kind == "prismatic":
+                carrier = joint.addresses[0].body
+                t = _turned(joint.direction, poses[carrier][2])
+                n, (gap, _) = np.array([-t[1], t[0]]), self._gap(poses, joint)
+                across, along = n @ by_gap, t @ by_gap
+                if carrier in column:  # t' = n, n' = -t as the carrier turns
+                    across[column[carrier] + 2] -= t @ gap
+                    along[column[carrier] + 2] += n @ gap
+                constraints += [across, by_turn]
+            else:
+                constraints += [*by_gap, by_turn][: constraint_count(joint)]
+            if name in self.drives:
+                coordinates.append(along if joint.kind == "prismatic" else by_turn)
+        return np.array(constraints + coordinates)
+
+    def _gap(self, poses: Poses, joint: Joint) -> tuple[np.ndarray, float]:
+        first, second = joint.addresses
+        gap = place_of(self.scene, poses, second) - place_of(self.scene, poses, first)
+        return gap, poses[second.body][2] - poses[first.body][2]
+
+
+def place_of(scene: Scene, poses: Poses, address: Address) -> np.ndarray:
+    """Global position of a body's or the ground's point [m], (2,)."""
+    if address.body == "ground":
+        return np.array(scene.point(address))
+    pose = poses[address.body]
+    return pose[:2] + _turned(scene.point(address), pose[2])
+
+
+def _turned(vector: Sequence[float], angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+def _on_branch(scene: Scene, placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[str]) -> bool:
+    """Whether a dyad stands on the branch of the joint that closes its loop; true of all that is no dyad."""
+    closing = next((name for name in joints if name in scene.loop_joints()), None)
+    middle = [scene.joints[name] for name in joints if {a.body for a in scene.joints[name].addresses} == set(group)]
+    outer = [joint for name in joints if (joint := scene.joints[name]) not in middle]
+    if len(group) != 2 or len(middle) != 1 or len(outer) != 2 or closing is None:
+        return True
+    side = _side_of_dyad(scene, placed, poses, middle[0], outer)
+    return side is None or side * (1.0 if scene.joints[closing].branch == "+" else -1.0) >= 0.0
+
+
+def _side_of_dyad(scene: Scene, placed: Poses, poses: Poses, middle: Joint, outer: list[Joint]) -> float | None:
+    """A number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
+
+    Slider: the rod's span along the guide. Three revolutes: the middle joint to the left of the line between the
+    pivots. Lever: the slider ahead of the lever's pivot.
+    """
+    outer = sorted(outer, key=lambda joint: middle.addresses[0].body not in {side.body for side in joint.addresses})
+    kinds = (outer[0].kind, middle.kind, outer[1].kind)
+    pivots = [next(side for side in joint.addresses if side.body in placed) for joint in outer]
+    start, end = (place_of(scene, poses, pivot) for pivot in pivots)
+    head = place_of(scene, poses, middle.addresses[0])
+    if kinds == ("revolute", "revolute", "revolute"):
+        d, v = end - start, head - start
+        return float(d[0] * v[1] - d[1] * v[0])
+    if kinds == ("revolute", "prismatic", "revolute"):
+        return float(_turned(middle.direction, poses[middle.addresses[0].body][2]) @ (end - start))
+    if sorted(kinds[::2]) == ["prismatic", "revolute"] and middle.kind == "revolute":
+        guide = next(joint for joint in outer if joint.kind == "prismatic")
+        foot = start if outer[0].kind == "revolute" else end
+        t = _turned(guide.direction, poses[guide.addresses[0].body][2])
+        return float(t @ (head - foot))
+    return None

@@ -1,0 +1,230 @@
+"""A scene as a drawing: bodies, joints, drives, loads, masses, sensors with their names, before anything is derived."""
+
+from __future__ import annotations
+
+import io
+import math
+import textwrap
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kaneflex.placing import Placement, place_of
+from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
+from kaneflex.plots.labels import Labels
+from kaneflex.plots.mechanism import Outline, Scenery, rigid_outline, rigid_scenery
+from kaneflex.plots.style import PALETTE, new_figure, styled
+from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
+
+ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
+_ROOM = 0.18
+"""Room around the mechanism for names and arrows, in its sizes."""
+_ARROW = 0.16
+_ARC = 0.055
+"""Length of a force's arrow, and radius of a drive's or torque's, in sizes of the mechanism."""
+_LINE = 44
+"""Characters in a line of the list of sensors."""
+_LARGEST = np.array([6.6, 6.0])
+"""Of the drawing, in inches."""
+_LEFT, _BELOW, _ABOVE = 0.75, 0.55, 0.75
+_PER_CHARACTER, _PER_TITLE_CHARACTER = 0.062, 0.088
+"""Widths of a character in the list and in the title, in inches."""
+
+
+def scheme_picture(scene: Scene, placement: Placement, kind: str) -> bytes:
+    """The drawing of a scene at one configuration as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
+    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    file = io.BytesIO()
+    with styled():
+        scheme(scene, placement).savefig(file, format=kind, metadata=undated)
+    return file.getvalue()
+
+
+def scheme(scene: Scene, placement: Placement) -> Figure:
+    """The drawing as a matplotlib Figure."""
+    fixed = rigid_scenery(scene, placement)
+    drawn = rigid_outline(scene, placement, fixed)
+    figure = new_figure(*_LARGEST, "", layout="none")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
+    title = f"{scene.name}: {scene.description}" if scene.description else scene.name
+    sensors = _sensors_by_place(scene, placement)
+    _arrange(figure, axes, shape, title, _listed(sensors))
+    axes.set_title(_configuration(placement))
+    draw_scenery(axes, fixed)
+    grounded = {name: scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
+    draw_guides(axes, fixed, grounded, drawn)
+    draw_outline(axes, drawn, 0, colour=ELASTIC)
+    labels = Labels(axes, [*_paths(drawn), *_ground_points(fixed), *_faces(fixed, drawn)])
+    _Parts(scene, placement, fixed, axes, labels).draw()
+    _mark_sensors(axes, labels, sensors)
+    labels.place()
+    return figure
+
+
+def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: str) -> None:
+    """Size the figure to the mechanism's shape [mm], with the title above and the list at its right."""
+    width, height = shape * (_LARGEST / shape).min()
+    beside = 0.3 + _PER_CHARACTER * max(map(len, listed.splitlines()), default=0)
+    total = np.array([_LEFT + width + beside, _BELOW + height + _ABOVE])
+    total[0] = max(total[0], 0.3 + _PER_TITLE_CHARACTER * len(title))
+    figure.set_size_inches(*total)
+    axes.set_position((_LEFT / total[0], _BELOW / total[1], width / total[0], height / total[1]))
+    figure.suptitle(title, x=0.15 / total[0], ha="left")
+    top = (_BELOW + height) / total[1]
+    style = {"color": SENSOR, "fontsize": 7.5, "va": "top", "linespacing": 1.35}
+    figure.text((_LEFT + width + 0.2) / total[0], top, listed, **style)
+
+
+def _configuration(placement: Placement) -> str:
+    angles = ", ".join(f"{name} = {math.degrees(value):.6g} deg" for name, value in placement.drives.items())
+    return f"at {angles}" if angles else ""
+
+
+def _paths(drawn: Outline) -> list[np.ndarray]:
+    """Lines of the bodies [mm], which labels keep clear of."""
+    parts = [*drawn.links.values(), *drawn.bars.values(), *drawn.boxes.values()]
+    return [MM * part[0] for part in parts]
+
+
+def _ground_points(fixed: Scenery) -> list[np.ndarray]:
+    """The triangles under ground pivots, as drawing.draw_scenery draws them, and their hatching."""
+    corners = fixed.size * np.array([(0, 0), (-0.04, -0.04), (-0.05, -0.056), (0.05, -0.056), (0.04, -0.04), (0, 0)])
+    return [MM * (pivot + corners) for pivot in fixed.pivots]
+
+
+def _faces(fixed: Scenery, drawn: Outline) -> list[np.ndarray]:
+    """The hatched faces of the guides."""
+    lines = []
+    for name, ends in fixed.guides.items():
+        box = drawn.boxes[name][0]
+        lines += [MM * (ends + share * (box[0] - box[3])) for share in (-0.62, -0.5, 0.5, 0.62)]
+    return lines
+
+
+class _Parts:
+    """Names and symbols of everything but the sensors."""
+
+    def __init__(self, scene: Scene, placement: Placement, fixed: Scenery, axes: Axes, labels: Labels):
+        self.scene, self.placement, self.axes, self.labels = scene, placement, axes, labels
+        self.size = MM * fixed.size
+
+    def draw(self) -> None:
+        for name in self.scene.bodies:
+            self._body(name)
+        self._joints()
+        for name in self.scene.masses:
+            self._mass(name)
+        for name in self.scene.drives:
+            self._drive(name)
+        for name in self.scene.forces:
+            self._force(name)
+        for name, load in self.scene.torques.items():
+            self._turning(load.torque_at, LOAD, name, radius=1.5 * _ARC)
+        if self.scene.gravity != (0.0, 0.0):
+            self._gravity()
+
+    def at(self, address: Address) -> np.ndarray:
+        return MM * place_of(self.scene, self.placement.poses, address)
+
+    def _body(self, name: str) -> None:
+        body = self.scene.bodies[name]
+        middle = Address(name, "mid" if body.length is not None else "start")
+        kind = f"{name} ({body.beam.elements} el.)" if body.elastic else name
+        self.labels.add(kind, self.at(middle), ELASTIC if body.elastic else "black", style="italic", size=9.5)
+
+    def _joints(self) -> None:
+        """Names of joints, one label a place."""
+        here: dict[tuple[float, ...], list[str]] = {}
+        for name, joint in self.scene.joints.items():
+            at = self.at(joint.addresses[1])
+            here.setdefault(tuple(np.round(at, 6)), []).append(name)
+            if joint.kind == "weld":
+                self.axes.plot(*at, marker="s", markersize=5, color="black", zorder=4.5)
+        for at, names in here.items():
+            self.labels.add(", ".join(names), np.array(at), "#555555", size=8)
+
+    def _mass(self, name: str) -> None:
+        mass = self.scene.masses[name]
+        at = self.at(mass.at)
+        self.axes.plot(*at, marker="o", markersize=8, color="black", zorder=3.9)
+        self.labels.add(f"{name} ({mass.mass:.4g} kg)" if mass.mass else name, at, "black", size=8)
+
+    def _drive(self, name: str) -> None:
+        drive = self.scene.drives[name]
+        text = {"free": "free", "law": "law", "table": "table"}.get(drive.kind)
+        if text is None:
+            text = f"{drive.speed * 30.0 / math.pi:.4g} rpm"
+        self._turning(name, DRIVE, text, clockwise=(drive.speed or 0.0) < 0.0, dashed=drive.kind == "free")
+
+    def _turning(
+        self, joint: str, colour: str, text: str, radius: float = _ARC, clockwise: bool = False, dashed: bool = False
+    ) -> None:
+        """An arrow around a joint."""
+        centre = self.at(self.scene.joints[joint].addresses[0])
+        turn = np.radians(np.linspace(-60.0, 200.0, 40))
+        arc = centre + radius * self.size * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        if clockwise:
+            arc = arc[::-1]
+        self.axes.plot(*arc.T, color=colour, linewidth=1.6, linestyle="--" if dashed else "-", zorder=4.6)
+        self._arrow(arc[-3], arc[-1], colour)
+        self.labels.block(arc)
+        self.labels.add(text, arc[20], colour, size=8)
+
+    def _force(self, name: str) -> None:
+        load = self.scene.forces[name]
+        d = np.array(load.direction)
+        if load.axes == "body":
+            angle = self.placement.poses[load.force_on.body][2]
+            d = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ d
+        head = self.at(load.force_on)
+        tail = head - _ARROW * self.size * d
+        self._arrow(tail, head, LOAD)
+        self.labels.block(np.linspace(tail, head, 12))
+        self.labels.add(name, tail, LOAD, size=8)
+
+    def _gravity(self) -> None:
+        g = np.array(self.scene.gravity)
+        (left, _), (_, top) = self.axes.get_xlim(), self.axes.get_ylim()
+        middle = np.array([left, top]) + 0.5 * _ROOM * self.size * np.array([1.0, -1.0])
+        half = 0.35 * _ROOM * self.size * g / np.hypot(*g)
+        self._arrow(middle - half, middle + half, "#555555")
+        self.labels.block(np.linspace(middle - half, middle + half, 12))
+        self.labels.add("g", middle, "#555555", style="italic", size=9)
+
+    def _arrow(self, tail: np.ndarray, head: np.ndarray, colour: str) -> None:
+        style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "mutation_scale": 12}
+        style |= {"shrinkA": 0, "shrinkB": 0}
+        self.axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=style, zorder=4.7)
+
+
+def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.ndarray, list[str]]]:
+    """Where sensors measure: (address or joint, place [mm], names), in the scene's order."""
+    found: dict[str, tuple[np.ndarray, list[str]]] = {}
+    for name, sensor in scene.sensors.items():
+        target = sensor.target
+        joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
+        address = scene.joints[joint].addresses[1] if joint is not None else target
+        key = joint if joint is not None else str(target)
+        found.setdefault(key, (MM * place_of(scene, placement.poses, address), []))[1].append(name)
+    return [(key, at, names) for key, (at, names) in found.items()]
+
+
+def _mark_sensors(axes: Axes, labels: Labels, sensors: list[tuple[str, np.ndarray, list[str]]]) -> None:
+    """A diamond at every place and the numbers of its entries in the list."""
+    numbers: dict[tuple[float, ...], list[str]] = {}
+    for k, (_, at, _) in enumerate(sensors, 1):
+        numbers.setdefault(tuple(np.round(at, 6)), []).append(str(k))
+    for at, here in numbers.items():
+        axes.plot(*at, marker="D", markersize=5.5, color=SENSOR, markeredgecolor="white", zorder=5)
+        labels.add(", ".join(here), np.array(at), SENSOR, weight="bold", size=8)
+
+
+def _listed(sensors: list[tuple[str, np.ndarray, list[str]]]) -> str:
+    """The sensors by number, in lines."""
+    lines = ["sensors"] if sensors else []
+    for k, (place, _, names) in enumerate(sensors, 1):
+        lines += textwrap.wrap(f"{k}  {place}: {', '.join(names)}", _LINE, subsequent_indent="    ")
+    return "\n".join(lines)

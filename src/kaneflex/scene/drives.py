@@ -1,0 +1,86 @@
+"""Drives: the motion of joints, prescribed or left to the forces."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from kaneflex.errors import Fault
+from kaneflex.scene.bodies import SceneTable
+from kaneflex.scene.parts import the_one_given
+from kaneflex.scene.quantities import Angle, AngularSpeed, NonNegativeRatio, PositiveAngle, PositiveTime
+from kaneflex.tables import Table, read_table
+from kaneflex.units import ANGLE
+
+_KINDS = ("speed", "law", "table", "free")
+_BELONGS_TO = {
+    "initial_speed": "free",
+    "spin_up": "speed",
+    "cycle": "speed",
+    "column": "table",
+    "unit": "table",
+    "closing": "table",
+}
+
+
+class Drive(SceneTable):
+    """Motion of the joint of the same name: prescribed by exactly one of `speed`, `law` and `table`, or `free`.
+
+    A constant `speed` (rad/s) starts from `angle` (rad) at t = 0; with `spin_up` (s) it is reached smoothly from
+    rest within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it as its `column`, in
+    `unit`, against time in s. `cycle` (rad) is the angle of a constant speed, `period` (s) the time of a law or table,
+    in which everything repeats. A `free` joint follows the forces (forward dynamics), from `angle` and `initial_speed`
+    (rad/s) at t = 0; its motor is a load. `rotation` is the elastic rotation at the driven joint: held by the drive, or
+    free.
+    """
+
+    speed: AngularSpeed | None = None
+    law: str | None = None
+    table: str | None = None
+    free: Literal[True] | None = None
+    initial_speed: AngularSpeed = 0.0
+    angle: Angle = 0.0
+    spin_up: PositiveTime | None = None
+    cycle: PositiveAngle | None = None
+    column: str | None = None
+    unit: str = "deg"
+    closing: NonNegativeRatio = 0.01
+    repeat: PositiveTime | None = Field(default=None, alias="period", description="time in which a law repeats, s")
+    rotation: Literal["held", "free"] = "held"
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Drive:
+        given = the_one_given(self, _KINDS)
+        if "angle" in self.model_fields_set and given not in ("speed", "free"):
+            raise Fault(f"a {given} says where the joint starts", "Leave it out", below="angle")
+        for field, owner in _BELONGS_TO.items():
+            if field in self.model_fields_set and given != owner:
+                raise Fault(f"belongs to a {owner}; this drive has a {given}", "Leave it out", below=field)
+        if self.repeat is not None and given not in ("law", "table"):
+            raise Fault(f"a drive by {given} repeats after an angle or never", "Leave period out", below="period")
+        if self.spin_up is not None and self.cycle is not None:
+            raise Fault("a drive that spins up does not repeat", "Leave it out", below="cycle")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Which of "constant speed", "spin up", "law", "table" and "free" moves the joint."""
+        given = the_one_given(self, _KINDS)
+        if given == "speed":
+            return "constant speed" if self.spin_up is None else "spin up"
+        return given
+
+    @property
+    def period(self) -> float | None:
+        """Duration of a cycle in s, where there is one."""
+        if self.repeat is not None:
+            return self.repeat
+        return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
+
+    def read_table(self) -> Table:
+        """The drive's table, in rad over s. Raises Fault as `kaneflex.tables.read_table` does."""
+        table = read_table(self.table, self.column, self.unit, "s", ANGLE)
+        if self.repeat is not None:
+            table.check_period(self.repeat, self.closing)
+        return table
