@@ -6,10 +6,11 @@ import sys
 
 import closed_forms as by_hand
 import pytest
-from kaneflex.derive import beam
-from kaneflex.derive.beam import E_A, E_I, P_0, a_x, a_y, epsilon, length, omega, rho_A, x, x_0
 from sympy import Function, Matrix, Symbol, cos, diff, integrate, sin, symbols
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+
+from kaneflex.derive import beam
+from kaneflex.derive.beam import E_A, E_I, P_0, a_x, a_y, epsilon, length, omega, rho_A, x, x_0
 
 S_HAT = Matrix(by_hand.S_HAT)
 # Group, matrix and scalar of each term, by its name.

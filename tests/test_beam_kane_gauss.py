@@ -9,9 +9,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from kaneflex.derive.beam import euler_bernoulli
 from sympy import Matrix, lambdify
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+
+from kaneflex.derive.beam import euler_bernoulli
 
 TOLERANCE = 1e-13
 GRAVITY = 9.81

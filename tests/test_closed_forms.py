@@ -3,9 +3,10 @@
 import closed_forms as by_hand
 import numpy as np
 import pytest
-from kaneflex.derive.beam import hermite_shape, integral, length
 from sympy import Matrix, symbols
 from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
+
+from kaneflex.derive.beam import hermite_shape, integral, length
 
 
 def test_closed_slider_crank_keeps_the_power_balance_and_its_own_derivatives():

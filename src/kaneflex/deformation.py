@@ -173,7 +173,8 @@ def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> D
     series = follow(model, rigid, coordinates, model.frame.maps[name])
     if name not in model.bases:
         return Deformation(model, model.links[name], rigid, *series)
-    return _with_static_share(Deformation(model, model.links[name], rigid, *(model.bases[name] @ part for part in series)))
+    expanded = (model.bases[name] @ part for part in series)
+    return _with_static_share(Deformation(model, model.links[name], rigid, *expanded))
 
 
 def _with_static_share(found: Deformation) -> Deformation:
