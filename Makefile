@@ -42,7 +42,7 @@ check-derived: $(READY)  ## show that generated/ is what the scenes derive to, b
 	rm -rf $(DERIVED)
 	mkdir -p $(DERIVED)
 	$(BIN)/python -m kaneflex.derive -o $(DERIVED)
-	diff --recursive --exclude=__pycache__ --exclude=__init__.py generated $(DERIVED)
+	diff --recursive --exclude=__pycache__ generated $(DERIVED)
 
 lint: $(READY)  ## check the style of the sources
 	$(BIN)/ruff check .

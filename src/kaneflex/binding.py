@@ -62,12 +62,17 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 
 
 def cache_folder() -> Path:
-    """Where modules that kaneflex derived for the user are kept: each version of the generator has its own."""
-    from importlib.metadata import version
+    """Where modules that kaneflex derived for the user are kept: each state of the generator has a folder of its own."""
+    import hashlib
+    from importlib.util import find_spec
 
     import platformdirs
 
-    return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / f"{version('kaneflex')}-{FORMAT}"
+    digest = hashlib.sha256()
+    for source in sorted(Path(find_spec("kaneflex.derive").origin).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    folder = f"format-{FORMAT}-{digest.hexdigest()[:12]}"
+    return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / folder
 
 
 def import_file(path: Path, structure: str) -> ModuleType:

@@ -58,11 +58,11 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     progress("compiling, first time only")
     _compile(motion)
     compiled = time.perf_counter()
-    warnings: tuple[str, ...] = ()
+    warnings = _ignored(scene, options)
     if module.FREE:
         progress("forward dynamics of the rigid mechanism")
         p = integrate_free_joints(scene, module, motion.parameters, options.duration)
-        motion, warnings = Motion(module, p), (ONE_WAY.format(joints=", ".join(module.FREE)),)
+        motion, warnings = Motion(module, p), (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
@@ -71,6 +71,15 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
     return replace(model, seconds=seconds, warnings=(*model.warnings, *warnings))
+
+
+def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
+    """What the scene asks for and its preset overrules."""
+    finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
+    if options.elements is None or not finer:
+        return ()
+    count = "one element" if options.elements == 1 else f"{options.elements} elements"
+    return (f"preset {options.preset} takes {count} for each link, whatever the scene says of {', '.join(finer)}",)
 
 
 def _compile(motion: Motion) -> None:
