@@ -29,7 +29,7 @@ Placed = tuple[Part, Affine]
 
 
 @dataclass(frozen=True)
-class Equations:
+class ElasticEquations:
     """M z'' + (C_s + C_d) z' + (K_s + K_d + K_c + K_g) z = F in the mechanism's coordinates, affine in the motion.
 
     K_c = L^T C_s L' is the share of the material damping that turns with the links: it comes and goes with C_s.
@@ -52,13 +52,13 @@ class Equations:
     def matrices(self) -> dict[str, Affine]:
         return {name: getattr(self, name) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")}
 
-    def in_basis(self, basis: np.ndarray, coordinates: tuple[str, ...]) -> Equations:
+    def in_basis(self, basis: np.ndarray, coordinates: tuple[str, ...]) -> ElasticEquations:
         """The same equations projected on z = B a with a constant basis."""
         projected = {
             name: affine.projected(basis) if name == "F" else affine.congruent(basis)
             for name, affine in self.matrices().items()
         }
-        return Equations(coordinates, **projected)
+        return ElasticEquations(coordinates, **projected)
 
 
 def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[float, float], gravity) -> Part:
@@ -192,7 +192,7 @@ def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, f
                 yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), scene.point(address)
 
 
-def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective: bool = True) -> Equations:
+def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective: bool = True) -> ElasticEquations:
     """Sum the parts; ``convective=False`` drops L' and L'', as the paper does."""
     size = len(coordinates)
     total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
@@ -207,7 +207,7 @@ def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective:
             total["C_d"] += 2.0 * (L_T @ A["M"] @ rate)
             total["K_d"] += L_T @ A["C_d"] @ rate + L_T @ A["M"] @ rate.rate()
             total["K_c"] += L_T @ A["C_s"] @ rate
-    return Equations(coordinates, **total)
+    return ElasticEquations(coordinates, **total)
 
 
 def spin_or_euler(monomial: Monomial) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine
-from kaneflex.assembly import Equations, Placed, assemble, load_on_link, place_masses, place_rigid, place_torques
+from kaneflex.assembly import ElasticEquations, Placed, assemble, load_on_link, place_masses, place_rigid, place_torques
 from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
 from kaneflex.frame import Frame, build_frame
@@ -31,7 +31,7 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
         empty = {
             key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
         }
-        none = Equations((), **empty)
+        none = ElasticEquations((), **empty)
         return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
     links = {
         name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
@@ -95,7 +95,7 @@ def _half_bandwidth(pattern: csr_array) -> int:
     return int(abs(entries.row - entries.col).max(initial=0))
 
 
-def _frozen(model: Model, reduced: Equations, omega: np.ndarray) -> Equations:
+def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:
     """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle."""
     size = len(omega)
     zero = Affine.zero(size, size)
@@ -104,7 +104,7 @@ def _frozen(model: Model, reduced: Equations, omega: np.ndarray) -> Equations:
     constant = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
     constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(omega**2)}
     frozen = {key: value if isinstance(value, Affine) else Affine.constant(value) for key, value in constant.items()}
-    return Equations(reduced.coordinates, F=reduced.F, **frozen)
+    return ElasticEquations(reduced.coordinates, F=reduced.F, **frozen)
 
 
 def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
@@ -182,7 +182,7 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
     return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
 
 
-def _with_modal_damping(model: Model) -> Equations:
+def _with_modal_damping(model: Model) -> ElasticEquations:
     """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration."""
     ratios = model.scene.damping.modal.ratio
     omega, shapes = reference_modes(model, "all")

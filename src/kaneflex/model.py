@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine, Monomial
-from kaneflex.assembly import Equations, spin_or_euler
+from kaneflex.assembly import ElasticEquations, spin_or_euler
 from kaneflex.frame import Frame
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.interfaces import Interfaces
@@ -100,9 +100,9 @@ class Model:
         Craig-Bampton basis of each reduced link.
     interfaces, frame
         How the parts hang together.
-    equations : Equations
+    equations : ElasticEquations
         Assembled and constrained, in the coordinates ``coordinates``.
-    reduced : Equations
+    reduced : ElasticEquations
         What is integrated: the same, or in modes of the whole mechanism, and frozen where the preset says so.
     modal_basis : ndarray or None
         Modes of the whole mechanism that the motion is sought in, one a column.
@@ -120,8 +120,8 @@ class Model:
     bases: Mapping[str, np.ndarray]
     interfaces: Interfaces | None
     frame: Frame | None
-    equations: Equations
-    reduced: Equations
+    equations: ElasticEquations
+    reduced: ElasticEquations
     modal_basis: np.ndarray | None
     reference_time: float
     warnings: tuple[str, ...] = ()
@@ -228,7 +228,7 @@ class Model:
         return AffineSystem(size, half_bandwidth, *(slots(self.kept[name]) for name in ("M", "C", "K", "F")))
 
 
-def keep_terms(equations: Equations, options: Options) -> dict[str, Affine]:
+def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:
     """M, C, K, F of some equations with the complete term groups that the options keep."""
     stiffness = equations.K_s + equations.K_d.only(
         lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin
