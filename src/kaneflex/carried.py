@@ -33,17 +33,21 @@ class Carried:
 
 
 def prescribed_bodies(scene: Scene) -> set[str]:
-    """Rigid bodies whose motion the drives fix: reached from the ground by drives and welds alone."""
-    fixed = {"ground"}
-    grown = True
-    while grown:
-        grown = False
-        for name, joint in scene.joints.items():
-            pair = [address.body for address in joint.addresses]
-            rigid = all(body == "ground" or not scene.bodies[body].elastic for body in pair)
-            if rigid and (name in scene.drives or joint.kind == "weld") and len(set(pair) & fixed) == 1:
-                fixed |= set(pair)
-                grown = True
+    """Rigid bodies whose motion the drives fix: reached from the ground by drives, welds and rigid dyads alone."""
+    rigid = {"ground", *(name for name, body in scene.bodies.items() if not body.elastic)}
+    pairs = {name: {address.body for address in joint.addresses} for name, joint in scene.joints.items()}
+    pairs = {name: pair for name, pair in pairs.items() if pair <= rigid}
+    fixed, size = {"ground"}, 0
+    while len(fixed) > size:
+        size = len(fixed)
+        for name, pair in pairs.items():
+            if (name in scene.drives or scene.joints[name].kind == "weld") and len(pair & fixed) == 1:
+                fixed |= pair
+        # Two bodies that meet in a joint, each on what is fixed by another one: six constraints, six coordinates.
+        held = {body for pair in pairs.values() if len(pair & fixed) == 1 for body in pair - fixed}
+        for pair in pairs.values():
+            if pair <= held:
+                fixed |= pair
     return fixed
 
 
