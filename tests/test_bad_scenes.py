@@ -3,7 +3,7 @@
 import pytest
 
 from kaneflex.errors import SceneError
-from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
 ENGINE = shipped_scenes()["engine"]
 GAS = (ENGINE.parent / "gas.csv").read_text()
@@ -111,7 +111,25 @@ BAD = {
         "bodies.rod.points.top = [1, 0, 0]: not a vector in the plane. Write two components, [x, y]."),
     "reserved name": (
         "[bodies]", "[bodies]\npi = {mass = 1}",
-        "bodies.pi: a reserved name. Choose another name."),
+        "bodies.pi: a reserved name: laws are written with it. Choose another name."),
+    "sensor over itself": (
+        "[sensors]", '[sensors]\ntime = {position = "rod"}',
+        "sensors.time: a reserved name: the results are over it. Choose another name."),
+    "key of a table within": (
+        LENGTH, LENGTH + ", elements = 3",
+        "bodies.rod.elements = 3: unknown key. It belongs to bodies.rod.beam."),
+    "key of the table around": (
+        "elements = 4", 'length = "1 m"',
+        "bodies.rod.beam.length = '1 m': unknown key. It belongs to bodies.rod."),
+    "key of another table": (
+        'cycle = "720 deg"', 'cycle = "720 deg", preset = "rigid"',
+        "drives.main.preset = 'rigid': unknown key. It belongs to solve."),
+    "capitals that could be milli": (
+        "elements = 4", 'E = "210 mpa"',
+        "bodies.rod.beam.E = '210 mpa': unknown unit 'mpa'. Write 'MPa': capitals count."),
+    "capitals of another unit": (
+        LENGTH, 'length = "137 MM"',
+        "bodies.rod.length = '137 MM': 'MM' is not a unit of length. Write 'mm': capitals count."),
     "no name": (
         "[bodies]", '[bodies]\n"a b" = {mass = 1}',
         "bodies.a b: not a name. Use letters, digits and underscores, a letter first."),
@@ -151,6 +169,10 @@ BAD = {
     "branch where no loop closes": (
         CRANK_PIN, CRANK_PIN[:-1] + ', branch = "+"}',
         "joints.pin.branch = '+': this joint closes no loop. Give branch at bore."),
+    "branch where a joint is missing": (
+        'wrist = {revolute = ["rod.end", "piston"]}\n', "",
+        "joints.bore.branch = '+': no loop is closed: rod hangs at pin alone, piston hangs at bore alone. "
+        "Join what hangs, or leave branch out."),
     "branch that is none": (
         'branch = "+"', 'branch = "up"',
         "joints.bore.branch = 'up': must be '+' or '-'. Correct it."),
@@ -213,7 +235,7 @@ BAD = {
     "missing table": (
         '"gas.csv"\n', '"gaz.csv"\n',
         "loads.gas.table = '{folder}/gaz.csv': no such file. Give the path of a CSV file, relative to the "
-        "scene."),
+        "scene's file."),
     "two sizes of a load": (
         "[loads.gas]", "[loads.gas]\nvalue = 3",
         "loads.gas: value and table exclude each other. Give exactly one of value, law, table."),
@@ -335,6 +357,43 @@ def test_bad_table(change, reason, cure, tmp_path):
         read_scene(tmp_path / "bad.toml")
     assert (caught.value.key, caught.value.value) == ("loads.gas.table", str(tmp_path / "gas.csv"))
     assert (caught.value.reason, caught.value.cure) == (reason, cure)
+
+
+@pytest.mark.parametrize("name", ["x", "out", "mid", "k", "table"])
+def test_a_sensor_may_have_a_word_of_the_scene_for_its_name(name):
+    raw = read_scene("engine").raw
+    assert name in with_settings(read_scene("engine"), [f'sensors={{{name}={{position="rod.mid"}}}}']).sensors
+    assert name not in raw["sensors"]
+
+
+def test_the_coordinate_of_a_weld_is_an_angle(tmp_path):
+    welded = """schema = 1
+bodies = {arm = {length = 1, mass = 1}, tool = {mass = 1}}
+joints = {hub = {revolute = ["ground", "arm"]}, seat = {weld = ["arm.end", "tool"]}}
+drives = {hub = {speed = 1, cycle = "360 deg"}}
+sensors = {turn = {position = "seat", component = "%s"}}
+"""
+    (tmp_path / "arm.toml").write_text(welded % "angle")
+    assert read_scene(tmp_path / "arm.toml").sensors["turn"].unit == "rad"
+    (tmp_path / "arm.toml").write_text(welded % "x")
+    with pytest.raises(SceneError, match=r"sensors\.turn\.component = 'x': not that joint's coordinate\. Give 'angle'"):
+        read_scene(tmp_path / "arm.toml")
+
+
+@pytest.mark.parametrize(("written", "text"), [("6000 RPM", "6000 rpm"), ("6000 Rpm", "6000 rpm")])
+def test_capitals_of_a_unit_that_can_mean_no_other(written, text):
+    fast, same = (with_settings(read_scene("engine"), [f"main.speed={speed}"]) for speed in (written, text))
+    assert fast.drives["main"].speed == same.drives["main"].speed
+
+
+def test_a_scene_that_is_not_there_is_looked_for_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "compressor.toml").write_text('schema = 1\nlike = "engine"\n')
+    monkeypatch.chdir(tmp_path)
+    for name in ("compresor.toml", "compressor", "compresor"):
+        with pytest.raises(SceneError, match=r"There is a file 'compressor\.toml'"):
+            read_scene(name)
+    with pytest.raises(SceneError, match=r"There is a file '.*compressor\.toml'"):
+        read_scene(tmp_path / "compresor.toml")
 
 
 @pytest.mark.parametrize("name", ["engin", "missing.toml", ""])

@@ -161,6 +161,11 @@ def _check(options: Options) -> None:
             "solve.reduction", options.reduction, f"preset {options.preset} superposes modes of the whole mechanism",
             "Leave the reduction out",
         )  # fmt: skip
+    if options.start == "periodic" and options.dynamics == "dynamic" and options.integrator == "scipy":
+        raise SceneError(
+            "solve.integrator", "scipy", "it finds no periodic state, and solve.start is periodic",
+            "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator",
+        )  # fmt: skip
     exact = options.integrator == "exact-modal"
     if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):
         cure = "Use newmark, generalised-alpha or gauss" if exact else "Leave the integrator out"

@@ -156,7 +156,9 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = [(line, text) for line, text in enumerate(file, 1) if text.strip() and text[0] != "#"]
     except FileNotFoundError:
-        raise Fault("no such file", "Give the path of a CSV file, relative to the scene", below="table") from None
+        # a scene file's paths were made absolute when it was read; those of settings were not
+        start = "the scene's file" if path.is_absolute() else "the current folder, as a setting's is"
+        raise Fault("no such file", f"Give the path of a CSV file, relative to {start}", below="table") from None
     except (OSError, UnicodeDecodeError) as error:
         raise Fault(f"cannot be read: {error}", "Give a readable UTF-8 file", below="table") from None
     if not lines:

@@ -108,7 +108,12 @@ def _factor_by_pint(unit: str, dimension: Dimension) -> float:
             raise ValueError(unit)
         factor, root = registry.get_root_units(registry.parse_units(unit))
     except (PintError, TokenError, AssertionError, AttributeError, SyntaxError, TypeError, ValueError):
-        raise Fault(f"unknown unit {unit!r}", nearest(unit, _SI_OF_COMMON)) from None
+        alike = _spelled_otherwise(unit, dimension)
+        if alike is None:
+            raise Fault(f"unknown unit {unit!r}", nearest(unit, _SI_OF_COMMON)) from None
+        if alike[0] in "mM" and unit[0] != alike[0]:  # milli or mega
+            raise Fault(f"unknown unit {unit!r}", f"Write {alike!r}: capitals count") from None
+        return _SI_OF_COMMON[alike][1]
     si_factor, si_root = registry.get_root_units(registry.parse_units(dimension.unit))
     if root != si_root:
         raise _wrong_dimension(unit, dimension)
@@ -122,8 +127,17 @@ def _registry():
     return UnitRegistry()
 
 
+def _spelled_otherwise(unit: str, dimension: Dimension) -> str | None:
+    """The common unit of `dimension` that differs from `unit` in capitals only, like rpm from RPM."""
+    folded = unit.casefold()
+    common = (name for name, (si, _) in _SI_OF_COMMON.items() if si == dimension.unit)
+    return next((name for name in common if name.casefold() == folded and name != unit), None)
+
+
 def _wrong_dimension(unit: str, dimension: Dimension) -> Fault:
-    return Fault(f"{unit!r} is not a unit of {dimension.name.split(' ', 1)[1]}", _how_to_write(dimension))
+    alike = _spelled_otherwise(unit, dimension)
+    cure = _how_to_write(dimension) if alike is None else f"Write {alike!r}: capitals count"
+    return Fault(f"{unit!r} is not a unit of {dimension.name.split(' ', 1)[1]}", cure)
 
 
 def _how_to_write(dimension: Dimension) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.laws import parse_law
-from kaneflex.scene.quantities import RESERVED_NAMES, Address
+from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.sensors import MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
 
@@ -34,8 +34,9 @@ def _names(scene: Scene) -> Iterator[Problem]:
             key = f"{table}.{name}"
             if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
-            elif name in RESERVED_NAMES:
-                yield Problem(key, None, "a reserved name", "Choose another name")
+            elif name in (RESULT_NAMES if table == "sensors" else RESERVED_NAMES):
+                reason = RESULT_NAMES.get(name) if table == "sensors" else RESERVED_NAMES[name]
+                yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")
     for name in scene.joints:
         if name in scene.bodies:
             yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
@@ -82,8 +83,20 @@ def _joints(scene: Scene) -> Iterator[Problem]:
     closing = scene.loop_joints()
     for name, joint in scene.joints.items():
         if "branch" in joint.model_fields_set and name not in closing:
-            cure = f"Give branch at {', '.join(closing)}" if closing else "Leave branch out"
-            yield Problem(f"joints.{name}.branch", joint.branch, "this joint closes no loop", cure)
+            reason, cure = _no_loop(scene, closing)
+            yield Problem(f"joints.{name}.branch", joint.branch, reason, cure)
+
+
+def _no_loop(scene: Scene, closing: tuple[str, ...]) -> tuple[str, str]:
+    """Why a joint closes no loop, and the cure: where another one does, or bodies that hang at one joint."""
+    if closing:
+        return "this joint closes no loop", f"Give branch at {', '.join(closing)}"
+    sides = {name: {side.body for side in joint.addresses} for name, joint in scene.joints.items()}
+    held = {name: [joint for joint, bodies in sides.items() if name in bodies] for name in scene.bodies}
+    hanging = [f"{name} hangs at {''.join(at) or 'nothing'} alone" for name, at in held.items() if len(at) < 2]
+    if not hanging:
+        return "this joint closes no loop", "Leave branch out"
+    return f"no loop is closed: {', '.join(hanging)}", "Join what hangs, or leave branch out"
 
 
 def _poses(scene: Scene) -> Iterator[Problem]:
@@ -169,7 +182,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     address = sensor.target
     if sensor.kind == "position" and address.body in scene.joints and address.point == "start":
-        component = "angle" if scene.joints[address.body].kind == "revolute" else "x"
+        component = "x" if scene.joints[address.body].kind == "prismatic" else "angle"
         if sensor.component != component:
             yield Problem(
                 f"{key}.component", sensor.component, "not that joint's coordinate", f"Give {component!r}"

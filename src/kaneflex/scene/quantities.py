@@ -16,14 +16,17 @@ from kaneflex.errors import Fault
 from kaneflex.laws import FUNCTIONS
 from kaneflex.units import Dimension, to_si
 
-RESERVED_NAMES = frozenset(
-    {
-        *("t", "time", "pi", "e", *FUNCTIONS),  # laws and results
-        *("ground", "origin", "start", "end", "mid", "chord", "frame"),  # addresses and references
-        *("global", "body", "x", "y", "angle", "all", "none", "true", "false"),  # words of the scene file
-        *("p", "s", "k", "out", "math", "njit", "table", "motion", "terms"),  # names in generated modules
-    }
-)
+RESULT_NAMES = {"time": "the results are over it"}
+"""What a sensor can't be called, and why: its name is that of a variable of the results, and stands nowhere else."""
+RESERVED_NAMES = RESULT_NAMES | {
+    **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws are written with it"),
+    **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "a word of addresses"),
+    **dict.fromkeys(("global", "body", "x", "y", "angle", "all", "none", "true", "false"), "a word of the scene file"),
+    **dict.fromkeys(
+        ("p", "s", "k", "out", "math", "njit", "table", "motion", "terms"), "a name in the generated module"
+    ),
+}
+"""What bodies, joints, drives, masses, loads and fixed points can't be called, and why."""
 
 
 class Address(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -72,9 +73,17 @@ def _located(name_or_path: str | Path, folder: Path, key: str) -> Path:
     path = folder / text
     if path.is_file():
         return path
-    if path.suffix == ".toml":
-        raise SceneError(key, text, "no such file", f"Shipped scenes: {', '.join(shipped)}")
-    raise SceneError(key, text, "no shipped scene and no file of that name", nearest(text, shipped))
+    reason = "no such file" if path.suffix == ".toml" else "no shipped scene and no file of that name"
+    raise SceneError(key, text, reason, _other_scene(text, path, shipped))
+
+
+def _other_scene(text: str, path: Path, shipped: Iterable[str]) -> str:
+    """What to say to someone who named a scene that isn't there: the nearest file beside it, or shipped scene."""
+    beside = {file.stem: str(Path(text).parent / file.name) for file in sorted(path.parent.glob("*.toml"))}
+    close = difflib.get_close_matches(path.stem, [*beside, *shipped], n=1)
+    if close and close[0] in beside:
+        return f"There is a file {beside[close[0]]!r}"
+    return nearest(path.stem, shipped).replace("Known", "Shipped scenes")
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
@@ -118,6 +127,16 @@ def _validated(raw: dict[str, Any], source: str) -> Scene:
     return scene
 
 
+def _place_of(path: list[str]) -> str | None:
+    """Where a key belongs that stands in the wrong table: in one within that table, around it, or at the top."""
+    *table, key = path
+    within = [[*table, inner] for inner in known_keys(table)]
+    around = [table[:depth] for depth in range(len(table) - 1, 1, -1)]
+    top = [[name] for name in known_keys(())]
+    fitting = [place for place in (*within, *around, *top) if place != table and key in known_keys(place)]
+    return f"It belongs to {'.'.join(fitting[0])}" if fitting else None
+
+
 def _problem(error: dict[str, Any], raw: dict[str, Any]) -> Problem:
     """pydantic's description of one error in our terms."""
     path = [str(part) for part in error["loc"]]
@@ -126,7 +145,7 @@ def _problem(error: dict[str, Any], raw: dict[str, Any]) -> Problem:
         path += fault.below.split(".") if fault.below else []
         reason, cure = fault.reason, fault.cure
     elif error["type"] == "extra_forbidden":
-        reason, cure = "unknown key", nearest(path[-1], known_keys(path[:-1]))
+        reason, cure = "unknown key", _place_of(path) or nearest(path[-1], known_keys(path[:-1]))
     elif error["type"] == "missing":
         reason, cure = "missing", f"Give {path[-1]}"
     elif error["type"] == "literal_error":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 from kaneflex.errors import SceneError, nearest
 from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
 
+_MOST_NAMES = 3
+"""Names that a message lists at most."""
 _NAMED = ("bodies", "joints", "drives", "loads", "sensors")  # top-level tables whose entries users name
 
 
@@ -42,10 +45,7 @@ def _resolved(raw: Mapping[str, Any], path: str, text: str) -> list[str]:
         return keys
     places = [[table, *keys] for table in _NAMED if keys[0] in raw.get(table, {})]
     if not places:
-        names = [name for table in _NAMED for name in raw.get(table, {})]
-        raise SceneError(
-            path, text, f"the scene has no {keys[0]!r}", nearest(keys[0], [*names, *known_keys(())])
-        )
+        raise SceneError(path, text, f"the scene has no {keys[0]!r}", _other_path(raw, keys))
     places += [[*place[:2], "beam", *keys[1:]] for place in places if place[0] == "bodies"]
     fitting = [place for place in places if len(keys) > 1 and has_entry(place)]
     if len(fitting) > 1:
@@ -56,6 +56,31 @@ def _resolved(raw: Mapping[str, Any], path: str, text: str) -> list[str]:
         last = keys[1] if len(keys) > 1 else ""
         raise SceneError(path, text, f"{keys[0]!r} has no such entry", nearest(last, known - {ANY_NAME}))
     return fitting[0]
+
+
+def _other_path(raw: Mapping[str, Any], keys: list[str]) -> str:
+    """What to say where nothing has the name that a path begins with: similar names, or what has such an entry."""
+    names = dict.fromkeys([*(name for table in _NAMED for name in raw.get(table, {})), *known_keys(())])
+    close = difflib.get_close_matches(keys[0], names, n=3)
+    if len(keys) == 1:
+        return f"Write the path of an entry, like rod.elements=1{_or_rather(close)}"
+    if close:
+        return f"The nearest known one is {close[0]!r}"
+    owners = [
+        name
+        for table in _NAMED
+        for name in raw.get(table, {})
+        for place in ([table, name], [table, name, "beam"])
+        if has_entry([*place, *keys[1:]])
+    ]
+    having = list(dict.fromkeys(owners))[:_MOST_NAMES]
+    if having:
+        return f"Write {' or '.join('.'.join([name, *keys[1:]]) for name in having)}"
+    return "Begin with the name of a body, joint, drive, load or sensor, or with solve"
+
+
+def _or_rather(close: list[str]) -> str:
+    return f"; similar names are {', '.join(close)}" if close else ""
 
 
 def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str) -> None:
