@@ -68,10 +68,61 @@ def test_motion(scenes, terms):
         assert rigid == pytest.approx(stiff, abs=tolerance * np.abs(stiff).max()), sensor
 
 
-def test_joint_forces_at_rest_of_the_vibrations(scenes):
+def test_forces_without_vibrations(scenes):
     series = {
-        name: simulate(load(with_settings(scene, ["solve.preset=quasistatic"]))).series for name, scene in scenes.items()
+        name: simulate(load(with_settings(scene, ["solve.preset=quasistatic"]))).series
+        for name, scene in scenes.items()
     }
-    for sensor in ("joint_x", "joint_y", "pivot_x", "pivot_y"):
+    for sensor in ("coupler_mid", "joint_x", "joint_y", "pivot_x", "pivot_y"):
         rigid, stiff = (series[name][sensor].values for name in ("rigid", "stiff"))
         assert rigid == pytest.approx(stiff, abs=1e-4 * np.abs(stiff).max()), sensor
+
+
+ROTATING = """
+schema = 1
+
+[bodies]
+arm = {length = "1 m", beam = {material = "steel", A = "100 mm^2", I = "1000 mm^4", elements = 6}}
+tip = TIP
+
+[joints]
+hub = {revolute = ["ground", "arm.start"]}
+flange = {weld = ["arm.end", "tip.start"]}
+
+[drives]
+hub = {speed = "400 rpm", cycle = "360 deg"}
+
+[loads]
+push = {force_on = "tip.end", axes = "body", direction = [0, 1], value = "5 N"}
+
+[sensors]
+arm_end = {displacement = "arm.end", component = "y"}
+arm_turn = {displacement = "arm.end", component = "angle"}
+tip_end = {displacement = "tip.end", component = "y"}
+root_moment = {bending_moment = "arm.start"}
+hub_torque = {drive_torque = "hub"}
+flange_moment = {joint_force = "flange", component = "angle"}
+
+[damping]
+rayleigh = {ratio = 0.05, at = ["4 Hz", "40 Hz"]}
+
+[solve]
+start = "periodic"
+steps = 360
+"""
+RIGID_TIP = '{length = "0.4 m", mass = "0.314 kg"}'
+STIFF_TIP = '{length = "0.4 m", beam = {E = "2.1e14 Pa", rho = "7850 kg/m^3", A = "100 mm^2", I = "1000 mm^4", elements = 2}}'
+
+
+def test_a_body_at_the_tip_of_a_rotating_beam(tmp_path):
+    """Its centrifugal force turns with nothing but acts on a turned arm: K_g of the body itself."""
+    found = {}
+    for name, tip in (("rigid", RIGID_TIP), ("stiff", STIFF_TIP)):
+        (tmp_path / f"{name}.toml").write_text(ROTATING.replace("TIP", tip))
+        found[name] = simulate(load(read_scene(tmp_path / f"{name}.toml"))).series
+    for sensor in ("arm_end", "arm_turn", "tip_end"):
+        rigid, stiff = (found[name][sensor].values.mean() for name in ("rigid", "stiff"))
+        assert rigid == pytest.approx(stiff, rel=1e-3), sensor
+    # The centrifugal forces meet the axis: what is left at the hub is the push at 1.4 m.
+    assert found["rigid"]["root_moment"].values.mean() == pytest.approx(7.0, rel=1e-3)
+    assert found["rigid"]["hub_torque"].values.mean() == pytest.approx(-7.0, rel=1e-3)
