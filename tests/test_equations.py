@@ -113,8 +113,8 @@ class Reader:
     def __init__(self, values: dict[str, float], functions: dict):
         self.values, self.functions = values, functions
         longest_first = sorted(values, key=len, reverse=True)
-        called = r"\\operatorname\{[a-z]+\}"
-        self.token = re.compile("|".join([called, *map(re.escape, longest_first), r"\d+\.?\d*", r"\\[a-z]+", r"[-+(){}^,|]"]))
+        kinds = [r"\\operatorname\{[a-z]+\}", *map(re.escape, longest_first), r"\d+\.?\d*", r"\\[a-z]+", r"[-+(){}^,|]"]
+        self.token = re.compile("|".join(kinds))
 
     def __call__(self, text: str) -> float:
         plain = re.sub(r"\\(bigl|bigr|left|right)(?=[()])|\\,|\\cdot", "", text)
