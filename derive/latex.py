@@ -125,7 +125,7 @@ def _element(element: Element) -> str:
     entries = [*element.parameters, *element.scalars]
     rows = [(f"${name_of(symbol)}$", _unit(unit), escaped(meaning)) for _, symbol, unit, meaning in entries]
     sums = [_sum(printer, target, element.terms) for target in "MCKF"]
-    matrices = [_matrix(printer, term) for term in element.terms]
+    matrices = [printed_matrix(printer, term) for term in element.terms]
     table = _table(("symbol", "unit", "meaning"), "lll", rows)
     return "\n\n".join([_SECTION["element"], _aligned(sums), table, *matrices])
 
@@ -149,7 +149,7 @@ def _term_name(term: Term) -> str:
     return rf"{_MATRIX[term.target]}_{{\mathrm{{{escaped(term.name.replace('_', ' '))}}}}}".replace(" ", r"\ ")
 
 
-def _matrix(printer: EquationPrinter, term: Term) -> str:
+def printed_matrix(printer: EquationPrinter, term: Term) -> str:
     """A constant matrix with its common factor before it."""
     fractions = [sm.fraction(sm.together(entry)) for entry in term.matrix if entry != 0]
     factor = sm.gcd_list([above for above, _ in fractions]) / sm.lcm_list([below for _, below in fractions])

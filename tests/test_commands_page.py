@@ -65,3 +65,9 @@ def test_links_lead_somewhere():
     anchors = {heading.lower().replace(" ", "-") for heading in re.findall(r"^#+ (.*)$", TEXT, flags=re.MULTILINE)}
     for target in re.findall(r"\]\(([^)]+)\)", TEXT):
         assert target[1:] in anchors if target.startswith("#") else (PAGE.parent / target).exists(), target
+
+
+def test_help_names_the_commands():
+    shown = cli("--help").stdout
+    for command in {line.split()[1] for line in COMMANDS}:
+        assert re.search(rf"^  {command} ", shown, flags=re.MULTILINE)

@@ -13,9 +13,9 @@ import sympy as sm
 from command_line import cli, refused
 from runs import model
 
-from kaneflex.derive.beam import euler_bernoulli
+from kaneflex.derive.beam import Term
 from kaneflex.derive.generate import derive_equations, lower
-from kaneflex.derive.latex import latex_document
+from kaneflex.derive.latex import latex_document, printed_matrix
 from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, escaped, seen_length
 from kaneflex.scene import read_scene
 from kaneflex.tables import evaluate_block
@@ -218,7 +218,7 @@ def test_printed_motion_has_the_values_of_the_compiled_one(name):
 def test_printed_matrices_have_the_values_of_the_compiled_terms():
     module = model("engine").module
     text = derived("engine")[2]
-    element = euler_bernoulli()
+    element = derived("engine")[0].element
     p = np.array([1.3, 0.7, 2.9, 0.41, 0.23])
     values = dict(zip([r"(\rho A)", "(EA)", "(EI)", r"\ell", "x_{0}"], p, strict=True))
     reader = Reader(values, {})
@@ -236,6 +236,17 @@ def test_printed_matrices_have_the_values_of_the_compiled_terms():
         assert found == pytest.approx(out, rel=1e-12, abs=1e-15), term
         checked += 1
     assert checked == len(module.TERMS) > 10
+
+
+def test_a_matrix_too_wide_for_a_page_is_printed_entry_by_entry():
+    symbols = sm.symbols("a:60")
+    wide = sm.ImmutableMatrix(2, 2, [sum(symbols), 0, symbols[0], 1])
+    text = printed_matrix(EquationPrinter(str), Term("wide", "spin", "K", sm.S.One, wide))
+    assert "pmatrix" not in text
+    found = dict(rows(text))
+    assert list(found) == ["A_{11}", "A_{21}", "A_{22}"]
+    assert sorted(found["A_{11}"].split(" + ")) == sorted(map(str, symbols))
+    assert (found["A_{21}"], found["A_{22}"]) == ("a0", "1")
 
 
 def test_numbers_keep_every_digit_and_long_sums_are_broken():
