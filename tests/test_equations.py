@@ -238,6 +238,13 @@ def test_printed_matrices_have_the_values_of_the_compiled_terms():
     assert checked == len(module.TERMS) > 10
 
 
+def test_matrices_are_printed_in_whole_numbers():
+    text = derived("engine")[2]
+    mass = re.search(r"\\mathbf\{M\}_\{\\mathrm\{mass\}\} = (.*?)\\end\{pmatrix\}", text, flags=re.DOTALL)[1]
+    assert mass.startswith(r"\frac{\ell \, (\rho A)}{420}")
+    assert r"0 & 156 & 22 \, \ell & 0 & 54 & - 13 \, \ell" in mass
+
+
 def test_a_matrix_too_wide_for_a_page_is_printed_entry_by_entry():
     symbols = sm.symbols("a:60")
     wide = sm.ImmutableMatrix(2, 2, [sum(symbols), 0, symbols[0], 1])

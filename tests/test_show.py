@@ -13,7 +13,7 @@ from runs import model
 
 from kaneflex.errors import SceneError
 from kaneflex.freedom import count_freedom, elastic_coordinates
-from kaneflex.placing import drive_rates, place, start_coordinate
+from kaneflex.placing import Rows, drive_rates, place, start_coordinate
 from kaneflex.plots.scheme import scheme, scheme_picture
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
@@ -140,6 +140,24 @@ def test_welds_laws_and_structures_stand_where_they_should(tmp_path):
     assert knee == pytest.approx([math.cos(0.5), math.sin(0.5), 0.5 + math.pi / 2], abs=1e-12)
     gallows = place(written(tmp_path, GALLOWS))
     assert gallows.poses["beam"] == pytest.approx([0.0, 1.0, 0.0]) and gallows.drives == {}
+
+
+def test_residuals_have_the_derivatives_that_newtons_method_is_given(tmp_path):
+    """Guides on the ground and on a body that turns, pins, a weld, driven turns and driven slides."""
+    random = np.random.default_rng(1)
+    for text, drives in ((QUICK_RETURN.replace("BRANCH", "+"), ("main", "slot")), (WELDED, ("root",))):
+        scene = written(tmp_path, text)
+        rows, bodies, joints = Rows(scene, dict.fromkeys(drives, 0.1)), [*scene.bodies], [*scene.joints]
+        x = random.normal(size=3 * len(bodies))
+
+        def residuals(x, rows=rows, bodies=bodies, joints=joints):
+            poses = {"ground": np.zeros(3), **{name: x[3 * k : 3 * k + 3] for k, name in enumerate(bodies)}}
+            return rows.residuals(poses, joints), rows.jacobian(poses, bodies, joints)
+
+        steps = 1e-6 * np.eye(len(x))
+        slopes = [(residuals(x + step)[0] - residuals(x - step)[0]) / 2e-6 for step in steps]
+        assert residuals(x)[1] == pytest.approx(np.array(slopes).T, abs=1e-8)
+        assert len(residuals(x)[0]) == 2 * len(scene.joints) + (text is WELDED) + len(drives)
 
 
 def test_a_linkage_that_can_not_close_or_is_left_open_is_named(tmp_path):
