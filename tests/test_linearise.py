@@ -120,9 +120,11 @@ ENGINE = ("solve.preset=linear", "solve.steps=720")
 SHORT = ("solve.start=zero", "solve.duration=1 ms")
 
 
-def test_outputs_on_the_moving_engine_follow_the_state():
+@pytest.mark.parametrize("reduced", [(), ("solve.modes=2",)], ids=["full", "craig-bampton"])
+def test_outputs_on_the_moving_engine_follow_the_state(reduced):
     """Two runs under the same loads differ by C (x_1 - x_2) at every instant, every sensor alike."""
-    first, second = (run("engine-transient", *ENGINE, f"solve.start={start}") for start in ("zero", "quasistatic"))
+    starts = ("zero", "quasistatic")
+    first, second = (run("engine-transient", *ENGINE, *reduced, f"solve.start={start}") for start in starts)
     for k in (3, 200, 611):
         system = linearise(first.model, float(first.times[k]))
         x = [np.concatenate([part[:, k] for part in solution.coordinates[:2]]) for solution in (first, second)]
@@ -138,11 +140,12 @@ def start_of(scene: str, *settings: str) -> dict[str, float]:
     return {name: float(series.values[0]) for name, series in solution.series.items()}
 
 
+@pytest.mark.parametrize("reduced", [(), ("solve.modes=2",)], ids=["full", "craig-bampton"])
 @pytest.mark.parametrize("scene", ["engine", "engine-elastic-crank"])
-def test_a_load_enters_as_in_two_runs_that_differ_by_it(scene):
+def test_a_load_enters_as_in_two_runs_that_differ_by_it(scene, reduced):
     without = ("loads.gas.table=none", "loads.gas.column=none", "loads.gas.unit=none", "loads.gas.against=none",
                "loads.gas.period=none")  # fmt: skip
-    constant = [(*without, f"loads.gas.value={size} N") for size in (0, 2000)]
+    constant = [(*without, *reduced, f"loads.gas.value={size} N") for size in (0, 2000)]
     system = linearise(model(scene, *ENGINE, *constant[0]), 0.0)
     readings = [start_of(scene, *settings) for settings in constant]
     column = system.D[:, system.inputs.index("gas")]

@@ -142,7 +142,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
     from kaneflex.writing import refuse_existing, write_text
 
     if not as_latex:
-        raise click.UsageError("Say --latex; as Python the equations are what `kaneflex derive SCENE -o FILE.py` writes.")
+        raise click.UsageError("Say --latex; as Python they are what `kaneflex derive SCENE -o FILE.py` writes.")
     if output is not None:
         refuse_existing(output, force, "engine.tex")
     scene = read(name, [])

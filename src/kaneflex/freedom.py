@@ -75,7 +75,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     SceneError
         If the elastic stage can't be set up as the scene asks.
     """
-    from kaneflex.carried import carried_bodies, check_guides
+    from kaneflex.carried import carried_bodies, check_elastic
     from kaneflex.frame import build_frame
     from kaneflex.interfaces import find_interfaces
     from kaneflex.options import resolve_options
@@ -83,7 +83,7 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     options = resolve_options(scene)
     if options.dynamics == "rigid":
         return ()
-    check_guides(scene)
+    check_elastic(scene)
     links = {
         name: _mesh_of(scene, name, options.elements or body.beam.elements)
         for name, body in scene.bodies.items()

@@ -67,7 +67,7 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
         poses = {name: np.array([*body.pose.at, body.pose.angle]) for name, body in scene.bodies.items()}
         return Placement(poses, {})
     drives = {name: start_coordinate(scene, name) for name in scene.drives} | dict(at or {})
-    rows = _Rows(scene, drives)
+    rows = Rows(scene, drives)
     poses: dict[str, np.ndarray] = {"ground": _GROUND}
     while len(poses) <= len(scene.bodies):
         group = _next_group(scene, poses)
@@ -94,7 +94,7 @@ def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.nd
 
     The same factors take the drives' accelerations to those of the bodies, beside what depends on the speeds.
     """
-    rows, names = _Rows(scene, placement.drives), list(scene.bodies)
+    rows, names = Rows(scene, placement.drives), list(scene.bodies)
     joints = [*scene.joints]
     jacobian = rows.jacobian({"ground": _GROUND, **placement.poses}, names, joints)
     rates = {}
@@ -136,7 +136,7 @@ def _joints_of(scene: Scene, poses: Poses, group: Sequence[str]) -> list[str]:
     ]
 
 
-def _closed(rows: _Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Poses of a group: Newton's method from many starts, until one ends on the branch that the scene names."""
     from scipy.optimize import least_squares
 
@@ -167,7 +167,7 @@ def _closed(rows: _Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.n
     )  # fmt: skip
 
 
-class _Rows:
+class Rows:
     """Residuals of joints, then of the drives among them, in the bodies' coordinates; second side minus first."""
 
     def __init__(self, scene: Scene, drives: Mapping[str, float]):

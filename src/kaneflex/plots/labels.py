@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-_DISTANCES = (5.0, 8.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0)
+_DISTANCES = (7.0, 9.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0)
 """Of a label's box from its point, in points (1/72 inch)."""
 _DIRECTIONS = np.radians(np.arange(0.0, 360.0, 22.5))
 _STEP = 4.0

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from kaneflex.links import mesh
 from kaneflex.placing import Placement, place_of
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.labels import Labels
@@ -56,7 +57,10 @@ def scheme(scene: Scene, placement: Placement) -> Figure:
     draw_scenery(axes, fixed)
     grounded = {name: scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
     draw_guides(axes, fixed, grounded, drawn)
-    draw_outline(axes, drawn, 0, colour=ELASTIC)
+    for (kind, name), line in draw_outline(axes, drawn, 0, colour=ELASTIC).lines.items():
+        if kind == "links":
+            line.set_marker("none")  # marks stand for nodes here
+            _mark_nodes(axes, scene, placement, name)
     labels = Labels(axes, [*_paths(drawn), *_ground_points(fixed), *_faces(fixed, drawn)])
     _Parts(scene, placement, fixed, axes, labels).draw()
     _mark_sensors(axes, labels, sensors)
@@ -210,6 +214,15 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
         key = joint if joint is not None else str(target)
         found.setdefault(key, (MM * place_of(scene, placement.poses, address), []))[1].append(name)
     return [(key, at, names) for key, (at, names) in found.items()]
+
+
+def _mark_nodes(axes: Axes, scene: Scene, placement: Placement, name: str) -> None:
+    """The nodes of an elastic link between its ends."""
+    x_0, y_0, angle = placement.poses[name]
+    nodes = mesh(scene, name, scene.bodies[name].beam.elements)[1:-1]
+    points = MM * (np.array([x_0, y_0]) + np.outer(nodes, [math.cos(angle), math.sin(angle)]))
+    style = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": ELASTIC}
+    axes.plot(*points.T, linestyle="none", zorder=3.3, **style)
 
 
 def _mark_sensors(axes: Axes, labels: Labels, sensors: list[tuple[str, np.ndarray, list[str]]]) -> None:

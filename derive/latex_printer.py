@@ -1,0 +1,129 @@
+"""LaTeX of single symbols and equations; :mod:`kaneflex.derive.latex` makes documents of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+
+import sympy as sm
+from sympy.printing.latex import LatexPrinter
+
+from kaneflex.derive.mechanism import Mechanism
+from kaneflex.derive.program import Program
+
+_WIDTH = 78
+"""Characters of a line of an equation, roughly as wide as the text."""
+_GREEK = {"omega", "epsilon", "gamma", "tau", "phi", "rho"}
+_WORDS = {
+    "length": r"\ell", "mass": "m", "inertia": "J", "force": "F", "moment": "M", "normal": "N", "drive": "T",
+    "coordinate": r"\theta", "rate": r"\dot\theta", "acceleration": r"\ddot\theta", "speed": r"\Omega",
+    "centre": "r", "gravity": "g", "direction": "d",
+}  # fmt: skip
+"""Words of names that have a letter of their own; the others are written out."""
+_SILENT = r"\\(mathrm|mathtt|mathbf|left|right|bigl|bigr|frac|dot|ddot|quad|operatorname)"
+_SPECIAL = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+
+
+def broken(text: str) -> str:
+    """A right-hand side on as many lines as it needs, broken before a sign outside of all braces."""
+    if seen_length(text) <= _WIDTH:
+        return text
+    text = text.replace(r"\left(", r"\bigl(").replace(r"\right)", r"\bigr)")  # unlike those, not bound to one line
+    pieces, depth, start = [], 0, 0
+    for match in re.finditer(r"[{}]| [+-] ", text):
+        if match[0] in "{}":
+            depth += 1 if match[0] == "{" else -1
+        elif depth == 0:
+            pieces.append(text[start : match.start()])
+            start = match.start()
+    pieces.append(text[start:])
+    lines = [pieces[0]]
+    for piece in pieces[1:]:
+        if seen_length(lines[-1] + piece) > _WIDTH:
+            lines.append(piece)
+        else:
+            lines[-1] += piece
+    return " \\\\\n&\\quad".join(lines)
+
+
+def seen_length(text: str) -> int:
+    """Characters that are seen of some LaTeX, roughly; both sides of a fraction count."""
+    named = re.sub(r"\\[a-zA-Z]+", "x", re.sub(_SILENT + r"\b", "", text))
+    return len(re.sub(r"[{}_^\\ ]", "", named))
+
+
+class EquationPrinter(LatexPrinter):
+    """LaTeX of scalar equations: names from a table, every digit of a number."""
+
+    def __init__(self, names: Callable[[sm.Symbol], str]):
+        super().__init__({"fold_short_frac": False, "mul_symbol": r" \, "})
+        self._name = names
+
+    def _print_Symbol(self, expr: sm.Symbol, style: str = "plain") -> str:
+        return self._name(expr)
+
+    def _print_Float(self, expr: sm.Float) -> str:
+        mantissa, _, exponent = repr(float(expr)).partition("e")
+        return rf"({mantissa} \cdot 10^{{{int(exponent)}}})" if exponent else mantissa
+
+
+class SymbolNames:
+    """LaTeX of every symbol of the rigid stage, no two alike.
+
+    A name is taken apart at the body, joint or load that it belongs to: ``v_x_rod`` is v with the subscripts x, rod.
+    Where two symbols would look alike both are printed as they are called in the module.
+    """
+
+    def __init__(self, mechanism: Mechanism, programs: Iterable[Program]):
+        owners = {*mechanism.bodies, *mechanism.joints, *mechanism.masses, *mechanism.loads, "ground"}
+        self._owners = sorted(owners, key=lambda name: (-len(name), name))
+        symbols = {symbol for symbol, _ in mechanism.parameters.values()}
+        for program in programs:
+            symbols |= {*program.inputs, *(symbol for symbol, _ in program.assignments)}
+        nice = {symbol: self._nice(symbol.name) for symbol in symbols}
+        taken = [*nice.values()]
+        self._latex = {
+            symbol: text if taken.count(text) == 1 else rf"\mathtt{{{escaped(symbol.name)}}}"
+            for symbol, text in nice.items()
+        }
+
+    def __call__(self, symbol: sm.Symbol) -> str:
+        return self._latex[symbol]
+
+    def _nice(self, name: str) -> str:
+        plain = name.rstrip("_")
+        primes = "'" * (len(name) - len(plain))
+        if numbered := re.fullmatch(r"w(\d+)", plain):
+            return f"w_{{{numbered[1]}}}"
+        for owner in self._owners:
+            if plain == owner:
+                return rf"{{\mathrm{{{escaped(owner)}}}{primes}}}" if primes else rf"\mathrm{{{escaped(owner)}}}"
+            if plain.endswith(f"_{owner}"):
+                return subscripted(plain.removesuffix(f"_{owner}").split("_"), owner, primes)
+            if plain.startswith(f"{owner}_"):
+                return subscripted(plain.removeprefix(f"{owner}_").split("_"), owner, primes)
+        return subscripted(plain.split("_"), None, primes)
+
+
+def subscripted(words: list[str], owner: str | None, primes: str) -> str:
+    """The first word as the letter, the others and the owner as its subscripts."""
+    raised = primes
+    if words[0] == "link" and len(words) > 1:
+        words, raised = words[1:], rf"^{{\mathrm{{link}}{primes}}}"
+    first = words[0]
+    if first in _WORDS:
+        letter = _WORDS[first]
+    elif first in _GREEK:
+        letter = f"\\{first}"
+    else:
+        letter = first if len(first) == 1 else rf"\mathrm{{{escaped(first)}}}"
+    below = [word if len(word) == 1 else rf"\mathrm{{{escaped(word)}}}" for word in words[1:]]
+    if owner is not None:
+        below.append(rf"\mathrm{{{escaped(owner)}}}")
+    base = f"{{{letter}{raised}}}" if raised else letter  # in braces, for powers of it
+    return base + (f"_{{{', '.join(below)}}}" if below else "")
+
+
+def escaped(text: str) -> str:
+    """Text as LaTeX prints it as it stands."""
+    return re.sub(r"[\\~^#$%&_{}]", lambda match: _SPECIAL.get(match[0], f"\\{match[0]}"), text)

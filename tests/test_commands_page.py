@@ -1,0 +1,73 @@
+"""docs/commands.md: its commands run as they stand, its Python prints what it says, its words are the files'."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli
+
+PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", TEXT, flags=re.DOTALL) for line in block.splitlines()]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def folder(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("page"))
+        yield
+
+
+@pytest.fixture(scope="module")
+def outputs(folder) -> dict[str, str]:
+    """What each command of the page prints, run one after the other in one folder."""
+    found = {}
+    for command in COMMANDS:
+        program, *arguments = shlex.split(command)
+        assert program == "kaneflex"
+        result = cli(*arguments)
+        assert result.exit_code == 0, (command, result.output)
+        found[command] = result.stdout
+    return found
+
+
+def test_every_command_runs_and_writes_its_files(outputs):
+    files = {path.name for path in Path().iterdir()}
+    assert files == {"press.toml", "press.png", "engine.svg", "engine.npz", "engine.mat", "engine.tex"}
+    assert {command.split()[1] for command in outputs} == {"new", "show", "linearise", "equations"}
+
+
+def test_the_count_is_printed_as_the_page_shows_it(outputs):
+    shown = re.search(r"    degrees of freedom\n(?:      .*\n)+", TEXT)[0]
+    expected = [line.removeprefix("    ") for line in shown.splitlines()]
+    assert outputs["kaneflex show press.toml --at main=30deg"].splitlines()[-len(expected) - 1 : -1] == expected
+
+
+def test_the_file_has_the_names_of_the_table(outputs):
+    table = re.findall(r"^\| (`.*?) \| ", TEXT, flags=re.MULTILINE)
+    names = {name for cell in table for name in re.findall(r"`(\w+)`", cell)}
+    with np.load("engine.npz") as found:
+        assert set(found) == names
+
+
+def test_the_python_prints_what_its_comment_says(capsys):
+    (block,) = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
+    namespace: dict[str, object] = {}
+    exec(compile(block, "commands.md", "exec"), namespace)
+    promised = re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
+    assert promised and capsys.readouterr().out.splitlines() == promised
+    assert namespace["response"].shape == (1, 2)
+
+
+def test_links_lead_somewhere():
+    anchors = {heading.lower().replace(" ", "-") for heading in re.findall(r"^#+ (.*)$", TEXT, flags=re.MULTILINE)}
+    for target in re.findall(r"\]\(([^)]+)\)", TEXT):
+        assert target[1:] in anchors if target.startswith("#") else (PAGE.parent / target).exists(), target
+
+
+def test_help_names_the_commands():
+    shown = cli("--help").stdout
+    for command in {line.split()[1] for line in COMMANDS}:
+        assert re.search(rf"^  {command} ", shown, flags=re.MULTILINE)

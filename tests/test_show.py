@@ -1,0 +1,303 @@
+"""Showing a scene: places without the derived equations, the count of freedoms, and the drawing."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+from PIL import Image
+from runs import model
+
+from kaneflex.errors import SceneError
+from kaneflex.freedom import count_freedom, elastic_coordinates
+from kaneflex.placing import Rows, drive_rates, place, start_coordinate
+from kaneflex.plots.scheme import scheme, scheme_picture
+from kaneflex.plots.style import styled
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
+
+SCENES = tuple(shipped_scenes())
+
+QUICK_RETURN = """
+schema = 1
+ground = {low = [0, "-100 mm"]}
+[bodies]
+crank = {length = "40 mm", mass = "0.2 kg"}
+block = {mass = "0.1 kg"}
+arm = {length = "200 mm", mass = "0.5 kg"}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "block"]}
+foot = {revolute = ["ground.low", "arm.start"]}
+slot = {prismatic = ["arm", "block"], direction = [1, 0], branch = "BRANCH"}
+[drives]
+main = {speed = "60 rpm", cycle = "360 deg"}
+[solve]
+preset = "rigid"
+"""
+WELDED = """
+schema = 1
+[bodies]
+arm = {length = "1 m", mass = "1 kg"}
+knee = {length = "1 m", mass = "1 kg"}
+[joints]
+root = {revolute = ["ground", "arm.start"]}
+seam = {weld = ["arm.end", "knee.start"], relative_angle = "90 deg"}
+[drives]
+root = {law = "0.5 + 2*t"}
+[solve]
+preset = "rigid"
+duration = "1 s"
+"""
+GALLOWS = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+post = {length = "1 m", pose = {at = [0, 0], angle = "90 deg"}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
+beam = {length = "0.5 m", pose = {at = [0, 1]}, beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}
+[joints]
+foot = {weld = ["ground", "post.start"]}
+corner = {weld = ["post.end", "beam.start"], relative_angle = "-90 deg"}
+[solve]
+preset = "linear"
+duration = "1 s"
+"""
+
+
+def written(folder: Path, text: str):
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return read_scene(path)
+
+
+# ---- places -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_places_are_those_of_the_generated_motion(name):
+    """At seven configurations of the run, and on the right branch."""
+    found, scene = model(name), read_scene(name)
+    if scene.is_frame:
+        return
+    for t in np.linspace(0.0, scene.horizon, 7):
+        rigid = found.motion.at(t)
+        placement = place(scene, {drive: float(rigid[f"{drive}.angle"][0]) for drive in scene.drives})
+        for body in scene.bodies:
+            for kind in "xycs":
+                expected = rigid[f"{body}.{kind}"][0]
+                assert placement[f"{body}.{kind}"][0] == pytest.approx(expected, abs=1e-9), (body, kind, t)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_drives_start_where_the_run_starts(name):
+    found, scene = model(name), read_scene(name)
+    for drive in scene.drives:
+        assert start_coordinate(scene, drive) == pytest.approx(found.motion.at(0.0)[f"{drive}.angle"][0], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["engine-3", "four-bar", "slider-crank-150"])
+def test_rates_are_those_of_the_generated_motion(name):
+    found, scene = model(name), read_scene(name)
+    (drive, moved), *_ = scene.drives.items()
+    for t in np.linspace(0.0, scene.horizon, 5):
+        rigid = found.motion.at(t)
+        rates = drive_rates(scene, place(scene, {drive: float(rigid[f"{drive}.angle"][0])}))[drive]
+        for body in scene.bodies:
+            expected = [rigid[f"{body}.{kind}"][0] / moved.speed for kind in ("v_x", "v_y", "omega")]
+            assert rates[body] == pytest.approx(expected, abs=1e-9), body
+
+
+@pytest.mark.parametrize("name", ["engine", "four-bar"])
+def test_the_other_branch_is_the_other_way_to_close(name):
+    scene = read_scene(name)
+    joint = scene.loop_joints()[0]
+    flipped = with_settings(scene, [f"joints.{joint}.branch=-"])
+    found = model(name, f"joints.{joint}.branch=-")
+    at = {"main": 0.7}
+    time = 0.7 / scene.drives["main"].speed
+    for body in scene.bodies:
+        expected = [found.motion.at(time)[f"{body}.{kind}"][0] for kind in "xycs"]
+        assert [place(flipped, at)[f"{body}.{kind}"][0] for kind in "xycs"] == pytest.approx(expected, abs=1e-9)
+    last = list(scene.bodies)[-1]
+    assert not np.allclose(place(flipped, at).poses[last], place(scene, at).poses[last])
+
+
+@pytest.mark.parametrize("branch", ["+", "-"])
+def test_a_lever_points_at_its_slider_or_away(tmp_path, branch):
+    scene = written(tmp_path, QUICK_RETURN.replace("BRANCH", branch))
+    placement = place(scene, {"main": 0.3})
+    pin = 0.04 * np.array([math.cos(0.3), math.sin(0.3)])
+    along = np.array([placement["arm.c"][0], placement["arm.s"][0]])
+    towards = (pin - [0.0, -0.1]) / np.hypot(*(pin - [0.0, -0.1]))
+    assert along == pytest.approx(towards if branch == "+" else -towards, abs=1e-9)
+    assert [placement["block.x"][0], placement["block.y"][0]] == pytest.approx(pin, abs=1e-12)
+
+
+def test_welds_laws_and_structures_stand_where_they_should(tmp_path):
+    knee = place(written(tmp_path, WELDED)).poses["knee"]
+    assert knee == pytest.approx([math.cos(0.5), math.sin(0.5), 0.5 + math.pi / 2], abs=1e-12)
+    gallows = place(written(tmp_path, GALLOWS))
+    assert gallows.poses["beam"] == pytest.approx([0.0, 1.0, 0.0]) and gallows.drives == {}
+
+
+def test_residuals_have_the_derivatives_that_newtons_method_is_given(tmp_path):
+    """Guides on the ground and on a body that turns, pins, a weld, driven turns and driven slides."""
+    random = np.random.default_rng(1)
+    for text, drives in ((QUICK_RETURN.replace("BRANCH", "+"), ("main", "slot")), (WELDED, ("root",))):
+        scene = written(tmp_path, text)
+        rows, bodies, joints = Rows(scene, dict.fromkeys(drives, 0.1)), [*scene.bodies], [*scene.joints]
+        x = random.normal(size=3 * len(bodies))
+
+        def residuals(x, rows=rows, bodies=bodies, joints=joints):
+            poses = {"ground": np.zeros(3), **{name: x[3 * k : 3 * k + 3] for k, name in enumerate(bodies)}}
+            return rows.residuals(poses, joints), rows.jacobian(poses, bodies, joints)
+
+        steps = 1e-6 * np.eye(len(x))
+        slopes = [(residuals(x + step)[0] - residuals(x - step)[0]) / 2e-6 for step in steps]
+        assert residuals(x)[1] == pytest.approx(np.array(slopes).T, abs=1e-8)
+        assert len(residuals(x)[0]) == 2 * len(scene.joints) + (text is WELDED) + len(drives)
+
+
+def test_a_linkage_that_can_not_close_or_is_left_open_is_named(tmp_path):
+    engine = with_settings(read_scene("engine"), ["rod.length=30 mm"])
+    with pytest.raises(SceneError, match=r"joints\.bore = '\+': the linkage can't close at main = 90 deg: rod, piston"):
+        place(engine, {"main": math.pi / 2})
+    assert place(engine, {"main": 0.0}).poses["rod"] == pytest.approx([0.04, 0.0, 0.0], abs=1e-9)
+    open_chain = written(tmp_path, WELDED.replace("seam = {weld", "seam = {revolute").replace(
+        ', relative_angle = "90 deg"', ""))  # fmt: skip
+    with pytest.raises(SceneError, match="leave the place of knee open"):
+        place(open_chain)
+
+
+# ---- freedoms -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_elastic_coordinates_are_those_of_the_model(name):
+    assert sorted(elastic_coordinates(read_scene(name))) == sorted(model(name).coordinates)
+
+
+def test_counts_and_verdicts(tmp_path):
+    engine = count_freedom(read_scene("engine"))
+    assert (engine.mobility, engine.left, engine.prescribed) == (1, 0, ("main",))
+    assert engine.constraints == {"main": 2, "pin": 2, "wrist": 2, "bore": 2}
+    pendulum = count_freedom(read_scene("double-pendulum"))
+    assert (pendulum.mobility, pendulum.left, pendulum.free) == (2, 0, ("pivot", "elbow"))
+    assert pendulum.verdict == "the forces drive what is free"
+    bare = ["drives=none", "loads=none", "sensors=none", "solve.duration=1 s", "solve.start=zero"]
+    undriven = count_freedom(with_settings(read_scene("engine"), bare))
+    assert undriven.left == 1 and undriven.verdict.startswith("1 too many")
+    driven_weld = ["joints.hub.revolute=none", 'joints.hub.weld=["ground", "beam.start"]', "sensors=none"]
+    welded = count_freedom(with_settings(read_scene("spin-up"), [*driven_weld, "drives=none"]))
+    assert welded.left == 0 and welded.mobility == 0
+    gallows = count_freedom(written(tmp_path, GALLOWS))
+    assert gallows.still and "structure" in gallows.verdict
+
+
+# ---- the drawing --------------------------------------------------------------------------------------------------
+
+
+def texts(scene) -> list[str]:
+    with styled():
+        figure = scheme(scene, place(scene))
+    return [text.get_text() for text in [*figure.texts, *figure.axes[0].texts, figure.axes[0].title]]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_everything_is_named_in_the_drawing(name):
+    scene = read_scene(name)
+    shown = "\n".join(texts(scene))
+    plain = " ".join(shown.split())
+    for thing in (*scene.bodies, *scene.joints, *scene.masses, *scene.loads, *scene.sensors):
+        assert thing in plain, thing
+    for drive in scene.drives.values():
+        assert drive.kind != "constant speed" or "rpm" in plain
+        assert drive.kind != "free" or "free" in plain
+
+
+def test_labels_cover_neither_each_other_nor_leave_the_picture():
+    scene = read_scene("engine")
+    with styled():
+        figure = scheme(scene, place(scene, {"main": 1.0}))
+        figure.canvas.draw()
+        axes = figure.axes[0]
+        frame = axes.get_window_extent()
+        boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
+    assert len(boxes) > 10
+    for k, box in enumerate(boxes):
+        assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
+
+
+def test_the_same_scene_gives_the_same_bytes():
+    scene = read_scene("four-bar")
+    for kind in ("png", "svg", "pdf"):
+        assert scheme_picture(scene, place(scene), kind) == scheme_picture(scene, place(scene), kind)
+
+
+def test_a_structure_with_gravity_is_drawn(tmp_path):
+    assert {"g", "post (4 el.)", "foot", "corner"} <= set(texts(written(tmp_path, GALLOWS)))
+
+
+# ---- command line -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_show_draws_and_counts():
+    shown = cli("show", "engine", "-o", "engine.png", "--at", "main=30deg")
+    assert shown.exit_code == 0, shown.output
+    for words in ("rod     elastic, 4 elements", "joints     -8  main 2, pin 2, wrist 2, bore 2", "left        0",
+                  "elastic    12", "Written to engine.png"):  # fmt: skip
+        assert words in shown.stdout
+    assert Image.open("engine.png").width > 1000
+    refused(cli("show", "engine", "-o", "engine.png"), "the file exists", "--force")
+    assert cli("show", "engine", "-o", "engine.png", "--force").exit_code == 0
+    assert cli("show", "double-pendulum", "--at", "pivot=90deg", "--at", "elbow=-1").exit_code == 0
+    assert sorted(path.name for path in Path().iterdir()) == ["double-pendulum.png", "engine.png"]
+
+
+BAD = {
+    ("engine", "-o", "engine.gif"): ("engine.gif", "not a kind of picture", ".svg"),
+    ("engine", "--at", "pin=3"): ("--at = 'pin=3'", "main"),
+    ("engine", "--at", "main"): ("--at = 'main'", "DRIVE=ANGLE"),
+    ("engine", "--set", "rod.length=30 mm", "--at", "main=90deg"): ("joints.bore", "can't close at main = 90 deg"),
+    ("engin",): ("scene = 'engin'", "'engine'"),
+}
+
+
+@pytest.mark.parametrize("arguments", BAD, ids=" ".join)
+def test_bad_input_is_named_and_nothing_is_written(arguments):
+    refused(cli("show", *arguments), *BAD[arguments])
+    assert list(Path().iterdir()) == []
+
+
+def test_a_scene_that_can_not_be_run_is_shown_with_a_warning():
+    Path("lever.toml").write_text(QUICK_RETURN.replace("BRANCH", "+").replace(
+        'arm = {length = "200 mm", mass = "0.5 kg"}',
+        'arm = {length = "200 mm", beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}',
+    ).replace('preset = "rigid"', 'preset = "linear"'))  # fmt: skip
+    shown = cli("show", "lever.toml")
+    assert shown.exit_code == 0, shown.output
+    assert "Warning: the elastic part can't be set up" in shown.stderr and "elastic body on a guide" in shown.stderr
+    assert "elastic   " not in shown.stdout.split("degrees of freedom")[1]
+    assert Path("lever.png").is_file()
+
+
+def test_nothing_is_derived_or_compiled_to_show_a_scene():
+    code = """
+import sys
+from kaneflex.cli import main
+try:
+    main(["show", "engine"])
+except SystemExit as stop:
+    assert not stop.code
+print([name for name in ("sympy", "kaneflex.derive", "kaneflex.generated.engine") if name in sys.modules])
+"""
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert shown.stdout.splitlines()[-1] == "[]", shown.stderr
