@@ -9,9 +9,9 @@ from typing import Any
 import sympy as sm
 from sympy.core.function import AppliedUndef
 
-from kaneflex.contract import ELEMENT_KERNELS, ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS
+from kaneflex.contract import ELEMENT_KERNELS, FORMAT, LINK_SCALARS
 from kaneflex.derive import emit
-from kaneflex.derive.beam import Element, Term, euler_bernoulli
+from kaneflex.derive.beam import Element, Term, beam_element
 from kaneflex.derive.mechanism import Mechanism, read_structure
 from kaneflex.derive.motion import Motion, derive_motion
 from kaneflex.derive.program import Program, share
@@ -35,8 +35,16 @@ def derive_equations(structure: dict[str, Any]) -> Equations:
     """Kane's equations of the rigid mechanism and of one differential particle of an elastic link."""
     mechanism = read_structure(structure)
     motion = derive_motion(mechanism)
-    element = required_terms(euler_bernoulli(), motion, mechanism.viscous) if motion.links else None
+    element = required_terms(_element(structure), motion, mechanism.viscous) if motion.links else None
     return Equations(mechanism, motion, element)
+
+
+def _element(structure: dict[str, Any]) -> Element:
+    """The leanest element that serves every elastic link; the simpler ones are its limits, by their parameters."""
+    theories = {body.get("theory") for body in structure["bodies"].values()}
+    shear = "timoshenko" in theories
+    varying = any(body.get("varying") for body in structure["bodies"].values())
+    return beam_element(rotary=shear or "rayleigh" in theories, shear=shear, varying=varying)
 
 
 def required_terms(element: Element, motion: Motion, viscous: bool) -> Element:
@@ -80,7 +88,7 @@ def lower(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
     if equations.element is not None:
         element = equations.element
         kernels += [_element_kernel(name, element) for name in ELEMENT_KERNELS if _sum(element, name) is not None]
-        kernels += [_term_kernel(term) for term in element.terms]
+        kernels += [_term_kernel(term, element) for term in element.terms]
         if _sum(element, "F") is not None:
             kernels.append(_force_kernel(equations))
     return kernels
@@ -105,6 +113,13 @@ _ELEMENT_DOCS = {
     "C": ("Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].", "C", ("gyroscopic",)),
     "F": ("Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].", "F", ("load",)),
 }  # fmt: skip
+
+
+_ROTARY_DOCS = {
+    "M": "\n\nM holds the rotary inertia int rho I theta^T theta dx, too.",
+    "K_d": "\n\nM here is that of translation alone.",
+    "F": "\n\nIt holds the rotary inertia -epsilon int rho I theta^T dx, too.",
+}
 
 
 def _sum(element: Element, kernel: str) -> sm.Matrix | None:
@@ -132,6 +147,10 @@ def _element_inputs(element: Element) -> tuple[tuple[sm.Symbol, str], ...]:
 
 def _element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     doc, *_ = _ELEMENT_DOCS[name]
+    if element.has("rho_I"):
+        doc += _ROTARY_DOCS.get(name, "")
+    if element.has("phi_s") and name == "M":
+        doc += "\nThe correction M_c for the elements' answer to their own inertia is in it, but not in K_d and C."
     inputs = _element_inputs(element)
     raw = Program(name, tuple(s for s, _ in inputs), (), _stores(_sum(element, name)))
     arguments = ("p", "out") if name in ("M", "K_s") else ("p", "s", "out")
@@ -139,8 +158,8 @@ def _element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     return emit.Kernel(share(raw), arguments, inputs, doc + " out: zeros; structural zeros are not stored."), raw
 
 
-def _term_kernel(term: Term) -> tuple[emit.Kernel, Program]:
-    inputs = tuple((sm.Symbol(name, positive=True), f"p[{i}]") for i, (name, *_) in enumerate(ELEMENT_PARAMETERS))
+def _term_kernel(term: Term, element: Element) -> tuple[emit.Kernel, Program]:
+    inputs = _element_inputs(element)
     matrix = term.matrix
     stores = tuple(
         (f"out[{i}, {j}]", matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
@@ -217,10 +236,11 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     stored = [scalar for block in motion.links.values() for scalar in block]
     stored += [scalar for scalar in motion.scalars if not scalar.value.is_number]
     constants = {s.name: float(s.value) for s in motion.scalars if s.value.is_number}
-    rows = []
+    rows, of_element = [], ()
     if equations.element is not None:
+        of_element = tuple((name, unit, meaning) for name, _, unit, meaning in equations.element.parameters)
         for link in motion.links:
-            parameters += [(f"{link}.element.{name}", unit) for name, unit, _ in ELEMENT_PARAMETERS]
+            parameters += [(f"{link}.element.{name}", unit) for name, unit, _ in of_element]
         rows = [(term.name, term.group, term.target, _monomial(term.scalar)) for term in equations.element.terms]
     links = {link: k * len(LINK_SCALARS) for k, link in enumerate(motion.links)}
     return [
@@ -230,7 +250,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         emit.literal("CONSTANTS", constants, "scalars that the structure fixes"),
         emit.literal("LINKS", links, "elastic link -> where its LINK_SCALARS begin in s"),
         emit.literal("LINK_SCALARS", LINK_SCALARS if motion.links else (), "s of the element kernels"),
-        emit.literal("ELEMENT_PARAMETERS", ELEMENT_PARAMETERS if motion.links else (), "p of the element kernels"),
+        emit.literal("ELEMENT_PARAMETERS", of_element, "p of the element kernels"),
         emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
         emit.literal("OPERATIONS", counts, "kernel -> operations written out, operations with shared subexpressions"),
     ]  # fmt: skip

@@ -60,8 +60,8 @@ class Link:
     ----------
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m].
-    rho_A, E_A, E_I : float
-        Mass per length [kg/m], axial stiffness [N], bending stiffness [N m^2].
+    parameters : mapping of str to ndarray (elements,)
+        Parameters of every element, by the names in ``kaneflex.contract``.
     element_terms : tuple of (key, monomial, ndarray (elements, 6, 6 or 1))
         Each term's matrix of every element, for the forces at the elements' ends.
     part : Part
@@ -70,9 +70,7 @@ class Link:
 
     name: str
     nodes: np.ndarray
-    rho_A: float
-    E_A: float
-    E_I: float
+    parameters: Mapping[str, np.ndarray]
     element_terms: tuple[tuple[str, Monomial, np.ndarray], ...]
     part: Part
 
@@ -95,12 +93,18 @@ def forced_points(scene: Scene, link: str) -> dict[str, float]:
 
 
 def mesh(scene: Scene, link: str, elements: int) -> np.ndarray:
-    """Nodes at the ends and at every point with a force, and ``elements`` of nearly equal length between them."""
-    length = scene.bodies[link].length
-    stops = sorted({0.0, length, *forced_points(scene, link).values()})
+    """Nodes at the ends, at points with a force and between segments, ``elements`` of nearly equal length in all."""
+    length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
+    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders}, length)
     counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
     spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
     return np.concatenate([*spans, [length]])
+
+
+def _apart(stops: Collection[float], length: float) -> list[float]:
+    """The stops in order; of those that are one, the first."""
+    ordered = sorted(stops)
+    return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
 def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
@@ -113,8 +117,9 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     nodes = mesh(scene, name, elements)
     elements = len(nodes) - 1
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
+    of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
     for e in range(elements):
-        p = np.array([body.rho_A, body.E_A, body.E_I, nodes[e + 1] - nodes[e], nodes[e]])
+        p = np.array([of_element[e][parameter] for parameter, *_ in module.ELEMENT_PARAMETERS])
         for k, (_, group, target, factors) in enumerate(module.TERMS):
             out = np.zeros((6, 1 if target == "F" else 6))
             module.terms(k, p, out)
@@ -137,7 +142,8 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     coordinates = tuple(f"{name}.{i}.{dof}" for i in range(elements + 1) for dof in DOFS)
     place = {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(elements + 1)}
     part = Part(name, coordinates, matrices, place)
-    return Link(name, nodes, body.rho_A, body.E_A, body.E_I, element_terms, part)
+    parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
+    return Link(name, nodes, parameters, element_terms, part)
 
 
 def _scalar(link: str, factor: str) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import carried_bodies, check_guides
-from kaneflex.contract import ELEMENT_PARAMETERS
 from kaneflex.errors import SceneError
 from kaneflex.model import Model, Motion
 from kaneflex.options import Options, resolve_options
@@ -65,7 +64,7 @@ def _compile(motion: Motion) -> None:
     """Call the kernels that every load needs once, so that compiling is seen and timed apart from computing."""
     motion.table(np.zeros(1))
     if motion.module.LINKS:
-        motion.module.terms(0, np.ones(len(ELEMENT_PARAMETERS)), np.zeros((6, 6)))
+        motion.module.terms(0, np.ones(len(motion.module.ELEMENT_PARAMETERS)), np.zeros((6, 6)))
 
 
 def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
