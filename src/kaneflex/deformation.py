@@ -142,8 +142,54 @@ class Deformation:
         """Forces and moments on an element at its nodes, link axes, shape (6, n_times).
 
         The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
-        K_s q alone for the frozen model of the paper.
+        K_s q alone for the frozen model of the paper. An axially rigid element besides passes on what pulls at it.
         """
+        total = self._residual(e)
+        if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.options.dynamics != "frozen":
+            total[0] -= self._passed_on[e]
+            total[3] += self._passed_on[e]
+        return total
+
+    @cached_property
+    def _passed_on(self) -> np.ndarray:
+        """Tension of each element of an axially rigid link beside its own residual, (elements, n_times).
+
+        From the free ends towards the node at the joint every node is in balance under its elements' forces, the loads
+        and the lumped masses there.
+        """
+        elements = len(self.link.nodes) - 1
+        joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), elements)
+        residuals = [self._residual(e) for e in range(elements)]
+        tension = np.zeros((elements, self.q.shape[1]))
+        for node in range(joint):
+            before = tension[node - 1] + residuals[node - 1][3] if node else 0.0
+            tension[node] = before + residuals[node][0] - self._axial_push(node)
+        for node in range(elements, joint, -1):
+            beyond = tension[node] - residuals[node][0] if node < elements else 0.0
+            tension[node - 1] = beyond - residuals[node - 1][3] + self._axial_push(node)
+        return tension
+
+    def _axial_push(self, node: int) -> np.ndarray:
+        """Axial force of the loads and the lumped masses at a node, (n_times,)."""
+        scene, rigid, name, options = self.model.scene, self.rigid, self.link.name, self.model.options
+        total = np.zeros(self.q.shape[1])
+        for key, load in scene.loads.items():
+            if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
+                (x, y), turned = load.direction, load.axes == "global"
+                total += rigid[key] * (rigid[f"{name}.c"] * x + rigid[f"{name}.s"] * y if turned else x)
+        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+        u, v = self.q[3 * node : 3 * node + 2]
+        felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
+        felt = felt - options.spin * omega**2 * u - options.euler * epsilon * v
+        if options.dynamics == "dynamic":
+            felt = felt + self.q_accel[3 * node] - options.gyroscopic * 2 * omega * self.q_rate[3 * node + 1]
+        for mass in scene.masses.values():
+            if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
+                total -= mass.mass * felt
+        return total
+
+    def _residual(self, e: int) -> np.ndarray:
+        """M q'' + C q' + K q - F of one element, (6, n_times)."""
         rows = slice(3 * e, 3 * e + 6)
         series = {"M": self.q_accel[rows], "C": self.q_rate[rows], "K": self.q[rows]}
         total = np.zeros((6, self.q.shape[1]))
@@ -203,4 +249,5 @@ def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> D
     series = follow(model, rigid, coordinates, model.frame.maps[name])
     if name in model.bases:
         series = tuple(model.bases[name] @ part for part in series)
-    return Deformation(model, model.links[name], rigid, *series)
+    link = model.links[name]
+    return Deformation(model, link, rigid, *(link.at_nodes(part) for part in series))
