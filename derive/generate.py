@@ -150,7 +150,7 @@ def _element_kernel(name: str, element: Element) -> tuple[emit.Kernel, Program]:
     if element.has("rho_I"):
         doc += _ROTARY_DOCS.get(name, "")
     if element.has("phi_s") and name == "M":
-        doc += "\nThe correction M_c for the elements' answer to their own inertia is in it, but not in K_d and C."
+        doc += "\nSo is the correction M_c for the element's answer to its own inertia; K_d and C are without it."
     inputs = _element_inputs(element)
     raw = Program(name, tuple(s for s, _ in inputs), (), _stores(_sum(element, name)))
     arguments = ("p", "out") if name in ("M", "K_s") else ("p", "s", "out")

@@ -81,7 +81,8 @@ def beam_shape(section: Section, shear: bool = False) -> ShapeFunctions:
     the printed (55) lacks an l; the section follows the axis, theta = v'. With shear those of Przemieniecki
     (1968) and of Friedman and Kosmatka (1993), as a blend of bending by beta = 1/(1 + phi_s) and shear by the
     rest: the shear strain gamma = v' - theta = -phi_s l^2/12 v''' is what the equilibrium E I theta'' =
-    -kappa G A gamma asks for, whatever the slenderness, so that nothing locks.
+    -kappa G A gamma asks for, whatever the slenderness, so that nothing locks. Where E I grows over the element,
+    theta bows besides by (1 - beta) (E_I_rise/E_I)/2 (theta2 - theta1) s (1 - s), which has the least strain energy.
     """
     s = x / length
     beta = beta_s if shear else S.One
@@ -92,18 +93,22 @@ def beam_shape(section: Section, shear: bool = False) -> ShapeFunctions:
     N_4 = length * (beta * (s**3 - s**2) - (1 - beta) * (s - s**2) / 2)
     displacement = ImmutableMatrix([[N_1x, 0, 0, N_2x, 0, 0], [0, N_1, N_2, 0, N_3, N_4]])
     u, v = displacement[0, :], displacement[1, :]
-    slope = diff(v, x)
     axial = ("axial", diff(u, x), section.axial)
     if not shear:
+        slope = diff(v, x)
         return ShapeFunctions(displacement, slope, slope, (axial, ("bending", diff(v, x, 2), section.bending)))
-    # gamma = (1 - beta) unit: v''' carries one beta, and phi_s = (1 - beta)/beta. The energy is 1/2 kappa G A gamma^2.
+    # gamma = (1 - beta) unit, for v has one beta in its third derivative and phi_s = (1 - beta)/beta.
     unit = -(length**2) * diff(v, x, 3) / (12 * beta)
+    share = diff(section.bending, x) * length / (12 * E_I)
+    if share != 0:
+        bow = share * ImmutableMatrix([[0, 0, -1, 0, 0, 1]])
+        displacement += ImmutableMatrix([[0], [1]]) * (1 - beta) * length * (3 * s**2 - 2 * s**3 - s) * bow
+        unit -= bow
+    slope = diff(displacement[1, :], x)
     rotation = slope - (1 - beta) * unit
-    strains = (
-        axial,
-        ("bending", diff(rotation, x), section.bending),
-        ("shear", unit, 12 * E_I * beta * (1 - beta) / length**2),
-    )
+    # kappa G A gamma^2 = 12 E I (1 - beta) beta unit^2 / l^2
+    rigidity = 12 * E_I * beta * (1 - beta) / length**2
+    strains = (axial, ("bending", diff(rotation, x), section.bending), ("shear", unit, rigidity))
     return ShapeFunctions(displacement, rotation, slope, strains)
 
 

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import model
+from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
 from kaneflex.binding import bind_parameters
 from kaneflex.building import reference_modes
 from kaneflex.links import craig_bampton
-from kaneflex.loading import load
 from kaneflex.model import Model
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import with_settings
 from kaneflex.simulate import simulate
 
 DATA = Path(__file__).parent / "data"
@@ -285,19 +284,6 @@ hub_force = {joint_force = "hub", component = "x"}
 [solve]
 preset = "quasistatic"
 """
-
-
-def derived_on_the_fly(text: str, folder: Path) -> Model:
-    """The model of a scene that no shipped module serves, with a cache of its own."""
-    file = folder / "beam.toml"
-    file.write_text(text)
-    stages: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        found = load(read_scene(str(file)), stages.append)
-    assert "deriving the equations, first time only" in stages
-    assert list((folder / "cache").rglob("*.py"))
-    return found
 
 
 @pytest.fixture(scope="module")

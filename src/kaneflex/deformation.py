@@ -15,11 +15,12 @@ from kaneflex.model import Model, RigidMotion
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
 
-def shape_functions(x: float, length: float, phi_s: float = 0.0) -> np.ndarray:
+def shape_functions(x: float, length: float, phi_s: float = 0.0, growth: float = 0.0) -> np.ndarray:
     """Rows u, v, theta, v' over (u1, v1, theta1, u2, v2, theta2); x from the first node [m].
 
     Paper (49)-(55), where theta = v'; with phi_s = 12 E I/(kappa G A length^2) those of a Timoshenko beam under
-    loads at its nodes (Przemieniecki 1968): v' - theta is the shear strain -phi_s length^2 d3v/dx3 / 12.
+    loads at its nodes (Przemieniecki 1968): v' - theta is the shear strain -phi_s length^2 d3v/dx3 / 12. Its theta
+    bows where E I grows over the element, by `growth` of its mean.
     """
     s = x / length
     b = 1.0 / (1.0 + phi_s)
@@ -32,7 +33,10 @@ def shape_functions(x: float, length: float, phi_s: float = 0.0) -> np.ndarray:
         [0, 6 * b * (s**2 - s) / length, b * (1 - 4 * s + 3 * s**2) + c * (1 - s),
          0, 6 * b * (s - s**2) / length, b * (3 * s**2 - 2 * s) + c * s],
     ])  # fmt: skip
-    strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2])
+    bow = c * growth / 12 * np.array([0, 0, -1, 0, 0, 1])
+    shape[1] += length * (3 * s**2 - 2 * s**3 - s) * bow
+    shape[2] += 6 * (s - s**2) * bow
+    strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2]) - bow
     return np.vstack([shape, shape[2] + strain])
 
 
@@ -64,7 +68,9 @@ class Deformation:
         return d, d_rate, d_accel
 
     def _shape(self, e: int, local: float) -> np.ndarray:
-        return shape_functions(local, self._element_length(e), self.link.parameters["phi_s"][e])
+        parameters = self.link.parameters
+        growth = parameters["E_I_rise"][e] / parameters["E_I"][e]
+        return shape_functions(local, self._element_length(e), parameters["phi_s"][e], growth)
 
     def _locate(self, x: float) -> tuple[int, float]:
         nodes = self.link.nodes
