@@ -249,14 +249,24 @@ def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
     The axial force P works on the foreshortening -1/2 v'^2 dx of each slice (Kane, Ryan, Banerjee 1987), so
     its generalised active force is -P H'^T H' q per length.
     """
-    slopes = shape.slope.T * shape.slope
+    slope = shape.slope.applyfunc(Expr.expand)
+
+    @cache
+    def moment(k: int) -> ImmutableMatrix:
+        """int x^k H'^T H' dx."""
+        return (x**k * slope.T * slope).applyfunc(integral)
+
+    def weighted(part: Expr) -> ImmutableMatrix:
+        zero = ImmutableMatrix.zeros(slope.cols)
+        return sum((c * moment(k) for (k,), c in Poly(part, x).terms()), zero).expand()
+
     parts = {
         P_0 ** powers[0] * prod(s**p for s, p in zip(MOTION, powers[1:], strict=True)): coefficient
         for powers, coefficient in Poly(tension, P_0, *MOTION).terms()
     }
     assert set(parts) == set(TENSION_TERMS), f"the tension's terms are not the named ones: {list(parts)}"
     return tuple(
-        Term(name, "geometric", "K", scalar, (parts[scalar] * slopes).applyfunc(integral))
+        Term(name, "geometric", "K", scalar, weighted(parts[scalar]))
         for scalar, name in TENSION_TERMS.items()
     )
 
