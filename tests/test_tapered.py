@@ -7,8 +7,22 @@ from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
 from kaneflex.building import reference_modes
+from kaneflex.derive.beam import beam_element
+from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
 from kaneflex.model import Model
 from kaneflex.simulate import simulate
+
+
+@pytest.mark.parametrize("shear", [False, True])
+def test_without_growth_it_is_the_uniform_element(shear):
+    """No growth over the element, and before it the mass rho_A x_0 of a uniform link."""
+    limit = {symbol: 0 for name, symbol in PARAMETERS.items() if name.endswith("_rise")}
+    limit |= {m_0: rho_A * x_0, S_0: rho_A * x_0**2 / 2}
+    varying, uniform = (beam_element(rotary=shear, shear=shear, varying=varying) for varying in (True, False))
+    for found, expected in zip(varying.terms + varying.frame_terms, uniform.terms + uniform.frame_terms, strict=True):
+        assert (found.name, found.target, found.scalar) == (expected.name, expected.target, expected.scalar)
+        assert (found.matrix.xreplace(limit) - expected.matrix).expand().is_zero_matrix, found.name
+
 
 CANTILEVER = """
 schema = 1
