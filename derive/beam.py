@@ -1,9 +1,9 @@
 """Planar beam elements through Kane's method: the constant matrices of the affine form.
 
-A differential particle of mass rho_A dx sits at r + N q in the link's floating frame with r = (x_0 + x, 0).
-An unmodified ``KanesMethod`` gives its generalised inertia forces at x; they are polynomials in the elastic
-coordinates, in the motion of the frame and in the shape functions, so the integral over the element is a
-table of moments and the affine form
+A differential particle of mass rho_A dx sits at r + N q in the link's floating frame with r = (x_0 + x, 0); with
+rotary inertia it is a rigid slice that turns by theta against the frame. An unmodified ``KanesMethod`` gives its
+generalised inertia forces at x; they are polynomials in the elastic coordinates, in the motion of the frame and in
+the shape functions, so the integral over the element is a table of moments and the affine form
 
     sum_k s_k(t) M_k q'' + sum_k s_k(t) C_k q' + sum_k s_k(t) K_k q = sum_k s_k(t) F_k
 
@@ -14,18 +14,31 @@ Sources: paper equations (28), (43), (44) with the single tilde of (41), (46), (
 Kane, Ryan and Banerjee (1987) for the geometric stiffness, which the paper leaves out.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 
-from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff, prod, symbols, zeros
-from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, prod, symbols, zeros
+from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
-from kaneflex.contract import ELEMENT_PARAMETERS, LINK_SCALARS
+from kaneflex.contract import LINK_SCALARS, element_parameters
+from kaneflex.derive.mass_correction import mass_correction
+from kaneflex.derive.shapes import (
+    PARAMETERS,
+    Section,
+    ShapeFunctions,
+    antiderivative,
+    beam_section,
+    beam_shape,
+    integral,
+    rho_A,
+    rho_I,
+    without_beta,
+    x,
+    x_0,
+)
 
-rho_A, E_A, E_I, length, x_0 = symbols([name for name, *_ in ELEMENT_PARAMETERS], positive=True)
 omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
-x = Symbol("x", real=True)
-
 MOTION = (omega, epsilon, a_x, a_y)
 
 # A term's name and group follow from where Kane's equations put it: (matrix, monomial of the motion).
@@ -46,20 +59,6 @@ TENSION_TERMS = {P_0: "tension_origin", a_x: "tension_acceleration", omega**2: "
 
 Quantity = tuple[str, Symbol, str, str]
 Affine = dict[tuple[str, Expr], ImmutableMatrix]
-
-
-@dataclass(frozen=True)
-class ShapeFunctions:
-    """The kinematics of one element type: rows over the element's coordinates, polynomials in x in 0..length.
-
-    displacement: 2 x n, the displacement (u, v) = N q in link axes [m].
-    slope: 1 x n, dv/dx, the rotation of the axis on which an axial tension does work [rad].
-    strains: (name, row 1 x n, rigidity) of each generalised strain; its energy is 1/2 rigidity strain^2.
-    """
-
-    displacement: ImmutableMatrix
-    slope: ImmutableMatrix
-    strains: tuple[tuple[str, ImmutableMatrix, Expr], ...]
 
 
 @dataclass(frozen=True)
@@ -93,44 +92,23 @@ class Element:
     frame_terms: tuple[Term, ...]
     shape: ImmutableMatrix
 
+    def has(self, parameter: str) -> bool:
+        """Whether a parameter of this name is among the element's own."""
+        return any(name == parameter for name, *_ in self.parameters)
+
     def matrix(self, target: str) -> ImmutableMatrix:
         """The sum of scalar x matrix over the terms of `target`, less "viscous", which waits for its mu."""
         chosen = [t for t in self.terms + self.frame_terms if t.target == target and t.group != "damping"]
         return sum((t.scalar * t.matrix for t in chosen), ImmutableMatrix.zeros(*chosen[0].matrix.shape))
 
 
-def hermite_shape() -> ShapeFunctions:
-    """Euler-Bernoulli: axial linear and transverse cubic Hermite shape functions, paper (49)-(55).
-
-    N1 is (2 x^3 - 3 l x^2 + l^3)/l^3 as in (61); the printed (55) lacks an l. The section follows the axis
-    (theta = v'), so curvature is v'', paper (88) with the bending rigidity of (89).
-    """
-    s = x / length
-    N_1x, N_2x = 1 - s, s
-    N_1, N_2 = 1 - 3 * s**2 + 2 * s**3, length * (s - 2 * s**2 + s**3)
-    N_3, N_4 = 3 * s**2 - 2 * s**3, length * (s**3 - s**2)
-    displacement = ImmutableMatrix([[N_1x, 0, 0, N_2x, 0, 0], [0, N_1, N_2, 0, N_3, N_4]])
-    u, v = displacement[0, :], displacement[1, :]
-    return ShapeFunctions(
-        displacement=displacement,
-        slope=diff(v, x),
-        strains=(("axial", diff(u, x), E_A), ("bending", diff(v, x, 2), E_I)),
-    )
-
-
-def integral(integrand: Expr) -> Expr:
-    """Exact integral of a polynomial over x in 0..length, by the moments int x^k dx = length^(k+1)/(k+1)."""
-    terms = Poly(integrand, x).terms()
-    return sum((c * length ** (k + 1) * Rational(1, k + 1) for (k,), c in terms), S.Zero).expand()
-
-
 @dataclass(frozen=True)
 class ParticleEquations:
     """Kane's equations of the differential particle at x, per unit length.
 
-    rows: fr + fr*, first the frame's three (force x, y, moment), then the elastic ones; polynomials in x and
-    the symbols below. shape: (symbol, polynomial in x) of each shape function. q, q_d, q_dd: elastic
-    coordinates and their derivatives.
+    rows: fr + fr*, first the frame's three (force x, y, moment), then the elastic ones; polynomials in x, in
+    rho_A and rho_I there and in the symbols below. shape: (symbol, polynomial in x) of each shape function.
+    q, q_d, q_dd: elastic coordinates and their derivatives.
     """
 
     rows: tuple[Expr, ...]
@@ -140,16 +118,18 @@ class ParticleEquations:
     q_dd: tuple[Symbol, ...]
 
 
-def particle_equations(displacement: ImmutableMatrix) -> ParticleEquations:
+def particle_equations(shape: ShapeFunctions, rotary: bool = False) -> ParticleEquations:
     """Kane's equations of one particle of mass rho_A at r + N q under gravity, paper (17), (28).
 
+    With `rotary` it is a rigid slice with the moment of inertia rho_I, angular velocity omega + theta'.
     Generalised speeds: the velocity of the frame's origin in link axes, omega, and the n elastic q'. The
     frame needs no coordinates, so no angle appears. The shape functions enter as symbols: time derivatives
     do not touch them, and their polynomials would only be expanded again and again.
     """
-    n = displacement.cols
-    N = ImmutableMatrix(2, n, lambda i, j: Symbol(f"N_{i}_{j}") if displacement[i, j] != 0 else S.Zero)
-    shape = tuple(pair for pair in zip(N, displacement, strict=True) if pair[0] != 0)
+    n = shape.displacement.cols
+    rows = ImmutableMatrix.vstack(shape.displacement, shape.rotation)
+    N = ImmutableMatrix(3, n, lambda i, j: Symbol(f"N_{i}_{j}") if rows[i, j] != 0 else S.Zero)
+    functions = tuple(pair for pair in zip(N, rows, strict=True) if pair[0] != 0)
     q, u = dynamicsymbols(f"q_1:{n + 1}"), dynamicsymbols(f"u_1:{n + 1}")
     v_x, v_y, w = dynamicsymbols("v_x v_y w")
     g_x, g_y = symbols("g_x g_y")
@@ -167,7 +147,13 @@ def particle_equations(displacement: ImmutableMatrix) -> ParticleEquations:
     kinematics = [q_i.diff(time) - u_i for q_i, u_i in zip(q, u, strict=True)]
     kane = KanesMethod(inertial, q_ind=q, u_ind=[v_x, v_y, w, *u], kd_eqs=kinematics)
     weight = rho_A * (g_x * link.x + g_y * link.y)
-    fr, fr_star = kane.kanes_equations([Particle("particle", point, rho_A)], [(point, weight)])
+    body = Particle("particle", point, rho_A)
+    if rotary:
+        section = ReferenceFrame("section")
+        section.orient_axis(link, link.z, displaced[2])
+        section.set_ang_vel(link, rate[2] * link.z)
+        body = RigidBody("slice", point, section, rho_A, (inertia(section, 0, 0, rho_I), point))
+    fr, fr_star = kane.kanes_equations([body], [(point, weight)])
 
     plain_q, plain_d, plain_dd = (symbols(f"{name}_1:{n + 1}") for name in ("q", "qd", "qdd"))
     plain_vx, plain_vy = symbols("v_x v_y")
@@ -175,14 +161,14 @@ def particle_equations(displacement: ImmutableMatrix) -> ParticleEquations:
     # a = dv/dt + omega x v, and gravity acts as an acceleration -g of the frame: v and g must then drop out.
     plain |= {v_x: plain_vx, v_y: plain_vy, w: omega, w.diff(time): epsilon}
     plain |= {v_x.diff(time): a_x + g_x + omega * plain_vy, v_y.diff(time): a_y + g_y - omega * plain_vx}
-    rows = tuple(row.xreplace(plain).expand() for row in fr + fr_star)
-    left = set().union(*(row.free_symbols for row in rows)) & {g_x, g_y, plain_vx, plain_vy}
+    balance = tuple(row.xreplace(plain).expand() for row in fr + fr_star)
+    left = set().union(*(row.free_symbols for row in balance)) & {g_x, g_y, plain_vx, plain_vy}
     assert not left, f"the equations depend on {sorted(map(str, left))} beside the acceleration a - g"
-    return ParticleEquations(rows, shape, plain_q, plain_d, plain_dd)
+    return ParticleEquations(balance, functions, plain_q, plain_d, plain_dd)
 
 
-def affine_terms(equations: ParticleEquations, first: int, last: int) -> Affine:
-    """Rows first..last-1 integrated over the element: {(matrix, monomial of the motion): constant matrix}.
+def affine_terms(equations: ParticleEquations, section: Section, first: int, last: int) -> Affine:
+    """Rows first..last-1 integrated over an element of this section: {(matrix, monomial of the motion): matrix}.
 
     Found by collecting the coefficients of q'', q', q, 1 and, inside each, the motion's monomials. Products
     of elastic coordinates, which only the frame's rows have, are of second order and left out.
@@ -196,9 +182,10 @@ def affine_terms(equations: ParticleEquations, first: int, last: int) -> Affine:
     def moment(powers: tuple[int, ...]) -> Expr:
         return integral(prod(base**power for base, power in zip((x, *shapes), powers, strict=True)))
 
+    inertia_here = {rho_A: section.density, rho_I: section.rotary}
     matrices = {}
     for i, row in enumerate(equations.rows[first:last]):
-        for powers, coefficient in Poly(row, *generators).terms():
+        for powers, coefficient in Poly(row.xreplace(inertia_here), *generators).terms():
             elastic, motion, local = powers[: 3 * n], powers[3 * n : 3 * n + m], powers[3 * n + m :]
             if sum(elastic) > 1:
                 continue
@@ -214,9 +201,9 @@ def affine_terms(equations: ParticleEquations, first: int, last: int) -> Affine:
     return {key: ImmutableMatrix(matrix).expand() for key, matrix in matrices.items()}
 
 
-def inertia_terms(equations: ParticleEquations) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
+def inertia_terms(equations: ParticleEquations, section: Section) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
     """The inertia's terms in the elastic rows and in the frame's own three, in the order of KANE_TERMS."""
-    elastic, frame = affine_terms(equations, 3, len(equations.rows)), affine_terms(equations, 0, 3)
+    elastic, frame = affine_terms(equations, section, 3, len(equations.rows)), affine_terms(equations, section, 0, 3)
     unknown = [key for key in (*elastic, *frame) if key not in KANE_TERMS]
     assert not unknown, f"Kane's equations hold terms without a name: {unknown}"
     of_element = [Term(*KANE_TERMS[key], *key, elastic[key]) for key in KANE_TERMS if key in elastic]
@@ -239,17 +226,21 @@ def elastic_terms(shape: ShapeFunctions) -> tuple[Term, ...]:
     )
 
 
-def axial_tension(equations: ParticleEquations) -> Expr:
-    """The tension P(x_0 + x) of the rigid, uniform link, from its motion and the force P_0 at its origin.
+def axial_tension(equations: ParticleEquations, section: Section) -> Expr:
+    """The tension P(x_0 + x) of the rigid link, from its motion and the force P_0 at its origin.
 
     A slice of the link is in equilibrium under dP and the inertia in Kane's row of the frame's axial speed at
-    q = 0: dP/dX = -(fr + fr*), so that P = P_0 + rho_A a_x X - rho_A omega^2 X^2/2 in the LINK's X.
+    q = 0: dP/dX = -(fr + fr*) = rho_A (a_x - omega^2 X) in the LINK's X. So P = P_0 + a_x m - omega^2 S with the
+    mass m of the link before x and its first moment S; P_0 + rho_A a_x X - rho_A omega^2 X^2/2 if it is uniform.
     """
     X = Symbol("X")
     at_rest = dict.fromkeys((*equations.q, *equations.q_d, *equations.q_dd), S.Zero)
     growth = -equations.rows[0].xreplace(at_rest).xreplace({x: X - x_0})
-    P_of_X = sum((c * X ** (k + 1) / (k + 1) for (k,), c in Poly(growth, X).terms()), P_0)
-    return P_of_X.xreplace({X: x_0 + x})
+    per_mass = Poly((growth / rho_A).expand(), X).terms()
+    return P_0 + sum(
+        coefficient * (section.before[k] + antiderivative(section.density * (x_0 + x) ** k))
+        for (k,), coefficient in per_mass
+    )
 
 
 def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
@@ -258,45 +249,66 @@ def geometric_terms(shape: ShapeFunctions, tension: Expr) -> tuple[Term, ...]:
     The axial force P works on the foreshortening -1/2 v'^2 dx of each slice (Kane, Ryan, Banerjee 1987), so
     its generalised active force is -P H'^T H' q per length.
     """
-    slopes = shape.slope.T * shape.slope
+    slope = shape.slope.applyfunc(Expr.expand)
+
+    @cache
+    def moment(k: int) -> ImmutableMatrix:
+        """int x^k H'^T H' dx."""
+        return (x**k * slope.T * slope).applyfunc(integral)
+
+    def weighted(part: Expr) -> ImmutableMatrix:
+        zero = ImmutableMatrix.zeros(slope.cols)
+        return sum((c * moment(k) for (k,), c in Poly(part, x).terms()), zero).expand()
+
     parts = {
         P_0 ** powers[0] * prod(s**p for s, p in zip(MOTION, powers[1:], strict=True)): coefficient
         for powers, coefficient in Poly(tension, P_0, *MOTION).terms()
     }
     assert set(parts) == set(TENSION_TERMS), f"the tension's terms are not the named ones: {list(parts)}"
     return tuple(
-        Term(name, "geometric", "K", scalar, (parts[scalar] * slopes).applyfunc(integral))
+        Term(name, "geometric", "K", scalar, weighted(parts[scalar]))
         for scalar, name in TENSION_TERMS.items()
     )
 
 
-def with_symbols(entries: tuple[tuple[str, str, str], ...], found: tuple[Symbol, ...]) -> tuple[Quantity, ...]:
+def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, Symbol]) -> tuple[Quantity, ...]:
     """(name, unit, meaning) of the contract as (name, symbol, unit, meaning)."""
-    return tuple((name, symbol, unit, meaning) for (name, unit, meaning), symbol in zip(entries, found, strict=True))
+    return tuple((name, found[name], unit, meaning) for name, unit, meaning in entries)
 
 
-def beam_element(shape: ShapeFunctions) -> Element:
-    """The element of any shape functions: inertia by Kane's method, elastic, geometric and viscous terms.
+def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False) -> Element:
+    """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
 
-    The "viscous" matrix is int N^T N dx, to be multiplied by mu [N s/m^2] at run time, paper (39), (44).
+    Its terms make up M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M_t + epsilon G + K_g) q = F; M_t is the mass
+    matrix M without rotary inertia. The "viscous" matrix is int N^T N dx, to be multiplied by mu [N s/m^2] at run
+    time, paper (39), (44).
+
+    rotary: with the rotary inertia of the sections (Rayleigh). shear: sections don't stay normal to the axis
+    (Timoshenko). varying: the section grows linearly over the element, and need not be that of the link before
+    it. What is False leaves no parameter; of an element with everything, Euler-Bernoulli is rho_I = phi_s = 0.
     """
-    equations = particle_equations(shape.displacement)
-    of_element, of_frame = inertia_terms(equations)
+    section = beam_section(rotary, varying)
+    shape = beam_shape(section, shear)
+    equations = particle_equations(shape, rotary)
+    of_element, of_frame = inertia_terms(equations, section)
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
-    stiffness = elastic_terms(shape) + geometric_terms(shape, axial_tension(equations))
+    stiffness = elastic_terms(shape) + geometric_terms(shape, axial_tension(equations, section))
+    if shear:
+        of_element += (Term("mass_correction", "inertia", "M", S.One, mass_correction(shape)),)
     return Element(
-        parameters=with_symbols(ELEMENT_PARAMETERS, (rho_A, E_A, E_I, length, x_0)),
-        scalars=with_symbols(LINK_SCALARS, (omega, epsilon, a_x, a_y, P_0)),
-        terms=(*of_element, *stiffness, viscous),
-        frame_terms=of_frame,
-        shape=N,
+        parameters=with_symbols(element_parameters(rotary, shear, varying), PARAMETERS),
+        scalars=with_symbols(LINK_SCALARS, {symbol.name: symbol for symbol in (omega, epsilon, a_x, a_y, P_0)}),
+        terms=tuple(_in_parameters(term) for term in (*of_element, *stiffness, viscous)),
+        frame_terms=tuple(_in_parameters(term) for term in of_frame),
+        shape=without_beta(N),
     )
 
 
-def euler_bernoulli() -> Element:
-    """The planar Euler-Bernoulli element of paper (49)-(55), without rotary inertia; takes about one second.
+def _in_parameters(term: Term) -> Term:
+    return replace(term, matrix=without_beta(term.matrix))
 
-    Its terms make up M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F.
-    """
-    return beam_element(hermite_shape())
+
+def euler_bernoulli() -> Element:
+    """The uniform element of paper (49)-(55), without rotary inertia; takes about one second."""
+    return beam_element()

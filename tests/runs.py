@@ -1,9 +1,11 @@
 """Runs of the shipped scenes that several tests look at: each is made once a process."""
 
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 from kaneflex.loading import load
 from kaneflex.model import Model
@@ -23,6 +25,17 @@ class Peak(NamedTuple):
 def model(scene: str, *settings: str) -> Model:
     """A shipped scene, or the path of one, with settings of the form path=value."""
     return load(with_settings(read_scene(scene), list(settings)))
+
+
+def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:
+    """The model of a scene, given by its text, that no shipped module serves; with a cache of its own in `folder`."""
+    file = folder / "scene.toml"
+    file.write_text(text)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        found = load(with_settings(read_scene(str(file)), list(settings)))
+    assert list((folder / "cache").rglob("*.py"))
+    return found
 
 
 @cache

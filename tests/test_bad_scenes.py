@@ -77,7 +77,7 @@ BAD = {
         "bodies.rod.beam.I = 0: a second moment of area must be above zero. Write one like '7008 mm^4'."),
     "missing I": (
         'I = "7008 mm^4", ', "",
-        "bodies.rod.beam.I: missing. Give I."),
+        "bodies.rod.beam.I: missing. Give I, or a section by its shape."),
     "no elements": (
         "elements = 4", "elements = 0",
         "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more."),

@@ -10,7 +10,8 @@ from sympy import Function, Matrix, Symbol, cos, diff, integrate, sin, symbols
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
 from kaneflex.derive import beam
-from kaneflex.derive.beam import E_A, E_I, P_0, a_x, a_y, epsilon, length, omega, rho_A, x, x_0
+from kaneflex.derive.beam import P_0, a_x, a_y, epsilon, omega
+from kaneflex.derive.shapes import E_A, E_I, beam_section, beam_shape, integral, length, rho_A, x, x_0
 
 S_HAT = Matrix(by_hand.S_HAT)
 # Group, matrix and scalar of each term, by its name.
@@ -166,7 +167,7 @@ def test_symmetry_and_rigid_motion(matrices):
 
 def test_elastic_rows_are_exactly_linear_in_the_coordinates():
     """affine_terms leaves out products of coordinates; in the elastic rows there are none to leave out."""
-    equations = beam.particle_equations(beam.hermite_shape().displacement)
+    equations = beam.particle_equations(beam_shape(beam_section()))
     elastic = equations.q + equations.q_d + equations.q_dd
     for row in equations.rows[3:]:
         assert row.as_poly(*elastic).total_degree() == 1
@@ -286,10 +287,10 @@ def foreshortened_free_tip() -> Matrix:
     difference = difference.xreplace({w.diff(time): epsilon, w: omega})
     at_rest = dict.fromkeys([*q, *u, *u.diff(time)], 0)
     assert difference.jacobian(u.col_join(u.diff(time))).xreplace(at_rest).is_zero_matrix
-    slope = beam.hermite_shape().slope[:, by_hand.BENDING]
+    slope = beam_shape(beam_section()).slope[:, by_hand.BENDING]
     shortening = (slope.T * slope).applyfunc(lambda entry: integrate(entry.expand(), (x, 0, x)))
     per_length = difference.jacobian(q).xreplace(at_rest).xreplace(dict(zip(H, shortening, strict=True)))
-    return per_length.applyfunc(beam.integral)
+    return per_length.applyfunc(integral)
 
 
 def test_foreshortening_in_kane_gives_the_geometric_stiffness(matrices):

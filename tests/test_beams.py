@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import model
+from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
 from kaneflex.binding import bind_parameters
 from kaneflex.building import build_model, reference_modes
 from kaneflex.links import craig_bampton
-from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, with_settings
@@ -41,7 +40,8 @@ class Rod:
     """The reference engine's rod, cut into elements, with some of its coordinates deleted."""
 
     def __init__(self, elements: int, first: str, last: str, kind: str = "bending"):
-        self.link = model("engine", f"rod.elements={elements}").links["rod"]
+        found = model("engine", f"rod.elements={elements}")
+        self.link, self.body = found.links["rod"], found.scene.bodies["rod"]
         names = ("v", "theta") if kind == "bending" else ("u",)
         self.rows = [
             3 * node + "u v theta".split().index(name)
@@ -63,7 +63,7 @@ class Rod:
     @property
     def unit(self) -> float:
         """sqrt(E I/(rho A))/L^2: frequencies are multiples of it."""
-        return np.sqrt(self.link.E_I / self.link.rho_A) / self.link.length**2
+        return np.sqrt(self.body.E_I / self.body.rho_A) / self.link.length**2
 
 
 def frequencies(stiffness: np.ndarray, mass: np.ndarray) -> np.ndarray:
@@ -117,8 +117,8 @@ def test_axial_rod_with_an_end_mass(ratio):
     for elements in (16, 32):
         rod = Rod(elements, "u", "", kind="axial")
         M = rod.matrix("M")
-        M[-1, -1] += float(ratio) * rod.link.rho_A * rod.link.length
-        unit = np.sqrt(rod.link.E_A / rod.link.rho_A) / rod.link.length
+        M[-1, -1] += float(ratio) * rod.body.rho_A * rod.link.length
+        unit = np.sqrt(rod.body.E_A / rod.body.rho_A) / rod.link.length
         errors[elements] = frequencies(rod.matrix("K_s"), M)[:2] / unit / exact - 1
     assert (errors[32] > 0).all() and (errors[32] < 2e-3).all()
     assert measured_order(errors) == pytest.approx([2, 2], abs=0.05)
@@ -128,7 +128,7 @@ def test_axial_rod_with_an_end_mass(ratio):
 def test_cantilever_with_a_tip_mass(ratio):
     rod = Rod(16, "v theta", "")
     M = rod.matrix("M")
-    M[rod.last("v"), rod.last("v")] += float(ratio) * rod.link.rho_A * rod.link.length
+    M[rod.last("v"), rod.last("v")] += float(ratio) * rod.body.rho_A * rod.link.length
     exact = factors(FACTORS["cantilever_tip_mass"]["table"][ratio], 3)
     error = frequencies(rod.matrix("K_s"), M)[:3] / rod.unit / exact - 1
     assert (np.abs(error) < expected_error(exact, 16) + 1e-9).all()
@@ -140,7 +140,7 @@ def test_cantilever_with_a_tip_body(case):
     mu, kappa = (float(part.split("=")[1]) for part in case.split(","))
     rod = Rod(16, "v theta", "")
     M = rod.matrix("M")
-    whole = rod.link.rho_A * rod.link.length
+    whole = rod.body.rho_A * rod.link.length
     M[rod.last("v"), rod.last("v")] += mu * whole
     M[rod.last("theta"), rod.last("theta")] += kappa * whole * rod.link.length**2
     exact = factors(FACTORS["cantilever_tip_mass_and_inertia"]["table"][case], 3)
@@ -153,7 +153,7 @@ def test_hinged_beam_with_a_hub(ratio):
     """The hub's inertia sits in the rotation's row of the hinged end; one rigid motion."""
     rod = Rod(16, "v", "")
     M = rod.matrix("M")
-    M[0, 0] += float(ratio) * rod.link.rho_A * rod.link.length**3
+    M[0, 0] += float(ratio) * rod.body.rho_A * rod.link.length**3
     exact = factors(FACTORS["hub_pinned_free"]["table"][ratio], 3)
     found = frequencies(rod.matrix("K_s"), M) / rod.unit
     assert found[0] < 1e-3
@@ -169,7 +169,7 @@ def test_pinned_pinned_under_axial_force(tension):
     errors = {}
     for elements in (8, 16):
         rod = Rod(elements, "v", "v")
-        P = tension * np.pi**2 * rod.link.E_I / rod.link.length**2
+        P = tension * np.pi**2 * rod.body.E_I / rod.link.length**2
         K = rod.matrix("K_s") + rod.matrix("K_g", P_0=P)
         errors[elements] = frequencies(K, rod.matrix("M"))[:3] / rod.unit / exact - 1
     without = expected_error((n * np.pi) ** 2, 16)
@@ -181,7 +181,7 @@ def test_pinned_pinned_under_axial_force(tension):
 def test_cantilever_under_dead_compression(load):
     """A compression that keeps its direction, p = P L^2/(E I); it buckles at pi^2/4."""
     rod = Rod(16, "v theta", "")
-    P = -float(load) * rod.link.E_I / rod.link.length**2
+    P = -float(load) * rod.body.E_I / rod.link.length**2
     exact = [float(w) for w in FACTORS["clamped_free_dead_axial_compression"]["nondim_omega"][load]]
     found = frequencies(rod.matrix("K_s") + rod.matrix("K_g", P_0=P), rod.matrix("M"))
     assert found[: len(exact)] / rod.unit == pytest.approx(exact, rel=5e-5)
@@ -192,7 +192,7 @@ def test_buckling_of_the_cantilever():
     for elements in (2, 4):
         rod = Rod(elements, "v theta", "")
         lowest = 1 / eigh(rod.matrix("K_g", P_0=1.0), rod.matrix("K_s"), eigvals_only=True)[-1]
-        errors[elements] = np.array([lowest * rod.link.length**2 / rod.link.E_I / (np.pi**2 / 4) - 1])
+        errors[elements] = np.array([lowest * rod.link.length**2 / rod.body.E_I / (np.pi**2 / 4) - 1])
     assert 0 < errors[4][0] < 4e-5
     assert measured_order(errors) == pytest.approx([4], abs=0.1)
 
@@ -202,7 +202,7 @@ def test_rotating_cantilever(case):
     """Flap from K_s + K_g, lag from K_s + K_g - omega^2 M, two modes with 24 elements to 1e-5."""
     rod = Rod(24, "v theta", "")
     speed = float(case["eta"]) * rod.unit
-    P_0 = rod.link.rho_A * speed**2 * rod.link.length**2 / 2
+    P_0 = rod.body.rho_A * speed**2 * rod.link.length**2 / 2
     M, K = rod.matrix("M"), rod.matrix("K_s") + rod.matrix("K_g", P_0=P_0, omega=speed)
     for motion, stiffness in (("flap", K), ("lag", K - speed**2 * M)):
         exact = [float(case[f"{motion}_mode{k}"]) for k in (1, 2)]
@@ -285,19 +285,6 @@ hub_force = {joint_force = "hub", component = "x"}
 [solve]
 preset = "quasistatic"
 """
-
-
-def derived_on_the_fly(text: str, folder: Path) -> Model:
-    """The model of a scene that no shipped module serves, with a cache of its own."""
-    file = folder / "beam.toml"
-    file.write_text(text)
-    stages: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        found = load(read_scene(str(file)), stages.append)
-    assert "deriving the equations, first time only" in stages
-    assert list((folder / "cache").rglob("*.py"))
-    return found
 
 
 @pytest.fixture(scope="module")

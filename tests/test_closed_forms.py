@@ -6,7 +6,7 @@ import pytest
 from sympy import Matrix, symbols
 from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
-from kaneflex.derive.beam import hermite_shape, integral, length
+from kaneflex.derive.shapes import beam_section, beam_shape, integral, length
 
 
 def test_closed_slider_crank_keeps_the_power_balance_and_its_own_derivatives():
@@ -50,7 +50,7 @@ def test_rotary_inertia_adds_to_mass_and_load_and_to_nothing_else():
     slice_of_beam = RigidBody("slice", centre, section, 0, (inertia(section, 0, 0, rho_I), centre))
     kane = KanesMethod(inertial, q_ind=list(q), u_ind=list(u), kd_eqs=list(q.diff(time) - u))
     row = kane.kanes_equations([slice_of_beam])[1].xreplace({w.diff(time): epsilon})
-    derived = row.xreplace(dict(zip(slopes, hermite_shape().slope, strict=True))).applyfunc(integral)
+    derived = row.xreplace(dict(zip(slopes, beam_shape(beam_section()).slope, strict=True))).applyfunc(integral)
     M = Matrix(by_hand.rotary_mass(rho_I, length))
     expected = Matrix(by_hand.rotary_load(rho_I, epsilon)) - M * u.diff(time)
     assert (derived - expected).expand().is_zero_matrix

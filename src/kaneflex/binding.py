@@ -151,7 +151,7 @@ def _body_number(scene: Scene, owner: str, name: str) -> float:
         return pose.angle if name == "pose_angle" else pose.at["xy".index(name[-1])]
     if name.startswith("element."):
         field = name.removeprefix("element.")
-        return {"length": body.length / body.beam.elements, "x_0": 0.0}.get(field, getattr(body, field, 0.0))
+        return body.profile.element(0.0, body.length / body.beam.elements)[field]
     if name.startswith("centre_"):
         return body.centre["xy".index(name[-1])]
     if "." in name:

@@ -15,14 +15,29 @@ from kaneflex.model import Model, RigidMotion
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
 
-def shape_functions(x: float, length: float) -> np.ndarray:
-    """Rows u, v, theta = v' over (u1, v1, theta1, u2, v2, theta2), paper (49)-(55); x from the first node [m]."""
+def shape_functions(x: float, length: float, phi_s: float = 0.0, growth: float = 0.0) -> np.ndarray:
+    """Rows u, v, theta, v' over (u1, v1, theta1, u2, v2, theta2); x from the first node [m].
+
+    Paper (49)-(55), where theta = v'; with phi_s = 12 E I/(kappa G A length^2) those of a Timoshenko beam under
+    loads at its nodes (Przemieniecki 1968): v' - theta is the shear strain -phi_s length^2 d3v/dx3 / 12. Its theta
+    bows where E I grows over the element, by `growth` of its mean.
+    """
     s = x / length
-    return np.array([
+    b = 1.0 / (1.0 + phi_s)
+    c = 1.0 - b
+    shear = c * s * (1 - s) * length / 2
+    shape = np.array([
         [1 - s, 0, 0, s, 0, 0],
-        [0, 1 - 3 * s**2 + 2 * s**3, x * (1 - s) ** 2, 0, 3 * s**2 - 2 * s**3, x * (s**2 - s)],
-        [0, 6 * (s**2 - s) / length, 1 - 4 * s + 3 * s**2, 0, 6 * (s - s**2) / length, 3 * s**2 - 2 * s],
+        [0, b * (1 - 3 * s**2 + 2 * s**3) + c * (1 - s), b * x * (1 - s) ** 2 + shear,
+         0, b * (3 * s**2 - 2 * s**3) + c * s, b * x * (s**2 - s) - shear],
+        [0, 6 * b * (s**2 - s) / length, b * (1 - 4 * s + 3 * s**2) + c * (1 - s),
+         0, 6 * b * (s - s**2) / length, b * (3 * s**2 - 2 * s) + c * s],
     ])  # fmt: skip
+    bow = c * growth / 12 * np.array([0, 0, -1, 0, 0, 1])
+    shape[1] += length * (3 * s**2 - 2 * s**3 - s) * bow
+    shape[2] += 6 * (s - s**2) * bow
+    strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2]) - bow
+    return np.vstack([shape, shape[2] + strain])
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +57,7 @@ class Deformation:
         Under the geometric term u holds the foreshortening -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987).
         """
         e, local = self._locate(x)
-        shape = shape_functions(local, self._element_length(e))
+        shape = self._shape(e, local)[:3]
         rows = slice(3 * e, 3 * e + 6)
         d, d_rate, d_accel = (shape @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
         if self.model.options.foreshortening:
@@ -51,6 +66,11 @@ class Deformation:
             d_rate[0] -= shortening[1]
             d_accel[0] -= shortening[2]
         return d, d_rate, d_accel
+
+    def _shape(self, e: int, local: float) -> np.ndarray:
+        parameters = self.link.parameters
+        growth = parameters["E_I_rise"][e] / parameters["E_I"][e]
+        return shape_functions(local, self._element_length(e), parameters["phi_s"][e], growth)
 
     def _locate(self, x: float) -> tuple[int, float]:
         nodes = self.link.nodes
@@ -65,11 +85,10 @@ class Deformation:
         total = [np.zeros(self.q.shape[1]) for _ in range(3)]
         last, local = self._locate(x)
         for e in range(last + 1):
-            length = self._element_length(e)
-            reach = length if e < last else local
+            reach = self._element_length(e) if e < last else local
             rows = slice(3 * e, 3 * e + 6)
             for point, weight in zip(*_GAUSS, strict=True):
-                slope_row = shape_functions(0.5 * reach * (1 + point), length)[2]
+                slope_row = self._shape(e, 0.5 * reach * (1 + point))[3]
                 s, s_rate, s_accel = (slope_row @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
                 w = 0.5 * reach * weight
                 total[0] += 0.5 * w * s**2
@@ -90,18 +109,35 @@ class Deformation:
         length = self._element_length(e)
         s = local / length
         N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
-        rho_A, rigid, name = self.link.rho_A, self.rigid, self.link.name
         if self.model.options.dynamics == "frozen":
             return N, V, M
-        bubble = local * (length - local)
+        axial, transverse = self._rigid_load(e)
+
+        def sag(load: np.ndarray, integrals: int) -> np.ndarray:
+            """The load integrated once or twice, less the straight line between its values at both ends."""
+            total = np.zeros(load.shape[1])
+            for k, coefficient in enumerate(load):
+                power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
+                total += coefficient * (local**power - s * length**power) / divisor
+            return total
+
+        # N' = -n, V' = -p and M'' = p under the loads n along and p across the link.
+        return N - sag(axial, 1), V - sag(transverse, 1), M + sag(transverse, 2)
+
+    def _rigid_load(self, e: int) -> tuple[np.ndarray, np.ndarray]:
+        """Inertia load of the rigid link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
+        rigid, name, parameters = self.rigid, self.link.name, self.link.parameters
+        growth = parameters["rho_A_rise"][e] / parameters["length"][e]
+        density = parameters["rho_A"][e] - parameters["rho_A_rise"][e] / 2
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
-        # Transverse inertia load p0 + p1 x of the rigid link on this element.
-        p1 = -rho_A * epsilon
-        p0 = -rho_A * rigid[f"{name}.link.a_y"] + p1 * self.link.nodes[e]
-        N = N + 0.5 * rho_A * omega**2 * bubble
-        V = V + 0.5 * p1 * bubble
-        M = M - 0.5 * p0 * bubble - p1 / 6 * bubble * (length + local)
-        return N, V, M
+
+        def load(at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
+            """-rho_A(x) a(x) of an acceleration that is linear in x."""
+            return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
+
+        x_0 = self.link.nodes[e]
+        along = load(rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
+        return along, load(rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
 
     def _ends(self, e: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
         """(N, V, M) inside the first and the second end of an element."""
@@ -112,8 +148,54 @@ class Deformation:
         """Forces and moments on an element at its nodes, link axes, shape (6, n_times).
 
         The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
-        K_s q alone for the frozen model of the paper.
+        K_s q alone for the frozen model of the paper. An axially rigid element besides passes on what pulls at it.
         """
+        total = self._residual(e)
+        if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.options.dynamics != "frozen":
+            total[0] -= self._passed_on[e]
+            total[3] += self._passed_on[e]
+        return total
+
+    @cached_property
+    def _passed_on(self) -> np.ndarray:
+        """Tension of each element of an axially rigid link beside its own residual, (elements, n_times).
+
+        From the free ends towards the node at the joint every node is in balance under its elements' forces, the loads
+        and the lumped masses there.
+        """
+        elements = len(self.link.nodes) - 1
+        joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), elements)
+        residuals = [self._residual(e) for e in range(elements)]
+        tension = np.zeros((elements, self.q.shape[1]))
+        for node in range(joint):
+            before = tension[node - 1] + residuals[node - 1][3] if node else 0.0
+            tension[node] = before + residuals[node][0] - self._axial_push(node)
+        for node in range(elements, joint, -1):
+            beyond = tension[node] - residuals[node][0] if node < elements else 0.0
+            tension[node - 1] = beyond - residuals[node - 1][3] + self._axial_push(node)
+        return tension
+
+    def _axial_push(self, node: int) -> np.ndarray:
+        """Axial force of the loads and the lumped masses at a node, (n_times,)."""
+        scene, rigid, name, options = self.model.scene, self.rigid, self.link.name, self.model.options
+        total = np.zeros(self.q.shape[1])
+        for key, load in scene.loads.items():
+            if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
+                (x, y), turned = load.direction, load.axes == "global"
+                total += rigid[key] * (rigid[f"{name}.c"] * x + rigid[f"{name}.s"] * y if turned else x)
+        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+        u, v = self.q[3 * node : 3 * node + 2]
+        felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
+        felt = felt - options.spin * omega**2 * u - options.euler * epsilon * v
+        if options.dynamics == "dynamic":
+            felt = felt + self.q_accel[3 * node] - options.gyroscopic * 2 * omega * self.q_rate[3 * node + 1]
+        for mass in scene.masses.values():
+            if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
+                total -= mass.mass * felt
+        return total
+
+    def _residual(self, e: int) -> np.ndarray:
+        """M q'' + C q' + K q - F of one element, (6, n_times)."""
         rows = slice(3 * e, 3 * e + 6)
         series = {"M": self.q_accel[rows], "C": self.q_rate[rows], "K": self.q[rows]}
         total = np.zeros((6, self.q.shape[1]))
@@ -171,10 +253,11 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> R
 def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
     """The deformation of one link, reduced coordinates expanded."""
     series = follow(model, rigid, coordinates, model.frame.maps[name])
+    link = model.links[name]
     if name not in model.bases:
-        return Deformation(model, model.links[name], rigid, *series)
-    expanded = (model.bases[name] @ part for part in series)
-    return _with_static_share(Deformation(model, model.links[name], rigid, *expanded))
+        return Deformation(model, link, rigid, *(link.at_nodes(part) for part in series))
+    expanded = (link.at_nodes(model.bases[name] @ part) for part in series)
+    return _with_static_share(Deformation(model, link, rigid, *expanded))
 
 
 def _with_static_share(found: Deformation) -> Deformation:
@@ -188,10 +271,11 @@ def _with_static_share(found: Deformation) -> Deformation:
     unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
     residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
     for e in range(len(link.nodes) - 1):
-        residual[3 * e : 3 * e + 6] += found.end_forces(e)
+        rows = [row for node in (e, e + 1) for row in link.part.place[node]]
+        np.add.at(residual, rows, found.end_forces(e))
     kept = set(model.parts[link.name].coordinates)
     inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
     stiffness = link.part.matrices["K_s"].at({})[inner][:, inner]
-    q = found.q.copy()
-    q[inner] -= splu(stiffness.tocsc()).solve(residual[inner])
-    return replace(found, q=q)
+    share = np.zeros_like(residual)
+    share[inner] = splu(stiffness.tocsc()).solve(residual[inner])
+    return replace(found, q=found.q - link.at_nodes(share))

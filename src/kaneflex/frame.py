@@ -115,7 +115,9 @@ def build_frame(
 def _name_coordinates(part: Part, carried, interfaces: Interfaces, columns: _Columns) -> list[tuple[int, int]]:
     """Pairs (local row, coordinate) of what is a link's own, or a shared rotation; names the others on the way."""
     pairs = []
-    node_of_row = {row: (node, k) for node, rows in part.place.items() for k, row in enumerate(rows)}
+    # All nodes of an axially rigid link share a row: it is that of the node at a joint, which comes last.
+    nodes = sorted(part.place, key=lambda node: (part.name, node) in interfaces.displaced)
+    node_of_row = {row: (node, k) for node in nodes for k, row in enumerate(part.place[node])}
     for row, label in enumerate(part.coordinates):
         node, k = node_of_row.get(row, (None, None))
         key = (part.name, node)

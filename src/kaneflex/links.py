@@ -60,19 +60,17 @@ class Link:
     ----------
     nodes : ndarray (elements + 1,)
         Distances from the link's start [m].
-    rho_A, E_A, E_I : float
-        Mass per length [kg/m], axial stiffness [N], bending stiffness [N m^2].
+    parameters : mapping of str to ndarray (elements,)
+        Parameters of every element, by the names in ``kaneflex.contract``.
     element_terms : tuple of (key, monomial, ndarray (elements, 6, 6 or 1))
         Each term's matrix of every element, for the forces at the elements' ends.
     part : Part
-        The assembled link, coordinates u, v, theta of each node in turn.
+        The assembled link, coordinates u, v, theta of each node in turn; one u for all nodes if it does not stretch.
     """
 
     name: str
     nodes: np.ndarray
-    rho_A: float
-    E_A: float
-    E_I: float
+    parameters: Mapping[str, np.ndarray]
     element_terms: tuple[tuple[str, Monomial, np.ndarray], ...]
     part: Part
 
@@ -86,6 +84,11 @@ class Link:
         return index if abs(self.nodes[index] - x) <= _SAME * self.length else None
 
 
+    def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
+        """u, v, theta of each node in turn, (3 n_nodes, n_times), from the part's coordinates."""
+        return coordinates[[row for rows in self.part.place.values() for row in rows]]
+
+
 def forced_points(scene: Scene, link: str) -> dict[str, float]:
     """Points between a link's ends at which joints, loads or lumped masses act: name -> distance from the start [m]."""
     addresses = [address for joint in scene.joints.values() for address in joint.addresses]
@@ -95,12 +98,18 @@ def forced_points(scene: Scene, link: str) -> dict[str, float]:
 
 
 def mesh(scene: Scene, link: str, elements: int) -> np.ndarray:
-    """Nodes at the ends and at every point with a force, and ``elements`` of nearly equal length between them."""
-    length = scene.bodies[link].length
-    stops = sorted({0.0, length, *forced_points(scene, link).values()})
+    """Nodes at the ends, at points with a force and between segments, ``elements`` of nearly equal length in all."""
+    length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
+    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders}, length)
     counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
     spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
     return np.concatenate([*spans, [length]])
+
+
+def _apart(stops: Collection[float], length: float) -> list[float]:
+    """The stops in order; of those that are one, the first."""
+    ordered = sorted(stops)
+    return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
 def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
@@ -113,8 +122,9 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     nodes = mesh(scene, name, elements)
     elements = len(nodes) - 1
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
+    of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
     for e in range(elements):
-        p = np.array([body.rho_A, body.E_A, body.E_I, nodes[e + 1] - nodes[e], nodes[e]])
+        p = np.array([of_element[e][parameter] for parameter, *_ in module.ELEMENT_PARAMETERS])
         for k, (_, group, target, factors) in enumerate(module.TERMS):
             out = np.zeros((6, 1 if target == "F" else 6))
             module.terms(k, p, out)
@@ -132,15 +142,15 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)
         sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
-    size = 3 * (elements + 1)
+    coordinates, place = _node_coordinates(name, elements + 1, body.beam.axially_rigid)
+    size = len(coordinates)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
     for key, monomial, blocks in element_terms:
-        matrices[key] += Affine.term(monomial, _chain(blocks, size))
-    coordinates = tuple(f"{name}.{i}.{dof}" for i in range(elements + 1) for dof in DOFS)
-    place = {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(elements + 1)}
+        matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
     part = Part(name, coordinates, matrices, place)
-    return Link(name, nodes, body.rho_A, body.E_A, body.E_I, element_terms, part)
+    parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
+    return Link(name, nodes, parameters, element_terms, part)
 
 
 def _scalar(link: str, factor: str) -> str:
@@ -148,13 +158,23 @@ def _scalar(link: str, factor: str) -> str:
     return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
 
 
-def _chain(blocks: np.ndarray, size: int) -> csr_array:
+def _node_coordinates(
+    link: str, nodes: int, axially_rigid: bool
+) -> tuple[tuple[str, ...], dict[int, tuple[int, int, int]]]:
+    """Names of a link's coordinates and the rows of each node's u, v, theta; one u for all if it does not stretch."""
+    if axially_rigid:
+        bending = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in DOFS[1:])
+        return (f"{link}.{DOFS[0]}", *bending), {i: (0, 2 * i + 1, 2 * i + 2) for i in range(nodes)}
+    names = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in DOFS)
+    return names, {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(nodes)}
+
+
+def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> csr_array:
     """Overlap the elements' matrices (elements, 6, 6), or vectors (elements, 6, 1), along the chain."""
-    local = np.arange(6)
     square = blocks.shape[2] == 6
-    first = 3 * np.arange(len(blocks))[:, None, None]
-    rows = np.broadcast_to(first + local[None, :, None], blocks.shape)
-    columns = np.broadcast_to(first + local[None, None, :], blocks.shape) if square else np.zeros_like(rows)
+    ends = np.array([place[e] + place[e + 1] for e in range(len(blocks))])
+    rows = np.broadcast_to(ends[:, :, None], blocks.shape)
+    columns = np.broadcast_to(ends[:, None, :], blocks.shape) if square else np.zeros_like(rows)
     shape = (size, size if square else 1)
     return csr_array(coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
 
@@ -207,6 +227,6 @@ def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, 
     names += [f"{part.name}.mode_{k + 1}" for k in range(shapes.shape[1])]
     row_of = {row: k for k, row in enumerate(held)}
     place = {
-        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if u in row_of
+        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
     }
     return Part(part.name, tuple(names), matrices, place), basis

@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
-from kaneflex.contract import ELEMENT_PARAMETERS
 from kaneflex.errors import SceneError
 from kaneflex.forward import integrate_free_joints
 from kaneflex.model import Model, Motion
@@ -86,7 +85,7 @@ def _compile(motion: Motion) -> None:
     """Call the kernels that every load needs once, so that compiling is seen and timed apart from computing."""
     motion.table(np.zeros(1))
     if motion.module.LINKS:
-        motion.module.terms(0, np.ones(len(ELEMENT_PARAMETERS)), np.zeros((6, 6)))
+        motion.module.terms(0, np.ones(len(motion.module.ELEMENT_PARAMETERS)), np.zeros((6, 6)))
 
 
 def check_closure(scene: Scene, motion: Motion, options: Options) -> None:

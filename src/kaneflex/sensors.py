@@ -223,16 +223,16 @@ class _Reader:
     def _rigid_section(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """N, V, M of the rigid link at X: balance of the part before X under its inertia and all forces before X.
 
-        The inertia gives N its growth rho_A (a_x - g_x) X - rho_A omega^2 X^2 / 2 of P(X); the signs are those of
-        `Deformation.section`.
+        The inertia gives N its growth (a_x - g_x) m - omega^2 S of P(X), with mass m and first moment S of the
+        part before X; the signs are those of `Deformation.section`.
         """
         name, (x, _) = address.body, self.scene.point(address)
-        rho_A, rigid = self.scene.bodies[name].rho_A, self.rigid
+        rigid, before = self.rigid, self.scene.bodies[name].profile.inertia(x)
         a_x, a_y = rigid[f"{name}.link.a_x"], rigid[f"{name}.link.a_y"]
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
-        N = rho_A * x * (a_x - 0.5 * x * omega**2)
-        V = rho_A * x * (a_y + 0.5 * x * epsilon)
-        M = -rho_A * x**2 * (a_y / 2 + epsilon * x / 6)
+        N = a_x * before.mass - omega**2 * before.first
+        V = a_y * before.mass + epsilon * before.first
+        M = epsilon * (before.second + before.rotary) + a_y * before.first - x * V
         for point, (at, _) in self.scene.bodies[name].points_all.items():
             if at < x or point == "start":
                 force, moment = self._forces_at(Address(name, point))
@@ -288,8 +288,8 @@ class _Reader:
     def _strain(self, sensor: Sensor) -> np.ndarray:
         """N / (E A) - fibre M / (E I)."""
         N, _, M = self._section(sensor)
-        body = self.scene.bodies[sensor.target.body]
-        return N / body.E_A - sensor.fibre * M / body.E_I
+        here = self.scene.bodies[sensor.target.body].profile.at(self.scene.point(sensor.target)[0])
+        return N / here.E_A - sensor.fibre * M / here.E_I
 
     def _section(self, sensor: Sensor) -> tuple[np.ndarray, ...]:
         if not self.model.links:

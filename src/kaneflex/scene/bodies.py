@@ -1,91 +1,48 @@
-"""Bodies and their beams, as a scene file gives them and with every default filled in."""
+"""Bodies, as a scene file gives them and with every default filled in."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
+from functools import cached_property
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from kaneflex.errors import Fault, nearest
-from kaneflex.scene.quantities import (
-    Angle,
-    Inertia,
-    Point,
-    PositiveArea,
-    PositiveDensity,
-    PositiveLength,
-    PositiveMass,
-    PositiveModulus,
-    PositiveSecondMoment,
-    WholeNumber,
-)
+from kaneflex.errors import Fault
+from kaneflex.scene.beams import Beam
+from kaneflex.scene.profile import Profile
+from kaneflex.scene.quantities import Angle, Inertia, Point, PositiveLength, PositiveMass
+from kaneflex.scene.table import SceneTable
 
 _SAME_MASS = 1e-6  # relative; mass and A of one beam may both be given if they agree this closely
 
 
-class Material(NamedTuple):
-    """Young's modulus E in Pa and density rho in kg/m^3."""
-
-    E: float
-    rho: float
-
-
-MATERIALS = {
-    "steel": Material(2.1e11, 7850.0),
-    "aluminium": Material(7.0e10, 2700.0),
-    "titanium": Material(1.1e11, 4500.0),
-}
-
-
-class SceneTable(BaseModel):
-    """Base of every table of a scene file: frozen, and no key that it does not know."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
-
-
-def _of_material(field: str):
-    def default(data: dict) -> float | None:
-        material = data.get("material")
-        return getattr(MATERIALS[material], field) if material in MATERIALS else None
-
-    return default
-
-
-class Beam(SceneTable):
-    """A planar Euler-Bernoulli beam with a uniform section along the body's length.
-
-    `E` and `rho` come from `material` unless given; `A` may be left out where the body's mass is given.
-    """
-
-    material: str | None = None
-    E: PositiveModulus = Field(default_factory=_of_material("E"), description="Young's modulus")
-    rho: PositiveDensity = Field(default_factory=_of_material("rho"), description="density")
-    A: PositiveArea | None = None
-    I: PositiveSecondMoment
-    elements: WholeNumber = 4
-
-    @model_validator(mode="after")
-    def _has_material(self) -> Beam:
-        if self.material is not None and self.material not in MATERIALS:
-            raise Fault("unknown material", nearest(self.material, MATERIALS), below="material")
-        if self.E is None or self.rho is None:
-            raise Fault(
-                "neither a material nor both E and rho", f"Give material, one of {', '.join(MATERIALS)}"
-            )
-        return self
+def _profile(data: dict) -> Profile | None:
+    beam, length = data.get("beam"), data.get("length")
+    if beam is None or not length or not (beam.has_area or data.get("mass")):
+        return None
+    return beam.profile(length, data.get("mass") or 0.0)
 
 
 def _default_mass(data: dict) -> float:
-    beam, length = data.get("beam"), data.get("length")
-    return beam.rho * beam.A * length if beam and beam.A and length else 0.0
+    profile = _profile(data)
+    return profile.inertia(profile.length).mass if profile else 0.0
 
 
 def _default_centre(data: dict) -> tuple[float, float]:
-    return ((data.get("length") or 0.0) / 2, 0.0)
+    profile, length = _profile(data), data.get("length") or 0.0
+    if profile is None or not profile.varying:
+        return (length / 2, 0.0)
+    whole = profile.inertia(length)
+    return (whole.first / whole.mass, 0.0)
 
 
 def _default_inertia(data: dict) -> float:
-    return data["mass"] * (data.get("length") or 0.0) ** 2 / 12
+    profile, length = _profile(data), data.get("length") or 0.0
+    slender = data["mass"] * length**2 / 12
+    if profile is None:
+        return slender
+    whole = profile.inertia(length)
+    return (whole.second - whole.first**2 / whole.mass if profile.varying else slender) + whole.rotary
 
 
 class Pose(SceneTable):
@@ -116,9 +73,7 @@ class Body(SceneTable):
     def _beam_fits(self) -> Body:
         for name in self.points:
             if name in self._own_points():
-                raise Fault(
-                    "every body has this point already", "Choose another name", below=f"points.{name}"
-                )
+                raise Fault("every body has this point already", "Choose another name", below=f"points.{name}")
         if self.beam is None:
             return self
         if self.length is None:
@@ -128,8 +83,12 @@ class Body(SceneTable):
                 raise Fault("a uniform beam has its own", f"Leave {field} out", below=field)
         if self.mass == 0:
             raise Fault("neither the body's mass nor the beam's A", "Give one of them", below="beam")
-        if self.beam.A is not None:
-            expected = self.beam.rho * self.beam.A * self.length
+        for name, segment in self.beam.segments.items():
+            if segment.to is not None and segment.to >= self.length:
+                reason = "the segment reaches the body's end"
+                raise Fault(reason, "Leave to out, and what follows", below=f"beam.segments.{name}.to")
+        if self.beam.has_area:
+            expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
             if abs(self.mass - expected) > _SAME_MASS * expected:
                 reason = f"the beam's rho A length is {expected:.6g} kg"
                 raise Fault(reason, "Give either mass or A", below="mass")
@@ -150,18 +109,23 @@ class Body(SceneTable):
     def elastic(self) -> bool:
         return self.beam is not None
 
+    @cached_property
+    def profile(self) -> Profile:
+        """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
+        profile = self.beam.profile(self.length, self.mass)
+        return replace(profile, rho=profile.rho * self.mass / profile.inertia(self.length).mass)
+
     @property
     def rho_A(self) -> float:
-        """Mass per length in kg/m; elastic bodies only."""
+        """Mass per length in kg/m, the mean if the section varies; elastic bodies only."""
         return self.mass / self.length
 
     @property
     def E_A(self) -> float:
-        """Axial stiffness in N; elastic bodies only."""
-        area = self.beam.A if self.beam.A is not None else self.mass / (self.beam.rho * self.length)
-        return self.beam.E * area
+        """Axial stiffness in N, the mean if the section varies; elastic bodies only."""
+        return self.profile.element(0.0, self.length)["E_A"]
 
     @property
     def E_I(self) -> float:
-        """Bending stiffness in N m^2; elastic bodies only."""
-        return self.beam.E * self.beam.I
+        """Bending stiffness in N m^2, the mean if the section varies; elastic bodies only."""
+        return self.profile.element(0.0, self.length)["E_I"]

@@ -17,6 +17,7 @@ def problems_of(scene: Scene) -> list[Problem]:
     """Everything that is wrong between the tables of a scene, in the file's order."""
     found = [
         *_names(scene),
+        *_beams(scene),
         *_joints(scene),
         *_masses(scene),
         *_poses(scene),
@@ -47,6 +48,18 @@ def _names(scene: Scene) -> Iterator[Problem]:
                 yield Problem(
                     f"bodies.{name}.points.{point}", None, reason, "Use letters, digits and underscores"
                 )
+
+
+def _beams(scene: Scene) -> Iterator[Problem]:
+    """An axially rigid beam may hang at one point only: its length would tie the joints' displacements."""
+    for name, body in scene.bodies.items():
+        if body.elastic and body.beam.axially_rigid:
+            addresses = [address for joint in scene.joints.values() for address in joint.addresses]
+            held = sorted({address.point for address in addresses if address.body == name})
+            if len(held) > 1:
+                reason = f"joints at {', '.join(held)} would be tied to each other by its length"
+                cure = "Leave axially_rigid out, or join the beam at one point only"
+                yield Problem(f"bodies.{name}.beam.axially_rigid", True, reason, cure)
 
 
 def _address(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:

@@ -7,9 +7,8 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
-from kaneflex.scene.bodies import SceneTable
-from kaneflex.scene.parts import the_one_given
 from kaneflex.scene.quantities import Angle, AngularSpeed, NonNegativeRatio, PositiveAngle, PositiveTime
+from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE
 

@@ -7,7 +7,6 @@ from typing import Literal
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.errors import Fault, nearest
-from kaneflex.scene.bodies import SceneTable
 from kaneflex.scene.quantities import (
     Address,
     AddressField,
@@ -26,22 +25,12 @@ from kaneflex.scene.quantities import (
     Ratios,
     WholeNumber,
 )
+from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping")
-
-
-def the_one_given(table: SceneTable, names: tuple[str, ...]) -> str:
-    """Which of `names` is given, if it is exactly one."""
-    given = [name for name in names if getattr(table, name) is not None]
-    if len(given) != 1:
-        reason = (
-            f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
-        )
-        raise Fault(reason, f"Give exactly one of {', '.join(names)}")
-    return given[0]
 
 
 class Joint(SceneTable):

@@ -7,11 +7,12 @@ from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
 
-from kaneflex.scene.bodies import Body, SceneTable
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.table import SceneTable
 
 
 def written(raw: object, path: Sequence[str]) -> object:

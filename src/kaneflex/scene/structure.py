@@ -46,7 +46,8 @@ def structure_hash(scene: Scene) -> str:
 def _body(scene: Scene, name: str) -> dict[str, Any]:
     body = scene.bodies[name]
     mass, inertia = _zeros((body.mass, body.inertia))
-    return {"elastic": body.elastic, "mass": mass, "inertia": inertia, "centre": _zeros(body.centre)}
+    entry = {"elastic": body.elastic, "mass": mass, "inertia": inertia, "centre": _zeros(body.centre)}
+    return entry | (body.beam.structure() if body.elastic else {})
 
 
 def _points(scene: Scene) -> dict[str, list[Any]]:

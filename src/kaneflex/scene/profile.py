@@ -1,0 +1,137 @@
+"""What a beam is made of along its length: stiffnesses and masses at a point, of an element, before a point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.scene.sections import SectionNumbers
+
+_GAUSS = np.polynomial.legendre.leggauss(5)  # exact for x^2 A and (x - middle) I of every tapered shape
+
+
+class Properties(NamedTuple):
+    """Of a beam at one place.
+
+    rho_A mass per length [kg/m], E_A axial stiffness [N], E_I bending stiffness [N m^2], rho_I rotary inertia per
+    length [kg m], G_A shear stiffness kappa G A [N]; a beam whose theory knows no rotary inertia has rho_I = 0, one
+    without shear G_A = inf.
+    """
+
+    rho_A: float
+    E_A: float
+    E_I: float
+    rho_I: float
+    G_A: float
+
+
+class Inertia(NamedTuple):
+    """Of a stretch of a beam: mass [kg], first and second moment about the link's origin [kg m, kg m^2], and the
+    sum of the sections' own rotary inertias [kg m^2]."""
+
+    mass: float
+    first: float
+    second: float
+    rotary: float
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of a beam from `start` to `stop` [m] whose section's dimensions change linearly from end to end."""
+
+    start: float
+    stop: float
+    numbers: Callable[..., SectionNumbers]
+    first: tuple[float, ...]
+    last: tuple[float, ...]
+
+    def at(self, x: float) -> SectionNumbers:
+        s = (x - self.start) / (self.stop - self.start)
+        return self.numbers(*(a + (b - a) * s for a, b in zip(self.first, self.last, strict=True)))
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The pieces of a beam and its material: Young's modulus E [Pa], density rho [kg/m^3], shear modulus G [Pa].
+
+    `rotary` and `shear`: whether the beam's theory knows them.
+    """
+
+    pieces: tuple[Piece, ...]
+    E: float
+    rho: float
+    G: float
+    rotary: bool
+    shear: bool
+
+    @property
+    def length(self) -> float:
+        return self.pieces[-1].stop
+
+    @property
+    def varying(self) -> bool:
+        return len(self.pieces) > 1 or self.pieces[0].first != self.pieces[0].last
+
+    @property
+    def borders(self) -> tuple[float, ...]:
+        """Where one piece ends and the next one begins [m]."""
+        return tuple(piece.stop for piece in self.pieces[:-1])
+
+    def at(self, x: float) -> Properties:
+        """The properties at distance x [m] from the start; at a border those of the piece before it."""
+        piece = next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
+        return self._properties(piece.at(x))
+
+    def _properties(self, section: SectionNumbers) -> Properties:
+        A, I, kappa = section
+        rho_I = self.rho * I if self.rotary else 0.0
+        G_A = kappa * self.G * A if self.shear else math.inf
+        return Properties(self.rho * A, self.E * A, self.E * I, rho_I, G_A)
+
+    def element(self, x_0: float, length: float) -> dict[str, float]:
+        """Every parameter of the element from x_0 to x_0 + length [m], by its name in ``kaneflex.contract``.
+
+        A varying property is the linear function that is nearest to it in the mean square: its mean keeps the
+        element's mass and average stiffness, and what is left out is of the fourth order in the element's length.
+        phi_s takes the mean of E I and of kappa G A.
+        """
+        before = self.inertia(x_0)
+        if self.varying:
+            points, weights = self._gauss(x_0, x_0 + length)
+            share = weights / length
+            values = np.array([self._near(x) for x in points])
+            means = share @ values
+            rises = 12 * (share * ((points - x_0) / length - 0.5)) @ values[:, :4]
+        else:
+            means, rises = self.at(x_0), (0.0, 0.0, 0.0, 0.0)
+        found = dict(zip(("rho_A", "E_A", "E_I", "rho_I"), map(float, means[:4]), strict=True))
+        found |= dict(zip(("rho_A_rise", "E_A_rise", "E_I_rise", "rho_I_rise"), map(float, rises), strict=True))
+        phi_s = 12 * found["E_I"] / (float(means[4]) * length**2)
+        return found | {"length": length, "x_0": x_0, "phi_s": phi_s, "m_0": before.mass, "S_0": before.first}
+
+    def inertia(self, x: float) -> Inertia:
+        """The inertia of the beam from its start to x [m]."""
+        if not self.varying:
+            rho_A, _, _, rho_I, _ = self.at(0.0)
+            return Inertia(rho_A * x, rho_A * x**2 / 2, rho_A * x**3 / 3, rho_I * x)
+        points, weights = self._gauss(0.0, x)
+        values = np.array([self._near(point) for point in points]).reshape(-1, 5)
+        mass, rotary = weights * values[:, 0], weights * values[:, 3]
+        return Inertia(*(float(v.sum()) for v in (mass, mass * points, mass * points**2, rotary)))
+
+    def _near(self, x: float) -> Properties:
+        return self.at(min(max(x, 0.0), self.length))
+
+    def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
+        """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
+        points, weights = [np.zeros(0)], [np.zeros(0)]
+        for piece in self.pieces:
+            low, high = max(a, piece.start), min(b, piece.stop)
+            if high > low:
+                points.append((low + high) / 2 + (high - low) / 2 * _GAUSS[0])
+                weights.append((high - low) / 2 * _GAUSS[1])
+        return np.concatenate(points), np.concatenate(weights)

@@ -1,0 +1,127 @@
+"""Shapes of cross-sections: rectangle, circle, tube and I, with area, second moment and shear coefficient."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+
+from kaneflex.errors import Fault
+from kaneflex.scene.quantities import PositiveLength
+from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.units import LENGTH, RATIO, to_si
+
+
+def _dimensions(*names: str) -> Any:
+    """A field of several lengths above zero, written as a list."""
+    wanted = f"[{', '.join(names)}]"
+
+    def convert(value: object) -> tuple[float, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) != len(names):
+            raise Fault(f"not the {len(names)} lengths of this shape", f"Write {wanted}")
+        lengths = tuple(to_si(item, LENGTH) for item in value)
+        if min(lengths) <= 0:
+            raise Fault("a length must be above zero", f"Write {wanted}")
+        return lengths
+
+    schema = {"type": "array", "items": {"type": ["number", "string"]}, "minItems": len(names), "maxItems": len(names)}
+    return Annotated[
+        tuple[float, ...], BeforeValidator(convert), WithJsonSchema(schema | {"description": f"{wanted} in m"})
+    ]
+
+
+def _shear_coefficient(value: object) -> float:
+    number = to_si(value, RATIO)
+    if not 0 < number <= 1:
+        raise Fault("a shear coefficient is above 0 and at most 1", "Write one like 0.85")
+    return number
+
+
+ShearCoefficient = Annotated[
+    float, BeforeValidator(_shear_coefficient), WithJsonSchema({"type": "number", "exclusiveMinimum": 0, "maximum": 1})
+]
+
+
+class SectionNumbers(NamedTuple):
+    """Area A [m^2], second moment of area I [m^4] and shear coefficient kappa [1], None where nobody knows it."""
+
+    A: float
+    I: float
+    kappa: float | None
+
+
+def _rectangle(nu: float, height: float, width: float) -> SectionNumbers:
+    """kappa by Cowper (1966), J. Applied Mechanics 33, 335-340; 5/6 where nu = 0."""
+    return SectionNumbers(height * width, width * height**3 / 12, 10 * (1 + nu) / (12 + 11 * nu))
+
+
+def _circle(nu: float, diameter: float) -> SectionNumbers:
+    """kappa by Cowper (1966)."""
+    kappa = 6 * (1 + nu) / (7 + 6 * nu)
+    return SectionNumbers(math.pi * diameter**2 / 4, math.pi * diameter**4 / 64, kappa)
+
+
+def _tube(nu: float, diameter: float, wall: float) -> SectionNumbers:
+    """kappa by Cowper (1966), m the ratio of the inner to the outer radius."""
+    inner = diameter - 2 * wall
+    m = inner / diameter
+    square = (1 + m**2) ** 2
+    kappa = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m**2)
+    return SectionNumbers(math.pi * (diameter**2 - inner**2) / 4, math.pi * (diameter**4 - inner**4) / 64, kappa)
+
+
+def _i_section(nu: float, height: float, width: float, flange: float, web: float) -> SectionNumbers:
+    """kappa by Cowper (1966) for thin walls, with the height between the middles of the flanges; A and I are exact."""
+    clear = height - 2 * flange
+    middle = height - flange
+    m, n = 2 * width * flange / (middle * web), width / middle
+    denominator = 12 + 72 * m + 150 * m**2 + 90 * m**3 + nu * (11 + 66 * m + 135 * m**2 + 90 * m**3)
+    denominator += 30 * n**2 * (m + m**2) + 5 * nu * n**2 * (8 * m + 9 * m**2)
+    kappa = 10 * (1 + nu) * (1 + 3 * m) ** 2 / denominator
+    area = 2 * width * flange + web * clear
+    return SectionNumbers(area, (width * height**3 - (width - web) * clear**3) / 12, kappa)
+
+
+_SHAPES: dict[str, Callable[..., SectionNumbers]] = {
+    "rectangle": _rectangle,
+    "circle": _circle,
+    "tube": _tube,
+    "I": _i_section,
+}
+
+
+class Shape(SceneTable):
+    """A section by its shape, bent in the plane of its height: exactly one of the four."""
+
+    rectangle: _dimensions("height", "width") | None = None
+    circle: PositiveLength | None = Field(default=None, description="diameter")
+    tube: _dimensions("outer diameter", "wall") | None = None
+    I: _dimensions("height", "width", "flange", "web") | None = None
+
+    @model_validator(mode="after")
+    def _possible(self) -> Shape:
+        the_one_given(self, tuple(_SHAPES))
+        if self.tube is not None and 2 * self.tube[1] >= self.tube[0]:
+            raise Fault("the wall fills the tube", "Give less than half the diameter, or a circle", below="tube")
+        if self.I is not None:
+            height, width, flange, web = self.I
+            if 2 * flange >= height or web > width:
+                raise Fault("flanges or web don't fit", "Write [height, width, flange, web]", below="I")
+        return self
+
+    @property
+    def kind(self) -> str:
+        return the_one_given(self, tuple(_SHAPES))
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The shape's lengths in m, in the order in which they are written."""
+        found = getattr(self, self.kind)
+        return found if isinstance(found, tuple) else (found,)
+
+    def numbers_of(self, dimensions: tuple[float, ...], nu: float | None) -> SectionNumbers:
+        """Area, second moment of area and shear coefficient of this kind of shape at Poisson's ratio `nu`."""
+        numbers = _SHAPES[self.kind](nu if nu is not None else 0.0, *dimensions)
+        return numbers if nu is not None else numbers._replace(kappa=None)

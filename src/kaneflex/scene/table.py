@@ -1,0 +1,24 @@
+"""What every table of a scene file is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pydantic import BaseModel, ConfigDict
+
+from kaneflex.errors import Fault
+
+
+class SceneTable(BaseModel):
+    """Base of every table of a scene file: frozen, and no key that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
+
+
+def the_one_given(table: SceneTable, names: Sequence[str]) -> str:
+    """Which of `names` is given, if it is exactly one."""
+    given = [name for name in names if getattr(table, name) is not None]
+    if len(given) != 1:
+        reason = f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
+        raise Fault(reason, f"Give exactly one of {', '.join(names)}")
+    return given[0]

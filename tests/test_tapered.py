@@ -1,0 +1,240 @@
+"""Beams whose section varies, and axially rigid ones: frequencies, tension, section forces through whole scenes."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from runs import derived_on_the_fly
+from scipy.linalg import eigh
+
+from kaneflex.building import reference_modes
+from kaneflex.derive.beam import beam_element
+from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
+from kaneflex.model import Model
+from kaneflex.simulate import simulate
+
+
+@pytest.mark.parametrize("shear", [False, True])
+def test_without_growth_it_is_the_uniform_element(shear):
+    """No growth over the element, and before it the mass rho_A x_0 of a uniform link."""
+    limit = {symbol: 0 for name, symbol in PARAMETERS.items() if name.endswith("_rise")}
+    limit |= {m_0: rho_A * x_0, S_0: rho_A * x_0**2 / 2}
+    varying, uniform = (beam_element(rotary=shear, shear=shear, varying=varying) for varying in (True, False))
+    for found, expected in zip(varying.terms + varying.frame_terms, uniform.terms + uniform.frame_terms, strict=True):
+        assert (found.name, found.target, found.scalar) == (expected.name, expected.target, expected.scalar)
+        assert (found.matrix.xreplace(limit) - expected.matrix).expand().is_zero_matrix, found.name
+
+
+CANTILEVER = """
+schema = 1
+[bodies.beam]
+length = "1 m"
+beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, taper = {rectangle = [0.012, 0.01]}, elements = 8}
+[joints]
+clamp = {weld = ["ground", "beam.start"]}
+[loads]
+tip = {force_on = "beam.end", direction = [0, 1], value = "10 N"}
+[sensors]
+tip = {displacement = "beam.end", component = "y"}
+mid_moment = {bending_moment = "beam.mid"}
+[solve]
+preset = "quasistatic"
+duration = "0.1 s"
+"""
+SPINNING = """
+schema = 1
+[bodies.beam]
+length = "1 m"
+beam = {material = "steel", section = {rectangle = [0.02, 0.01]}, taper = {rectangle = [0.01, 0.01]}, elements = 16}
+points = {quarter = ["250 mm", 0]}
+[joints]
+hub = {revolute = ["ground", "beam.start"]}
+[drives]
+hub = {speed = "100 rad/s", cycle = "360 deg"}
+[sensors]
+quarter = {axial_force = "beam.quarter"}
+pull = {joint_force = "hub", component = "x"}
+strain = {strain = "beam.mid", fibre = 0}
+stretch = {displacement = "beam.end", component = "x"}
+[solve]
+preset = "quasistatic"
+"""
+RHO, E = 7850.0, 2.1e11
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("tapered")
+
+
+def unit(model: Model) -> float:
+    """sqrt(E I/(rho A))/L^2 at the root."""
+    root = model.scene.bodies["beam"].profile.at(0.0)
+    return np.sqrt(root.E_I / root.rho_A)
+
+
+# Frequencies times L^2 sqrt(rho A/(E I)) of cantilevers whose height falls to 1 - c of the root's, the width to 1 - b:
+# Ozdemir and Kaya (2006), Meccanica 41, 661-670, by the differential transform.
+PUBLISHED = {
+    (0.4, 0.0): (3.73708, 19.1138, 50.3537),
+    (0.4, 0.4): (4.31878, 20.0500, 51.3346),
+    (0.2, 0.0): (3.60828, 20.6210, 56.1923),
+}
+
+
+@pytest.mark.parametrize("taper", PUBLISHED)
+def test_tapered_cantilevers(folder, taper):
+    """Three frequencies to 1e-5 with 32 elements."""
+    c, b = taper
+    tip = [0.02 * (1 - c), 0.01 * (1 - b)]
+    model = derived_on_the_fly(CANTILEVER, folder, f"beam.taper.rectangle={tip}", "beam.elements=32")
+    found = reference_modes(model, 3)[0] / unit(model)
+    assert found == pytest.approx(PUBLISHED[taper], rel=1e-5)
+
+
+@pytest.mark.parametrize("theory", ["euler-bernoulli", "timoshenko"])
+def test_frequencies_converge_as_the_fourth_power(folder, theory):
+    """The section's linear part and its mean are enough for the order of uniform elements."""
+    modes = {
+        elements: reference_modes(
+            derived_on_the_fly(CANTILEVER, folder, f"beam.theory={theory}", f"beam.elements={elements}"), 3
+        )[0]
+        for elements in (8, 16, 64)
+    }
+    errors = [modes[elements] / modes[64] - 1 for elements in (8, 16)]
+    assert (np.abs(errors[1]) < 1e-4).all()
+    assert np.log2(errors[0] / errors[1])[1:] == pytest.approx([4, 4], abs=0.3)
+
+
+def ritz(eta: float, degree: int = 16) -> np.ndarray:
+    """Flap frequencies of a rotating cantilever, height 1 - x/2, by polynomials x^2 ... x^degree: unit length,
+    E I = rho A = 1 at the root, tension eta^2 int_x^1 A X dX."""
+    A, I = Polynomial([1, -0.5]), Polynomial([1, -0.5]) ** 3
+    growth = (A * Polynomial([0, 1])).integ()
+    P = eta**2 * (growth(1.0) - growth)
+    # Shifted Legendre polynomials keep the matrices well conditioned; x^2 holds the clamped end.
+    legendre = [np.polynomial.Legendre.basis(k, domain=[0, 1]).convert(kind=Polynomial) for k in range(degree - 1)]
+    shapes = [Polynomial([0, 0, 1]) * p for p in legendre]
+
+    def integral(weight: Polynomial, order: int) -> np.ndarray:
+        points, weights = np.polynomial.legendre.leggauss(40)
+        x, w = (points + 1) / 2, weights / 2
+        values = np.array([shape.deriv(order)(x) if order else shape(x) for shape in shapes])
+        return (values * (w * weight(x))) @ values.T
+
+    return np.sqrt(eigh(integral(I, 2) + integral(P, 1), integral(A, 0), eigvals_only=True)[:3])
+
+
+def test_ritz_against_published_values():
+    """Hodges and Rutkowski (1981), AIAA J. 19, 1459-1466: 3.82379 at rest, 6.74340 and 11.5015 at eta = 5 and 10."""
+    assert [ritz(eta)[0] for eta in (0, 5, 10)] == pytest.approx([3.82379, 6.74340, 11.5015], rel=5e-6)
+
+
+@pytest.mark.parametrize("eta", [0.001, 5.0, 10.0])
+def test_rotating_tapered_beam(folder, eta):
+    """The tension of the tapered link, m_0 and S_0 in K_g: three flap frequencies, the lag ones less eta^2."""
+    still = derived_on_the_fly(SPINNING, folder)
+    model = derived_on_the_fly(SPINNING, folder, f"hub.speed={eta * unit(still)}", "beam.axially_rigid=true")
+    K, M = model.K_s(0.0) + model.K_g(0.0), model.M(0.0)
+    flap = np.sqrt(eigh(K, M, eigvals_only=True)[:3]) / unit(model)
+    lag = eigh(K + model.K_d(0.0), M, eigvals_only=True)[:3] / unit(model) ** 2
+    assert flap == pytest.approx(ritz(eta), rel=5e-5)
+    assert lag == pytest.approx(flap**2 - eta**2, rel=1e-9)
+
+
+def test_statics_of_a_rotating_tapered_beam(folder):
+    """N(X) = omega^2 int_X^1 rho A X dX with A = A_0 (1 - X/2), its strain and the stretch of the tip."""
+    model = derived_on_the_fly(SPINNING, folder)
+    series = simulate(model).series
+    pull = RHO * 2e-4 * 1e4
+
+    def tension(X):
+        return pull * ((1 - X**2) / 2 - (1 - X**3) / 6)
+
+    angle = np.linspace(0, 2 * np.pi, len(series["pull"].values))
+    for name in ("pull", "pull_rigid"):
+        assert series[name].values == pytest.approx(-tension(0) * np.cos(angle), abs=1e-4 * pull)
+    assert series["quarter_rigid"].values == pytest.approx(tension(0.25), rel=1e-9)
+    assert series["quarter"].values == pytest.approx(tension(0.25), rel=2e-4)  # the stretched beam pulls more
+    assert series["strain"].values == pytest.approx(tension(0.5) / (E * 2e-4 * 0.75), rel=2e-4)
+    X = (np.arange(1000) + 0.5) / 1000
+    stretch = np.mean(tension(X) / (E * 2e-4 * (1 - X / 2)))
+    assert series["stretch"].values == pytest.approx(stretch, rel=1e-3)
+
+
+def test_statics_of_a_stepped_beam(folder):
+    """Two segments: P/(3 E) ((L^3 - b^3)/I_1 + b^3/I_2) with b beyond the step, exact for cubic elements."""
+    root, tip = "{rectangle = [0.02, 0.01]}", "{rectangle = [0.01, 0.01]}"
+    tapered = f"section = {root}, taper = {{rectangle = [0.012, 0.01]}}"
+    assert tapered in CANTILEVER
+    stepped = f"segments = {{root = {{to = 0.3, section = {root}}}, tip = {{section = {tip}}}}}"
+    model = derived_on_the_fly(CANTILEVER.replace(tapered, stepped), folder, "beam.elements=4")
+    assert 0.3 in model.links["beam"].nodes.round(12)
+    assert len(model.links["beam"].nodes) == 5
+    I_1, I_2 = 0.01 * 0.02**3 / 12, 0.01 * 0.01**3 / 12
+    expected = 10 / (3 * E) * ((1 - 0.7**3) / I_1 + 0.7**3 / I_2)
+    series = simulate(model).series
+    assert series["tip"].values == pytest.approx(expected, rel=1e-8)
+    assert np.abs(series["mid_moment"].values) == pytest.approx(5.0, rel=1e-8)
+    inertia = model.scene.bodies["beam"].profile.inertia(1.0)
+    assert inertia.mass == pytest.approx(RHO * (0.3 * 2e-4 + 0.7 * 1e-4), rel=1e-12)
+
+
+# ---- axially rigid ------------------------------------------------------------------------------------------------
+
+WHIRLING = """
+schema = 1
+gravity = [0, -9.81]
+[bodies.beam]
+length = "1 m"
+beam = {material = "steel", A = "400 mm^2", I = "13333 mm^4", elements = 8, axially_rigid = true}
+[masses]
+tip = {at = "beam.end", mass = 1.5, inertia = 0.01}
+[joints]
+hub = {revolute = ["ground", "beam.start"]}
+[drives]
+hub = {speed = "60 rad/s", cycle = "360 deg"}
+[loads]
+push = {force_on = "beam.end", direction = [1, 0.5], law = "100*sin(hub)"}
+[sensors]
+tip = {displacement = "beam.end", component = "y"}
+hub_x = {joint_force = "hub", component = "x"}
+hub_y = {joint_force = "hub", component = "y"}
+torque = {drive_torque = "hub"}
+mid_tension = {axial_force = "beam.mid"}
+end_tension = {axial_force = "beam.end"}
+mid_moment = {bending_moment = "beam.mid"}
+[solve]
+preset = "stiffened"
+start = "periodic"
+"""
+
+
+def test_an_axially_rigid_beam_is_the_stiff_limit(folder):
+    """Without the stiff modes the rest stays: bending, reactions, and the tension that no strain carries."""
+    models = (derived_on_the_fly(WHIRLING, folder, f"beam.axially_rigid={word}") for word in ("true", "false"))
+    found, elastic = (simulate(model).series for model in models)
+    for name, series in elastic.items():
+        spread = np.abs(series.values).max()
+        assert found[name].values == pytest.approx(series.values, abs=4e-3 * spread), name
+
+
+def test_an_axially_rigid_beam_has_no_stiff_modes(folder):
+    rigid, elastic = (
+        derived_on_the_fly(WHIRLING, folder, f"beam.axially_rigid={word}", "masses.tip=none", "loads.push=none")
+        for word in ("true", "false")
+    )
+    assert not [name for name in rigid.coordinates if name.endswith("u")]
+    assert rigid.equations.size == 16 and elastic.equations.size == 24
+    bending, all_of_them = reference_modes(rigid, 16)[0], reference_modes(elastic, 24)[0]
+    nearest = np.abs(all_of_them[:, None] / bending - 1).min(axis=0)
+    assert nearest.max() < 1e-9
+
+
+def test_a_reduced_axially_rigid_beam(folder):
+    """Craig-Bampton on top: six modes give the same peaks to half a hundredth."""
+    full, reduced = (
+        simulate(derived_on_the_fly(WHIRLING, folder, *settings)).series for settings in ((), ("solve.modes=6",))
+    )
+    for name in ("tip", "mid_tension", "mid_moment"):
+        peak = np.abs(full[name].values).max()
+        assert np.abs(reduced[name].values).max() == pytest.approx(peak, rel=5e-3), name

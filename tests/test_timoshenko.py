@@ -1,0 +1,337 @@
+"""Rayleigh and Timoshenko elements: closed forms, limits, exact statics, no locking, frequencies and their order."""
+
+import closed_forms as by_hand
+import closed_forms_shear as with_shear
+import numpy as np
+import pytest
+from runs import derived_on_the_fly
+from scipy.linalg import eigh
+from sympy import Matrix, diff
+
+from kaneflex.building import reference_modes
+from kaneflex.deformation import shape_functions
+from kaneflex.derive.beam import Element, beam_element
+from kaneflex.derive.shapes import (
+    E_I,
+    beam_section,
+    beam_shape,
+    length,
+    phi_s,
+    rho_A,
+    rho_I,
+    without_beta,
+    x,
+    x_0,
+)
+
+
+def terms(element: Element) -> dict[str, Matrix]:
+    return {term.name: term.matrix for term in element.terms + element.frame_terms}
+
+
+@pytest.fixture(scope="module")
+def shear() -> dict[str, Matrix]:
+    return terms(beam_element(rotary=True, shear=True))
+
+
+@pytest.fixture(scope="module")
+def rotary() -> dict[str, Matrix]:
+    return terms(beam_element(rotary=True))
+
+
+@pytest.fixture(scope="module")
+def plain() -> dict[str, Matrix]:
+    return terms(beam_element())
+
+
+def equal(derived, expected) -> bool:
+    return all(entry.together().expand().cancel() == 0 for entry in Matrix(derived) - Matrix(expected))
+
+
+AXIAL_MASS = Matrix(6, 6, lambda i, j: by_hand.mass(rho_A, length)[i, j] if {i, j} <= {0, 3} else 0)
+
+CLOSED_FORMS = {
+    "mass": lambda: (
+        AXIAL_MASS
+        + Matrix(with_shear.mass_across(rho_A, length, phi_s))
+        + Matrix(with_shear.mass_rotary(rho_I, length, phi_s))
+    ),
+    "spin": lambda: -AXIAL_MASS - Matrix(with_shear.mass_across(rho_A, length, phi_s)),
+    "euler": lambda: with_shear.gyration(rho_A, length, phi_s),
+    "gyroscopic": lambda: 2 * Matrix(with_shear.gyration(rho_A, length, phi_s)),
+    "euler_load": lambda: with_shear.load_euler(rho_A, rho_I, length, x_0, phi_s, 1),
+    "load_y": lambda: by_hand.load_acceleration(rho_A, length, 0, 1),
+    "centrifugal_load": lambda: by_hand.load_centrifugal(rho_A, length, x_0, 1),
+    "tension_origin": lambda: with_shear.geometric(length, phi_s),
+    "mass_correction": lambda: with_shear.mass_correction(rho_A, length, phi_s),
+}
+
+
+@pytest.mark.parametrize("name", CLOSED_FORMS)
+def test_derived_equals_closed_form(shear, name):
+    assert equal(shear[name], CLOSED_FORMS[name]())
+
+
+def test_stiffness_equals_closed_form(shear):
+    assert equal(shear["bending_stiffness"] + shear["shear_stiffness"], with_shear.stiffness(E_I, length, phi_s))
+
+
+def test_rotary_inertia_adds_to_mass_and_euler_load_only(rotary, plain):
+    """Rayleigh: a section carries 1/2 rho I (omega + theta')^2, so nothing of it is in K_d and G."""
+    turn = by_hand.rotary_load(-rho_I, 1)
+    expected = {name: Matrix.zeros(*matrix.shape) for name, matrix in plain.items()}
+    expected["mass"] = by_hand.rotary_mass(rho_I, length)
+    expected["euler_load"] = by_hand.rotary_load(rho_I, 1)
+    expected["frame_mass"] = Matrix([[0] * 6, [0] * 6, turn])
+    expected["frame_euler_load"] = Matrix([0, 0, -rho_I * length])
+    assert set(rotary) == set(expected)
+    for name, matrix in rotary.items():
+        assert equal(matrix - plain[name], expected[name]), name
+
+
+def test_without_shear_flexibility_it_is_the_rayleigh_beam(shear, rotary):
+    """phi_s = 0; shear_stiffness and mass_correction vanish."""
+    assert set(shear) == {*rotary, "shear_stiffness", "mass_correction"}
+    for name, matrix in shear.items():
+        expected = rotary.get(name, Matrix.zeros(*matrix.shape))
+        assert equal(matrix.subs(phi_s, 0), expected), name
+
+
+def test_shape_functions_are_exact_under_loads_at_the_nodes():
+    """kappa G A (v' - theta) is constant and balances E I theta'' in every one of the six shapes."""
+    shape = beam_shape(beam_section(rotary=True), shear=True)
+    rows = (shape.displacement[1, :], shape.rotation, shape.slope)
+    v, theta, slope = (without_beta(row) for row in rows)
+    gamma = slope - theta
+    assert equal(diff(gamma, x), Matrix.zeros(1, 6))
+    assert equal(12 * gamma / (phi_s * length**2) + diff(theta, x, 2), Matrix.zeros(1, 6))
+    ends = Matrix.vstack(*(row.subs(x, end) for end in (0, length) for row in (v, theta)))
+    assert equal(ends, Matrix.eye(6).extract(by_hand.BENDING, list(range(6))))
+
+
+@pytest.mark.parametrize("growth", [0.0, 0.4])
+@pytest.mark.parametrize("phi", [0.0, 0.7, 30.0])
+def test_the_runtime_interpolates_by_the_derived_shape_functions(phi, growth):
+    section = beam_section(rotary=True, varying=True)
+    shape = beam_shape(section, shear=True)
+    rows = without_beta(Matrix.vstack(shape.displacement, shape.rotation, shape.slope))
+    stiff = {symbol.name: symbol for symbol in rows.free_symbols}
+    values = {length: 0.3, phi_s: phi, E_I: 2.0, stiff["E_I_rise"]: 2.0 * growth}
+    derived = np.array(rows.subs(values | {x: 0.11}).tolist(), float)
+    assert shape_functions(0.11, 0.3, phi, growth) == pytest.approx(derived, abs=1e-14)
+
+
+def test_rigid_motions_keep_mass_and_inertia(shear):
+    """The correction takes nothing from the element's mass, centre and inertia; the mass gives the rigid loads."""
+    shift, turn = Matrix([0, 1, 0, 0, 1, 0]), Matrix([0, x_0, 1, 0, x_0 + length, 1])
+    assert equal(shear["mass_correction"] * Matrix.hstack(shift, turn), Matrix.zeros(6, 2))
+    assert equal(shear["mass"] * turn, -shear["euler_load"])
+    assert equal(shear["mass"] * shift, -shear["load_y"])
+    whole = rho_A * (x_0**2 * length + x_0 * length**2 + length**3 / 3) + rho_I * length
+    assert equal(turn.T * shear["mass"] * turn, Matrix([whole]))
+
+
+def chain(shear: dict[str, Matrix], names: tuple[str, ...], elements: int, values: dict) -> np.ndarray:
+    """The bending rows of a uniform chain of elements of unit length in all."""
+    total = sum((shear[name] for name in names), Matrix.zeros(6))
+    h = 1.0 / elements
+    block = total.extract(by_hand.BENDING, by_hand.BENDING).subs(values | {length: h})
+    block = np.array(block.tolist(), float)
+    full = np.zeros((2 * elements + 2,) * 2)
+    for e in range(elements):
+        full[2 * e : 2 * e + 4, 2 * e : 2 * e + 4] += block
+    return full
+
+
+STIFFNESS = ("bending_stiffness", "shear_stiffness")
+
+
+@pytest.mark.parametrize("elements", [1, 3])
+@pytest.mark.parametrize("flexibility", [0.0, 1e-8, 0.01, 1.0, 1e4])
+def test_a_loaded_tip_is_exact_for_any_slenderness(shear, elements, flexibility):
+    """P L^3/(3 E I) + P L/(kappa G A): nothing locks. flexibility = 12 E I/(kappa G A L^2)."""
+    values = {E_I: 1.0, phi_s: flexibility * elements**2}
+    K = chain(shear, STIFFNESS, elements, values)[2:, 2:]
+    load = np.zeros(2 * elements)
+    load[-2] = 1.0
+    assert np.linalg.solve(K, load)[-2] == pytest.approx(1 / 3 + flexibility / 12, rel=1e-9)
+
+
+def pinned(shear, elements: int, names: tuple[str, ...], slenderness: float = 5.0) -> np.ndarray:
+    """Lowest frequencies, times L^2 sqrt(rho A/(E I)), of a pinned square beam with L/h = slenderness, kappa = 5/6."""
+    gyration = 1 / (12 * slenderness**2)
+    flexibility = 12 * gyration * 2.6 * 6 / 5
+    values = {E_I: 1.0, rho_A: 1.0, rho_I: gyration, phi_s: flexibility * elements**2}
+    keep = [k for k in range(2 * elements + 2) if k not in (0, 2 * elements)]
+    K, M = (chain(shear, chosen, elements, values)[np.ix_(keep, keep)] for chosen in (STIFFNESS, names))
+    assert eigh(M, eigvals_only=True)[0] > 0
+    return np.sqrt(eigh(K, M, eigvals_only=True))[:3]
+
+
+def exact_pinned(slenderness: float = 5.0) -> np.ndarray:
+    """Timoshenko (1921): r s w^4 - (1 + (r + s) k^2) w^2 + k^4 = 0 for k = n pi.
+
+    r = I/(A L^2), s = E I/(kappa G A L^2), with w in units of sqrt(E I/(rho A))/L^2.
+    """
+    r = 1 / (12 * slenderness**2)
+    s = r * 2.6 * 6 / 5
+    k = np.pi * np.arange(1, 4)
+    middle = 1 + (r + s) * k**2
+    return np.sqrt((middle - np.sqrt(middle**2 - 4 * r * s * k**4)) / (2 * r * s))
+
+
+def test_the_corrected_mass_is_an_order_better(shear):
+    """A consistent mass is wrong as h^2; the correction takes nine tenths of that away, and more of the lowest."""
+    exact = exact_pinned()
+    consistent = [pinned(shear, elements, ("mass",)) / exact - 1 for elements in (16, 32)]
+    corrected = pinned(shear, 16, ("mass", "mass_correction")) / exact - 1
+    assert np.log2(consistent[0] / consistent[1]) == pytest.approx([2, 2, 2], abs=0.02)
+    assert (np.abs(corrected) < np.array([0.02, 0.05, 0.1]) * consistent[0]).all()
+    assert (np.abs(corrected) < 5e-4).all()
+
+
+def test_a_lumped_tip_mass_does_not_spoil_the_corrected_mass(shear):
+    """Its inertia isn't the element's own, so less is gained: within 1e-3 with eight elements, for three modes."""
+
+    def lowest(elements: int) -> np.ndarray:
+        values = {E_I: 1.0, rho_A: 1.0, rho_I: 1 / 300, phi_s: 12 / 300 * 3.12 * elements**2}
+        K = chain(shear, STIFFNESS, elements, values)[2:, 2:]
+        M = chain(shear, ("mass", "mass_correction"), elements, values)[2:, 2:]
+        M[-2, -2] += 1.0
+        return np.sqrt(eigh(K, M, eigvals_only=True))[:3]
+
+    assert lowest(8) == pytest.approx(lowest(128), rel=1e-3)
+
+
+def test_slender_beams_are_euler_bernoulli_beams(shear):
+    exact = (np.pi * np.arange(1, 4)) ** 2
+    assert pinned(shear, 16, ("mass", "mass_correction"), slenderness=1e4) == pytest.approx(exact, rel=1e-4)
+
+
+# ---- whole scenes -----------------------------------------------------------------------------------------------
+
+# NAFEMS FV5 (Selected Benchmarks for Natural Frequency Analysis, 1987): length 10 m, square 2 m, simply supported.
+# Frequencies [Hz] of the Timoshenko beam with kappa = 5/6, with rotary inertia alone and without either, computed
+# from the closed solution for a pinned beam; those of NAFEMS, 42.65, 148.15 and 283.47, are for kappa = 0.85.
+DEEP = """
+schema = 1
+[bodies.beam]
+length = "10 m"
+[bodies.beam.beam]
+E = "200 GPa"
+rho = 8000
+nu = 0.3
+kappa = 0.8333333333333334
+section = {rectangle = ["2 m", "2 m"]}
+theory = "timoshenko"
+elements = 16
+[bodies.roller]
+mass = "1e-6 kg"
+[joints]
+pin = {revolute = ["ground", "beam.start"]}
+support = {revolute = ["beam.end", "roller"]}
+floor = {prismatic = ["ground", "roller"], direction = [1, 0]}
+[solve]
+preset = "quasistatic"
+duration = "0.1 s"
+"""
+DEEP_HZ = {
+    "timoshenko": [42.60871725394184, 147.78601200406814, 282.36338463546076],
+    "rayleigh": [44.617002783170534, 170.50761831130924, 358.47138721891895],
+    "euler-bernoulli": [45.344984105855445, 181.37993642342178, 408.10485695269904],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("deep")
+
+
+@pytest.mark.parametrize("theory", DEEP_HZ)
+def test_deep_simply_supported_beam(folder, theory):
+    """FV5: three flexural frequencies to 5e-4 with 16 elements, and the axial ones 125 and 375 Hz."""
+    model = derived_on_the_fly(DEEP, folder, f"beam.theory={theory}")
+    found = reference_modes(model, 6)[0] / (2 * np.pi)
+    axial = [np.abs(found - exact).argmin() for exact in (125.0, 375.0)]
+    assert found[axial] == pytest.approx([125.0, 375.0], rel=4e-3)
+    assert np.delete(found, axial)[:3] == pytest.approx(DEEP_HZ[theory], rel=5e-4)
+
+
+def test_the_shapes_own_shear_coefficient_is_that_of_the_published_values(folder):
+    """Cowper's kappa = 0.8497 at nu = 0.3, against NAFEMS' 42.65, 148.15 and 283.47 Hz."""
+    model = derived_on_the_fly(DEEP, folder, "beam.kappa=none")
+    found = reference_modes(model, 5)[0] / (2 * np.pi)
+    assert found[[0, 2, 3]] == pytest.approx([42.65, 148.15, 283.47], rel=5e-4)
+
+
+PARAMETERS = ("rho_A", "E_A", "E_I", "length", "x_0")
+
+
+@pytest.mark.parametrize(
+    ("theory", "more"), [("euler-bernoulli", ()), ("rayleigh", ("rho_I",)), ("timoshenko", ("rho_I", "phi_s"))]
+)
+def test_a_module_reads_no_more_than_its_theory_needs(folder, theory, more):
+    module = derived_on_the_fly(DEEP, folder, f"beam.theory={theory}").module
+    assert tuple(name for name, *_ in module.ELEMENT_PARAMETERS) == PARAMETERS + more
+    assert ("mass_correction" in [name for name, *_ in module.TERMS]) is (theory == "timoshenko")
+
+
+SWINGING = """
+schema = 1
+gravity = [0, -9.81]
+[bodies.thick]
+length = "0.5 m"
+[bodies.thick.beam]
+material = "steel"
+section = {rectangle = ["100 mm", "20 mm"]}
+theory = "timoshenko"
+elements = 3
+[bodies.thin]
+length = "0.8 m"
+beam = {material = "aluminium", section = {tube = ["30 mm", "2 mm"]}, elements = 3}
+[joints]
+hub = {revolute = ["ground", "thick.start"]}
+elbow = {weld = ["thick.end", "thin.start"]}
+[drives]
+hub = {law = "1.2*sin(20*t)", period = "0.3141592653589793 s"}
+[sensors]
+torque = {drive_torque = "hub"}
+elbow_x = {joint_force = "elbow", component = "x"}
+elbow_moment = {joint_force = "elbow", component = "angle"}
+[solve]
+preset = "quasistatic"
+"""
+
+
+@pytest.fixture(scope="module")
+def swinging(tmp_path_factory):
+    return derived_on_the_fly(SWINGING, tmp_path_factory.mktemp("swinging"))
+
+
+def test_links_of_different_theory_share_a_module(swinging):
+    """The thin link is the Euler-Bernoulli limit of the module's element."""
+    thick, thin = (swinging.links[name].parameters for name in ("thick", "thin"))
+    assert (thin["phi_s"] == 0).all() and (thin["rho_I"] == 0).all()
+    assert (thick["phi_s"] > 0).all() and (thick["rho_I"] > 0).all()
+    section = thin["rho_A"][0], thin["E_I"][0], thin["length"][0]
+    found = np.zeros((6, 6))
+    p = np.array([thin[name][0] for name, *_ in swinging.module.ELEMENT_PARAMETERS])
+    swinging.module.M(p, found)
+    assert found == pytest.approx(by_hand.mass(section[0], section[2]), rel=1e-12, abs=1e-15)
+    found[:] = 0
+    swinging.module.K_s(p, found)
+    expected = by_hand.stiffness(thin["E_A"][0], section[1], section[2])
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-6)
+
+
+def test_elastic_forces_balance_the_rigid_ones_with_rotary_inertia(swinging):
+    """Both stages know rho_I: reactions from the elements' residuals differ by the deformation's small share only."""
+    from kaneflex.simulate import simulate
+
+    series = simulate(swinging).series
+    for name in ("torque", "elbow_x", "elbow_moment"):
+        found, rigid = series[name].values, series[f"{name}_rigid"].values
+        assert np.abs(found - rigid).max() < 0.01 * np.abs(rigid).max(), name
+    body = swinging.scene.bodies["thick"]
+    slender = body.mass * body.length**2 / 12
+    assert body.inertia == pytest.approx(slender * (1 + (0.1 / 0.5) ** 2), rel=1e-12)
