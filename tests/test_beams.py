@@ -14,7 +14,7 @@ from kaneflex.building import build_model, reference_modes
 from kaneflex.links import craig_bampton
 from kaneflex.model import Model
 from kaneflex.options import resolve_options
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import with_settings
 from kaneflex.simulation import simulate
 
 DATA = Path(__file__).parent / "data"

@@ -113,7 +113,7 @@ def bending_matrices(loaded: Model) -> dict[str, np.ndarray]:
 def blade(elements: int, eta: float) -> tuple[dict[str, np.ndarray], float]:
     """Matrices at the speed eta sqrt(E I / (rho A l^4)), and that unit of speed [rad/s]."""
     body = read_scene("rotating-cantilever").bodies["blade"]
-    unit = float(np.sqrt(body.E_I / body.rho_A) / body.length**2)
+    unit = float(np.sqrt(body.profile.at(0.0).E_I / body.profile.at(0.0).rho_A) / body.length**2)
     loaded = model("rotating-cantilever", f"blade.elements={elements}", f"shaft.speed={eta * unit!r}")
     return bending_matrices(loaded), unit
 
@@ -151,9 +151,9 @@ def test_rotating_cantilever_pulls_on_its_shaft():
     """E A u'' + rho A omega^2 (x + u) = 0: the root carries E A (1 / cos k l - 1), k^2 = rho omega^2 / E."""
     solution = run("rotating-cantilever", "push.value=1e-9 N")
     body, speed = solution.model.scene.bodies["blade"], solution.model.scene.drives["shaft"].speed
-    k = speed * np.sqrt(body.rho_A / body.E_A)
-    pull = body.E_A * (1 / np.cos(k * body.length) - 1)
-    assert pull != pytest.approx(body.rho_A * speed**2 * body.length**2 / 2, rel=1e-5)
+    k = speed * np.sqrt(body.profile.at(0.0).rho_A / body.profile.at(0.0).E_A)
+    pull = body.profile.at(0.0).E_A * (1 / np.cos(k * body.length) - 1)
+    assert pull != pytest.approx(body.profile.at(0.0).rho_A * speed**2 * body.length**2 / 2, rel=1e-5)
     assert solution.series["root_force"].values == pytest.approx(pull, rel=1e-6)
     stretch = np.tan(k * body.length) / k - body.length
     assert solution.series["tip_axial"].values == pytest.approx(stretch, rel=1e-6)

@@ -18,7 +18,7 @@ import kaneflex.generated
 from kaneflex.contract import ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS, REQUIRED_ATTRIBUTES
 from kaneflex.derive import generate
 from kaneflex.derive.__main__ import modules
-from kaneflex.derive.beam import euler_bernoulli
+from kaneflex.derive.beam import beam_element
 from kaneflex.generated.engine import C, F, F_t, K_d, K_g, K_s, M, motion, tabulate, terms
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
@@ -153,7 +153,7 @@ def test_what_the_engine_does_not_have_is_not_there():
 
 @pytest.fixture(scope="module")
 def element():
-    return euler_bernoulli()
+    return beam_element()
 
 
 def random_point(seed: int) -> tuple[np.ndarray, np.ndarray]:

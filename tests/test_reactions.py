@@ -46,7 +46,7 @@ def rod_momentum_rate(rod: Deformation, rigid: RigidMotion) -> np.ndarray:
             d, d_rate, d_accel = rod.at(X)
             a_x = rigid["rod.link.a_x"] - e * d[1] - w**2 * (X + d[0]) - 2 * w * d_rate[1] + d_accel[0]
             a_y = rigid["rod.link.a_y"] + e * (X + d[0]) - w**2 * d[1] + 2 * w * d_rate[0] + d_accel[1]
-            dm = weight * (far - near) / 2 * rod.link.rho_A
+            dm = weight * (far - near) / 2 * rod.link.parameters["rho_A"][0]
             total += dm * np.array([c * a_x - s * a_y, s * a_x + c * a_y])
     return total
 

@@ -62,7 +62,7 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 
 
 def cache_folder() -> Path:
-    """Where modules that kaneflex derived for the user are kept: each state of the generator has a folder of its own."""
+    """Where modules that kaneflex derived for the user are kept, one folder for each state of the generator."""
     import hashlib
     from importlib.util import find_spec
 
