@@ -164,7 +164,7 @@ def test_modes_do_not_compare_displacements_with_rotations():
     assert "a plain number is in rad, so 57.2958 deg" in shown.stderr
     assert "plain number" not in cli("modes", "engine", "--count", "1", "--at", "main=1 rad").stderr
     reduced = cli("modes", "engine", "--count", "1", "--set", "solve.modes=2").stdout.splitlines()
-    assert "mode_" not in reduced[2]
+    assert reduced[2].split()[2:] == ["rod.2.v", "rod.0.theta"]
 
 
 def test_check_warns_of_terms_that_the_preset_has_no_place_for():
@@ -186,7 +186,9 @@ solve = {duration = 1}
 def test_redundant_joints_are_named_and_counted(command):
     Path("rod.toml").write_text(REDUNDANT)
     result = cli(command[0], "rod.toml", *command[1:])
-    refused(result, "2 constraints too many", "pin across x and across y", "the joints take clamp 3, pin 2")
+    assert result.exit_code == 2
+    for words in ("2 constraints too many", "pin across x and across y", "the joints take clamp 3, pin 2"):
+        assert words in result.stderr  # behind the stages, where deriving takes long
     assert "nothing determines" not in result.stderr and "force_x" not in result.stderr
 
 

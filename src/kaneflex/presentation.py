@@ -7,12 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 
 from kaneflex.scene.parts import TERM_NAMES
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from kaneflex.freedom import Freedom
     from kaneflex.model import Model
     from kaneflex.scene import Scene
@@ -254,25 +253,36 @@ def _drive(scene: Scene, name: str) -> str:
 
 
 def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
-    """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode.
-
-    Those of a reduced link's own modes are neither.
-    """
-    last = {name: name.rpartition(".")[2] for name in model.coordinates}
+    """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode."""
+    names, moved = _nodal(model, shapes)
+    last = {name: name.rpartition(".")[2] for name in names}
     turning = {name for name, what in last.items() if what in ("theta", "turn")}
     shifting = {name for name, what in last.items() if name not in turning and not what.startswith("mode_")}
 
     def largest(shape: np.ndarray, among: set[str]) -> str:
-        sizes = {name: abs(x) for name, x in zip(model.coordinates, shape, strict=True) if name in among}
-        return max(sizes, key=sizes.get, default="none")
+        sizes = {name: abs(x) for name, x in zip(names, shape, strict=True) if name in among}
+        most = max(sizes.values(), default=0.0)
+        # of what moves alike, the two ends of a beam, the first: rounding must not choose
+        return next((name for name, size in sizes.items() if size >= (1 - 1e-6) * most), "none")
 
     rows = [
-        (str(k + 1), f"{value:.3f}", largest(shapes[:, k], shifting), largest(shapes[:, k], turning))
+        (str(k + 1), f"{value:.3f}", largest(moved[:, k], shifting), largest(moved[:, k], turning))
         for k, value in enumerate(hertz)
     ]
     head = ("mode", "Hz", "largest displacement", "largest rotation")
     where = at_drive(model)
     return "\n".join([*([f"{model.scene.name} at {where}"] if where else []), table(head, rows, left=0)])
+
+
+def _nodal(model: Model, shapes: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Mode shapes by coordinate, with the nodes of each reduced link below: q = basis L z."""
+    names, rows = list(model.coordinates), [*shapes]
+    rigid = model.motion.at(model.reference_time)
+    for link, basis in model.bases.items():
+        own = [basis @ rigid.apply(model.frame.maps[link], shape[:, None])[:, 0] for shape in shapes.T]
+        names += model.links[link].part.coordinates
+        rows += zip(*own, strict=True)
+    return names, np.array(rows)
 
 
 def poles_table(system: StateSpace) -> str:
