@@ -22,10 +22,9 @@ class StructurallySingular(ValueError):
     def __init__(self, spare_equations: Sequence[str], open_unknowns: Sequence[str]):
         self.spare_equations = tuple(spare_equations)
         self.open_unknowns = tuple(open_unknowns)
-        super().__init__(
-            f"structurally singular: nothing determines {', '.join(open_unknowns) or 'nothing'}; "
-            f"redundant: {', '.join(spare_equations) or 'none'}"
-        )
+        said = {"nothing determines": self.open_unknowns, "redundant:": self.spare_equations}
+        told = "; ".join(f"{words} {', '.join(names)}" for words, names in said.items() if names)
+        super().__init__(f"structurally singular: {told}")
 
 
 def solve_blocks(

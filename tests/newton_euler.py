@@ -68,6 +68,11 @@ def imbalance(scene: Scene, rigid: RigidMotion) -> float:
                     # What slides in a guide is pushed where it touches: at its own point, and so is the guide.
                     touches = joint.addresses[1] if joint.kind == "prismatic" else address
                     pushes.append((touches, sign * push, sign * turn))
+        for mass in scene.masses.values():
+            if mass.at.body == name:
+                x, y = turned(rigid, name, scene.point(mass.at))
+                at = start + e * np.array([-y, x]) - w**2 * np.array([x, y])
+                pushes.append((mass.at, -mass.mass * (at - np.array(scene.gravity)[:, None]), -mass.inertia * e))
         for load_name, load in scene.loads.items():
             if load.force_on.body == name:
                 direction = turned(rigid, "ground" if load.axes == "global" else name, load.direction)

@@ -11,6 +11,7 @@ import pytest
 from command_line import cli, refused
 
 import kaneflex
+from kaneflex.freedom import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.presentation import PRESETS_IN_WORDS
 from kaneflex.scene import json_schema, read_scene, shipped_scenes
@@ -117,7 +118,10 @@ def test_check_says_what_a_scene_is():
     shown = cli("check", "engine", "--preset", "linear").stdout
     for words in (
         "rod     elastic, 4 elements, 137 mm, 0.153 kg", "closes a loop, branch +", "6000 rpm from 0 deg",
-        "crank_torque", "preset          linear", "degrees of freedom  12", "kaneflex.generated.engine",
+        "preset          linear: time-varying", "duration        20 ms, one cycle",
+        "steps           1440 in a cycle, 13.8889 us each", "elements        rod 4", "degrees of freedom  12",
+        "mid_transverse          displacement of rod.mid, y in body axes, relative to chord",
+        "kaneflex.generated.engine",
         read_scene("engine").structure_hash(),
     ):  # fmt: skip
         assert words in shown
@@ -148,8 +152,60 @@ def test_modes_at_an_angle(angle):
 
 def test_modes_as_a_table_of_the_lowest():
     lines = cli("modes", "engine", "--count", "2").stdout.splitlines()
-    assert len(lines) == 3
-    assert [line.split()[0] for line in lines[1:]] == ["1", "2"]
+    assert lines[0] == "engine at main = 0 deg" and len(lines) == 4
+    assert [line.split()[0] for line in lines[2:]] == ["1", "2"]
+
+
+def test_modes_do_not_compare_displacements_with_rotations():
+    """The first mode bends the rod: its middle moves most, its ends turn most."""
+    shown = cli("modes", "engine", "--count", "1", "--at", "main=1")
+    assert shown.stdout.splitlines()[2].split()[2] == "rod.2.v"
+    assert shown.stdout.splitlines()[2].split()[3] in ("rod.0.theta", "rod.4.theta")
+    assert "a plain number is in rad, so 57.2958 deg" in shown.stderr
+    assert "plain number" not in cli("modes", "engine", "--count", "1", "--at", "main=1 rad").stderr
+    reduced = cli("modes", "engine", "--count", "1", "--set", "solve.modes=2").stdout.splitlines()
+    assert reduced[2].split()[2:] == ["rod.2.v", "rod.0.theta"]
+
+
+def test_check_warns_of_terms_that_the_preset_has_no_place_for():
+    result = cli("check", "engine", "--preset", "quasistatic", "--set", "solve.terms={gyroscopic=true, damping=true}")
+    assert "preset quasistatic has no use for solve.terms.gyroscopic, solve.terms.damping: left out" in result.stderr
+    assert "terms           spin, euler, geometric, turning" in result.stdout
+    assert cli("check", "engine", "--preset", "quasistatic").stderr.count("Warning") == 0
+
+
+REDUNDANT = """schema = 1
+ground = {far = [1, 0]}
+bodies = {rod = {length = 1, mass = 1, beam = {material = "steel", I = "100 mm^4"}}}
+joints = {clamp = {weld = ["ground", "rod"]}, pin = {revolute = ["ground.far", "rod.end"]}}
+solve = {duration = 1}
+"""
+
+
+@pytest.mark.parametrize("command", [("check",), ("derive", "-o", "rod.py"), ("equations", "--latex")])
+def test_redundant_joints_are_named_and_counted(command):
+    Path("rod.toml").write_text(REDUNDANT)
+    result = cli(command[0], "rod.toml", *command[1:])
+    assert result.exit_code == 2
+    for words in ("2 constraints too many", "pin across x and across y", "the joints take clamp 3, pin 2"):
+        assert words in result.stderr  # behind the stages, where deriving takes long
+    assert "nothing determines" not in result.stderr and "force_x" not in result.stderr
+
+
+def test_what_is_open_is_named_by_its_body():
+    scene = read_scene("engine")
+    reason, cure = in_joints(scene, (), ("v_x_rod", "omega_rod"))
+    assert reason.startswith("nothing determines the motion of rod; of 9 degrees of freedom the joints take main 2")
+    assert cure == "Join or drive what is open"
+    assert in_joints(scene, (), ("pin_force_x",))[0].startswith("nothing determines the force in pin;")
+
+
+def test_a_derived_module_says_which_file_it_was_made_from():
+    Path("deep").mkdir()
+    Path("deep/mine.toml").write_text('schema = 1\nlike = "engine"\nname = "own"\n')
+    assert cli("derive", "deep/mine.toml", "-o", "mine.py").exit_code == 0
+    head = Path("mine.py").read_text()[:400]
+    assert "the scene 'own'" in head and "made by: kaneflex derive mine.toml -o" in head
 
 
 def test_derive_gives_the_shipped_bytes_and_does_not_overwrite():

@@ -10,6 +10,7 @@ from integrate_cases import affine, constant, parametric
 from kaneflex.errors import UserError
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.periodic import _verdict
 from kaneflex.integrate.run import integrate
 
 COMPILED = ("newmark", "generalised-alpha", "gauss")
@@ -248,3 +249,9 @@ def test_import_leaves_scipy_integrate_alone():
     code = "import sys, kaneflex.integrate.run; print('scipy.integrate' in sys.modules)"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert result.stdout.strip() == "False", result.stderr
+
+
+@pytest.mark.parametrize(("multiplier", "modulus"), [(-1.5, ""), (0.9 + 1.2j, " of modulus 1.5")])
+def test_modulus_is_said_of_complex_multipliers_only(multiplier, modulus):
+    _, message = _verdict(np.array([multiplier, 0.5], dtype=complex))
+    assert f"{modulus} exceeds one" in message and ("modulus" in message) == bool(modulus)

@@ -1,5 +1,6 @@
 """Results as labelled arrays, as netCDF and in numbers."""
 
+import math
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 import xarray
 
 import kaneflex
+from kaneflex.presentation import _sensor_row
 from kaneflex.results import write_netcdf
 from kaneflex.summary import (
     Instant,
@@ -44,6 +46,32 @@ def stored(solution, tmp_path_factory):
     path = tmp_path_factory.mktemp("results") / "results.nc"
     write_netcdf(solution, path)
     return path
+
+
+def test_models_and_solutions_say_what_they_are_in_one_line(solution):
+    assert repr(solution.model) == "Model(engine, quasistatic, 3 degrees of freedom)"
+    assert repr(solution) == "Solution(engine, quasistatic, 3 degrees of freedom, completed, 241 instants)"
+
+
+def test_a_solution_is_gone_through_by_its_sensors(solution):
+    assert list(solution) == list(solution.series)
+    assert "crank_torque_rigid" in solution and "torque" not in solution
+
+
+@pytest.mark.parametrize(("unit", "largest", "row"), [
+    ("m", 3e-3, ("mm", "3")),
+    ("m", -3e-7, ("um", "-0.3")),
+    ("m", 0.0, ("mm", "0")),
+    ("N", -9.5, ("N", "-9.5")),
+    ("N", 12.0, ("kN", "0.012")),
+    ("rad", math.pi, ("deg", "180")),
+])  # fmt: skip
+def test_a_row_is_shown_in_the_unit_that_its_values_ask_for(unit, largest, row):
+    at = Instant(time_s=0.0, drive_deg=0.0)
+    low, high = sorted((0.0, largest))
+    entry = SensorSummary(unit=unit, meaning="", min=low, max=high, at_min=at, at_max=at, rms=0.0, mean=0.0)
+    cells = _sensor_row("tip", entry)
+    assert (cells[1], cells[2] if largest < 0 else cells[4]) == row
 
 
 def test_dataset_has_a_variable_for_each_sensor_with_units_and_meaning(solution):

@@ -10,7 +10,7 @@ from kaneflex.building import reference_modes
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
 from kaneflex.model import Model
-from kaneflex.simulate import simulate
+from kaneflex.simulation import simulate
 
 
 @pytest.mark.parametrize("shear", [False, True])

@@ -326,7 +326,7 @@ def test_links_of_different_theory_share_a_module(swinging):
 
 def test_elastic_forces_balance_the_rigid_ones_with_rotary_inertia(swinging):
     """Both stages know rho_I: reactions from the elements' residuals differ by the deformation's small share only."""
-    from kaneflex.simulate import simulate
+    from kaneflex.simulation import simulate
 
     series = simulate(swinging).series
     for name in ("torque", "elbow_x", "elbow_moment"):

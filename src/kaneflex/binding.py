@@ -6,7 +6,8 @@ import importlib
 import importlib.util
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -48,13 +49,23 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     SceneError
         If the drives and joints don't determine the motion; it names what is open and what is redundant.
     """
-    from kaneflex.derive import StructurallySingular, UnsupportedLoop, generate
+    from kaneflex.derive import generate
+
+    with derivable(scene):
+        return generate(scene, progress)
+
+
+@contextmanager
+def derivable(scene: Scene) -> Iterator[None]:
+    """Turn what makes a scene's equations unsolvable into a SceneError in the scene's words."""
+    from kaneflex.derive import StructurallySingular, UnsupportedLoop
+    from kaneflex.freedom import in_joints
 
     try:
-        return generate(scene, progress)
+        yield
     except StructurallySingular as error:
-        cure = "Every body needs three constraints, drives counted: add or remove joints or drives"
-        raise SceneError("joints", None, str(error), cure) from error
+        reason, cure = in_joints(scene, error.spare_equations, error.open_unknowns)
+        raise SceneError("joints", None, reason, cure) from error
     except UnsupportedLoop as error:
         raise SceneError(
             "joints", None, str(error), "Drive these bodies, or close them by a rod and a guide"
@@ -62,7 +73,7 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 
 
 def cache_folder() -> Path:
-    """Where modules that kaneflex derived for the user are kept, one folder for each state of the generator."""
+    """Where modules that kaneflex derived for the user are kept: a folder for each state of the generator."""
     import hashlib
     from importlib.util import find_spec
 

@@ -99,6 +99,8 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
     click.echo(description(model))
+    for warning in model.warnings:
+        click.echo(f"Warning: {warning}", err=True)
 
 
 @main.command()
@@ -223,9 +225,9 @@ def derive(name: str, output: Path, force: bool) -> None:
     scene = read(name, [])
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
-        from kaneflex.derive import generate
+        from kaneflex.binding import generate_text
 
-        text = generate(scene, waiting.stage)
+        text = generate_text(scene, waiting.stage)
     write_text(output, text)
     click.echo(f"Written to {output}")
 

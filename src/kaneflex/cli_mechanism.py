@@ -142,20 +142,17 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
     from kaneflex.writing import refuse_existing, write_text
 
     if not as_latex:
-        raise click.UsageError("Say --latex; as Python they are what `kaneflex derive SCENE -o FILE.py` writes.")
+        raise click.UsageError("Say --latex; as Python, the equations are what `kaneflex derive` writes.")
     if output is not None:
         refuse_existing(output, force, "engine.tex")
     scene = read(name, [])
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
-        from kaneflex.derive import StructurallySingular, UnsupportedLoop
+        from kaneflex.binding import derivable
         from kaneflex.derive.latex import latex
 
-        try:
+        with derivable(scene):
             text = latex(scene, waiting.stage)
-        except (StructurallySingular, UnsupportedLoop) as error:
-            cure = "Count the degrees of freedom with `kaneflex show`"
-            raise SceneError("joints", None, str(error), cure) from error
     if output is None:
         click.echo(text, nl=False)
     else:

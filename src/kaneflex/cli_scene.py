@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -58,9 +59,12 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
     if drive not in scene.drives:
         raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
     try:
-        return drive, to_si(float(angle) if _is_number(angle) else angle, ANGLE)
+        coordinate = to_si(float(angle) if _is_number(angle) else angle, ANGLE)
     except Fault as fault:
         raise SceneError("--at", at, fault.reason, fault.cure) from None
+    if _is_number(angle) and coordinate:
+        click.echo(f"--at {at}: a plain number is in rad, so {math.degrees(coordinate):.6g} deg", err=True)
+    return drive, coordinate
 
 
 def mode_angle(scene: Scene, at: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -67,6 +67,48 @@ def count_freedom(scene: Scene) -> Freedom:
     )
 
 
+_IN_WORDS = {
+    "force_x": "across x", "force_y": "across y", "moment": "in rotation", "normal": "across its guide",
+    "drive": "by its drive",
+}  # fmt: skip
+_RATES = ("v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
+
+
+def in_joints(scene: Scene, spare: Sequence[str], open_unknowns: Sequence[str]) -> tuple[str, str]:
+    """What is redundant and what is open in a mechanism's equations, and the cure, in words of joints and bodies.
+
+    Parameters
+    ----------
+    spare : sequence of str
+        Rows that are too many, "<joint>.<row>".
+    open_unknowns : sequence of str
+        Symbols that no equation determines, "<quantity>_<body>" or "<joint>_<row>".
+    """
+    reasons, cures = [], []
+    if spare:
+        rows: dict[str, list[str]] = {}
+        for name in spare:
+            joint, _, row = name.rpartition(".")
+            rows.setdefault(joint, []).append(_IN_WORDS.get(row, row))
+        held = ", ".join(f"{joint} {' and '.join(words)}" for joint, words in rows.items())
+        many = "a constraint" if len(spare) == 1 else f"{len(spare)} constraints"
+        reasons.append(f"{many} too many, as other joints hold that already: {held}")
+        cures.append("leave a joint or a drive out, or give every body a pose where nothing is to move")
+    loose = [body for body in scene.bodies if any(f"{rate}_{body}" in open_unknowns for rate in _RATES)]
+    loaded = [joint for joint in scene.joints if any(f"{joint}_{row}" in open_unknowns for row in _IN_WORDS)]
+    if loose:
+        reasons.append(f"nothing determines the motion of {', '.join(loose)}")
+        cures.append("join or drive what is open")
+    if loaded:
+        reasons.append(f"nothing determines the force in {', '.join(loaded)}")
+    count = count_freedom(scene)
+    taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
+    driven = f", drives {len(scene.drives)}" if scene.drives else ""
+    cure = "; ".join(cures) or "compare with what `kaneflex show` counts"
+    reasons.append(f"of {3 * count.bodies} degrees of freedom the joints take {taken}{driven}")
+    return "; ".join(reasons), cure[:1].upper() + cure[1:]
+
+
 def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     """Names of the coordinates of the elastic stage, before any reduction to modes.
 
@@ -96,9 +138,8 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
 
 def _mesh_of(scene: Scene, name: str, elements: int) -> Link:
     """A link with its nodes and coordinates alone: the matrices would need the derived element."""
-    from kaneflex.links import DOFS, Link, Part, mesh
+    from kaneflex.links import Link, Part, mesh, node_coordinates
 
     nodes = mesh(scene, name, elements)
-    coordinates = tuple(f"{name}.{i}.{dof}" for i in range(len(nodes)) for dof in DOFS)
-    place = {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(nodes))}
-    return Link(name, nodes, 0.0, 0.0, 0.0, (), Part(name, coordinates, {}, place))
+    coordinates, place = node_coordinates(name, len(nodes), scene.bodies[name].beam.axially_rigid)
+    return Link(name, nodes, {}, (), Part(name, coordinates, {}, place))

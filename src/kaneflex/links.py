@@ -142,7 +142,7 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)
         sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
-    coordinates, place = _node_coordinates(name, elements + 1, body.beam.axially_rigid)
+    coordinates, place = node_coordinates(name, elements + 1, body.beam.axially_rigid)
     size = len(coordinates)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
@@ -158,7 +158,7 @@ def _scalar(link: str, factor: str) -> str:
     return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
 
 
-def _node_coordinates(
+def node_coordinates(
     link: str, nodes: int, axially_rigid: bool
 ) -> tuple[tuple[str, ...], dict[int, tuple[int, int, int]]]:
     """Names of a link's coordinates and the rows of each node's u, v, theta; one u for all if it does not stretch."""

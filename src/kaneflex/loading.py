@@ -15,7 +15,7 @@ from kaneflex.carried import check_elastic
 from kaneflex.errors import SceneError
 from kaneflex.forward import integrate_free_joints
 from kaneflex.model import Model, Motion
-from kaneflex.options import Options, resolve_options
+from kaneflex.options import UNUSED_TERMS, Options, resolve_options
 from kaneflex.scene import Scene
 
 Progress = Callable[[str], None]
@@ -74,11 +74,16 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     """What the scene asks for and its preset overrules."""
+    found = []
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
-    if options.elements is None or not finer:
-        return ()
-    count = "one element" if options.elements == 1 else f"{options.elements} elements"
-    return (f"preset {options.preset} takes {count} for each link, whatever the scene says of {', '.join(finer)}",)
+    if options.elements is not None and finer:
+        count = "one element" if options.elements == 1 else f"{options.elements} elements"
+        whatever = f"whatever the scene says of {', '.join(finer)}"
+        found.append(f"preset {options.preset} takes {count} for each link, {whatever}")
+    idle = [name for name, on in scene.solve.terms.items() if on and name in UNUSED_TERMS[options.dynamics]]
+    if idle:
+        found.append(f"preset {options.preset} has no use for solve.terms.{', solve.terms.'.join(idle)}: left out")
+    return tuple(found)
 
 
 def _compile(motion: Motion) -> None:

@@ -127,6 +127,14 @@ class Model:
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"Model({self.in_short})"
+
+    @property
+    def in_short(self) -> str:
+        """Name, preset and degrees of freedom."""
+        return f"{self.scene.name}, {self.options.preset}, {self.equations.size} degrees of freedom"
+
     @property
     def module(self) -> ModuleType:
         """The generated module whose kernels are used."""

@@ -97,6 +97,13 @@ _PRESETS: dict[str, dict[str, object]] = {
     "linear": _ALL | {"geometric": False, "dynamics": "dynamic", "foreshortening": False},
     "stiffened": _ALL | {"dynamics": "dynamic", "foreshortening": True},
 }
+UNUSED_TERMS = {
+    "rigid": tuple(_ALL),
+    "quasistatic": ("gyroscopic", "damping"),
+    "frozen": ("gyroscopic",),
+    "dynamic": (),
+}
+"""Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss"}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none"}
 
@@ -111,9 +118,9 @@ def resolve_options(scene: Scene) -> Options:
     """
     solve = scene.solve
     chosen = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
-    for name, on in solve.terms.items():
-        chosen[name] = on
     dynamics = str(chosen["dynamics"])
+    for name, on in solve.terms.items():
+        chosen[name] = on and name not in UNUSED_TERMS[dynamics]
     elastic = any(body.elastic for body in scene.bodies.values())
     if not elastic:
         dynamics, chosen["dynamics"] = "rigid", "rigid"

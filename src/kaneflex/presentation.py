@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
+
+from kaneflex.scene.parts import TERM_NAMES
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from kaneflex.freedom import Freedom
     from kaneflex.model import Model
     from kaneflex.scene import Scene
@@ -32,6 +33,8 @@ _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
     "rad/s": ("deg/s", 180.0 / math.pi),
     "rad/s^2": ("deg/s^2", 180.0 / math.pi),
 }
+_WHEN_SMALL = {"m": (1e-6, "um", 1e6), "N": (10.0, "N", 1.0)}
+"""SI unit: values below this are shown in that unit, which is so many times finer."""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
@@ -55,9 +58,11 @@ def summary_table(summary: Summary) -> str:
     return table(head, [_sensor_row(name, entry) for name, entry in summary.sensors.items()], left=2)
 
 
-def _unit_shown(unit: str) -> tuple[str, Callable[[float], str]]:
-    """The unit for people, and what writes an SI value in it."""
+def _unit_shown(unit: str, largest: float) -> tuple[str, Callable[[float], str]]:
+    """The unit for people of values up to ``largest`` (SI), and what writes an SI value in it."""
     shown, factor = _FOR_PEOPLE.get(unit, (unit, 1.0))
+    if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
+        _, shown, factor = _WHEN_SMALL[unit]
 
     def number(value: float) -> str:
         return f"{value * factor:.4g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
@@ -66,7 +71,7 @@ def _unit_shown(unit: str) -> tuple[str, Callable[[float], str]]:
 
 
 def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
-    unit, number = _unit_shown(entry.unit)
+    unit, number = _unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))
 
     def where(instant: Instant) -> str:
         return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
@@ -79,7 +84,7 @@ def spread_table(summary: Summary) -> str:
     """How the peaks of a frozen model depend on the angle at which it is frozen."""
     rows = []
     for name, spread in summary.mode_angle_spread.items():
-        unit, number = _unit_shown(summary.sensors[name].unit)
+        unit, number = _unit_shown(summary.sensors[name].unit, spread.largest)
         rows.append((name, unit, number(spread.smallest), number(spread.largest)))
     return table(("frozen at any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
 
@@ -92,20 +97,27 @@ def run_lines(summary: Summary) -> str:
         parts.insert(0, f"{timing.derive_s:.2f} s to derive")
     if timing.ns_per_step:
         parts.append(f"{timing.ns_per_step:.0f} ns a step")
+    steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
+    if summary.outcome != "completed":
+        steps = f"{summary.steps} steps asked for, {_reached(summary)}"
     return (
         f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
-        f"{summary.modes_kept} coordinates solved for, {summary.steps} steps over {summary.duration_s:.6g} s\n"
+        f"{summary.modes_kept} coordinates solved for, {steps}\n"
         f"{', '.join(parts)}"
     )
 
 
+def _reached(summary: Summary) -> str:
+    return f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
+
+
 def description(model: Model) -> str:
     """What a scene is, for ``kaneflex check``: one line for each part of the mechanism."""
-    scene, options = model.scene, model.options
+    scene = model.scene
     blocks = [
         parts(scene),
         block("assumptions", scene.assumptions),
-        block("options in force", {name: str(value) for name, value in options.as_dict().items()}),
+        block("options in force", _options(model)),
         block(
             "equations",
             {
@@ -119,8 +131,54 @@ def description(model: Model) -> str:
     return "\n".join(filter(None, blocks))
 
 
+def _options(model: Model) -> dict[str, str]:
+    """Every option of a run in words, with its unit; those that its preset has no use for are left out."""
+    options, dynamics = model.options, model.options.dynamics
+    per = "in a cycle" if options.cycles else "in the run"
+    said = {
+        "preset": f"{options.preset}: {PRESETS_IN_WORDS[options.preset]}",
+        "duration": f"{_time(options.duration)}{', one cycle' if options.cycles else ''}",
+        "steps": f"{options.steps} {per}, {_time(model.step)} each",
+    }
+    if dynamics == "rigid":
+        return said
+    if dynamics in ("dynamic", "frozen"):
+        own = f", spectral radius {options.rho_infinity:g} at infinite frequency"
+        said["integrator"] = options.integrator + (own if options.integrator == "generalised-alpha" else "")
+        said["start"] = _STARTS[options.start]
+    terms = [name for name in TERM_NAMES if getattr(options, name)]
+    said["terms"] = ", ".join([*terms, *(["turning of the joint axes"] if options.convective else [])]) or "none"
+    said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
+    said["pins"] = "rotation shared by elastic links" if options.weld_pins else "rotation released, but where shared"
+    said["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held, but where free"
+    said["foreshortening"] = "in the displacements" if options.foreshortening else "left out"
+    kept = "all" if options.modes == "all" else str(options.modes)
+    of = {"craig-bampton": f", {kept} modes of each link", "modal": f", {kept} modes of the mechanism", "none": ""}
+    said["reduction"] = options.reduction + of[options.reduction]
+    said["mode angle"] = at_drive(model) or "none: nothing is driven"
+    return said
+
+
+_STARTS = {"zero": "from rest, undeformed", "quasistatic": "from the quasi-static answer", "periodic": "periodic"}
+
+
+def _time(seconds: float) -> str:
+    for unit, factor in (("s", 1.0), ("ms", 1e3)):
+        if seconds * factor >= 1.0:
+            return f"{seconds * factor:.6g} {unit}"
+    return f"{1e6 * seconds:.6g} us"
+
+
+def at_drive(model: Model) -> str:
+    """The configuration of the reference modes, "main = 90 deg"; empty without a drive."""
+    drive = next(iter(model.scene.drives), None)
+    return "" if drive is None else f"{drive} = {math.degrees(model.options.mode_angle):.6g} deg"
+
+
 def parts(scene: Scene) -> str:
     """What a mechanism is made of, moved and loaded by, and what is measured."""
+    from kaneflex.sensors import describe
+
     blocks = [
         f"{scene.name}: {scene.description}",
         block("bodies", {name: _body(scene, name) for name in scene.bodies}),
@@ -128,7 +186,7 @@ def parts(scene: Scene) -> str:
         block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
         block("drives", {name: _drive(scene, name) for name in scene.drives}),
         block("loads", {name: _load(scene, name) for name in scene.loads}),
-        block("sensors", {name: sensor.kind.replace("_", " ") for name, sensor in scene.sensors.items()}),
+        block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
     ]
     return "\n".join(filter(None, blocks))
 
@@ -195,10 +253,36 @@ def _drive(scene: Scene, name: str) -> str:
 
 
 def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
-    """Frequencies, and the coordinate that moves most in each mode."""
-    names = [model.coordinates[int(abs(shape).argmax())] for shape in shapes.T]
-    rows = [(str(k + 1), f"{value:.3f}", name) for k, (value, name) in enumerate(zip(hertz, names, strict=True))]
-    return table(("mode", "Hz", "largest at"), rows, left=0)
+    """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode."""
+    names, moved = _nodal(model, shapes)
+    last = {name: name.rpartition(".")[2] for name in names}
+    turning = {name for name, what in last.items() if what in ("theta", "turn")}
+    shifting = {name for name, what in last.items() if name not in turning and not what.startswith("mode_")}
+
+    def largest(shape: np.ndarray, among: set[str]) -> str:
+        sizes = {name: abs(x) for name, x in zip(names, shape, strict=True) if name in among}
+        most = max(sizes.values(), default=0.0)
+        # of what moves alike, the two ends of a beam, the first: rounding must not choose
+        return next((name for name, size in sizes.items() if size >= (1 - 1e-6) * most), "none")
+
+    rows = [
+        (str(k + 1), f"{value:.3f}", largest(moved[:, k], shifting), largest(moved[:, k], turning))
+        for k, value in enumerate(hertz)
+    ]
+    head = ("mode", "Hz", "largest displacement", "largest rotation")
+    where = at_drive(model)
+    return "\n".join([*([f"{model.scene.name} at {where}"] if where else []), table(head, rows, left=0)])
+
+
+def _nodal(model: Model, shapes: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Mode shapes by coordinate, with the nodes of each reduced link below: q = basis L z."""
+    names, rows = list(model.coordinates), [*shapes]
+    rigid = model.motion.at(model.reference_time)
+    for link, basis in model.bases.items():
+        own = [basis @ rigid.apply(model.frame.maps[link], shape[:, None])[:, 0] for shape in shapes.T]
+        names += model.links[link].part.coordinates
+        rows += zip(*own, strict=True)
+    return names, np.array(rows)
 
 
 def poles_table(system: StateSpace) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -33,6 +34,13 @@ class Solution:
     model: Model
     trajectory: Trajectory
     seconds: float
+
+    def __repr__(self) -> str:
+        return f"Solution({self.model.in_short}, {self.outcome.name.lower()}, {len(self.times)} instants)"
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the sensors."""
+        return iter(self.series)
 
     @property
     def times(self) -> np.ndarray:

@@ -79,7 +79,8 @@ def _verdict(multipliers: np.ndarray) -> tuple[Outcome, str]:
     largest = multipliers[0]
     if abs(largest) > 1.0 + _UNSTABLE:
         outcome = Outcome.UNSTABLE
-        multiplier = f"Floquet multiplier {_said(largest)} of modulus {abs(largest):.9g}"
+        modulus = f" of modulus {abs(largest):.9g}" if largest.imag else ""
+        multiplier = f"Floquet multiplier {_said(largest)}{modulus}"
         return outcome, f"{outcome.value}: {multiplier} exceeds one"
     if abs(largest) > 1.0 - _UNSTABLE:
         return Outcome.COMPLETED, "neutrally stable: the slowest disturbance neither grows nor dies in these steps"

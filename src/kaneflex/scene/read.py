@@ -29,7 +29,7 @@ def shipped_scenes() -> dict[str, Path]:
 def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
     path = _located(name_or_path, Path.cwd(), "scene")
-    return _validated(_read_raw(path, ()), str(name_or_path))
+    return _validated(_read_raw(path, ()), path.stem if path.parent == _SHIPPED else path.name)
 
 
 def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
@@ -43,7 +43,7 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     raw = scene.raw
     for setting in settings:
         raw = merged(raw, nested(raw, setting))
-    return _validated(raw, scene.name)
+    return _validated(raw, scene.source)
 
 
 def json_schema() -> dict[str, Any]:
@@ -120,7 +120,7 @@ def _validated(raw: dict[str, Any], source: str) -> Scene:
         # A table's default that needs a broken entry is no problem of its own.
         found = [e for e in error.errors() if e["type"] != "default_factory_not_called"]
         raise SceneError.gather(_problem(item, raw) for item in found) from None
-    scene._raw = raw
+    scene._raw, scene._source = raw, source
     problems = problems_of(scene)
     if problems:
         raise SceneError.gather(problems)

@@ -52,11 +52,17 @@ class Scene(SceneTable):
     solve: Solve = Solve()
 
     _raw: dict[str, Any] = PrivateAttr(default_factory=dict)
+    _source: str = PrivateAttr("")
 
     @property
     def raw(self) -> dict[str, Any]:
         """What the file says, after `like`, before units: where `with_settings` starts. Read only."""
         return self._raw
+
+    @property
+    def source(self) -> str:
+        """What the scene was read from: a shipped scene's name, or the name of a file without its folder."""
+        return self._source or self.name
 
     def point(self, address: Address) -> tuple[float, float]:
         """Position of a point in m, in its body's axes; of a fixed point in global axes."""
