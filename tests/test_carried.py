@@ -111,7 +111,10 @@ start = "periodic"
 steps = 360
 """
 RIGID_TIP = '{length = "0.4 m", mass = "0.314 kg"}'
-STIFF_TIP = RIGID_TIP[:-1] + ', beam = {E = "2.1e14 Pa", rho = "7850 kg/m^3", A = "100 mm^2", I = "1000 mm^4", elements = 2}}'
+STIFF_TIP = (
+    '{length = "0.4 m", '
+    'beam = {E = "2.1e14 Pa", rho = "7850 kg/m^3", A = "100 mm^2", I = "1000 mm^4", elements = 2}}'
+)
 
 
 def test_a_body_at_the_tip_of_a_rotating_beam(tmp_path):

@@ -14,7 +14,7 @@ from kaneflex.laws import FUNCTIONS
 from kaneflex.loading import load
 from kaneflex.options import resolve_options
 from kaneflex.scene import Scene, json_schema, read_scene, with_settings
-from kaneflex.scene.bodies import MATERIALS
+from kaneflex.scene.beams import MATERIALS
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
 from kaneflex.simulation import simulate
@@ -23,6 +23,8 @@ from kaneflex.solution import Solution
 TEXT = (Path(__file__).parent.parent / "docs" / "scene.md").read_text(encoding="utf-8")
 HEADING_OF = {
     "Mass": "Masses",
+    "Shape": "Sections",
+    "Segment": "Segments",
     "Pose": "Poses",  # table of the scene file -> the heading under which its keys stand
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
     "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
@@ -120,7 +122,7 @@ def test_the_terms_that_can_be_switched_are_those_of_the_page():
 
 def test_materials_functions_and_reserved_names_are_those_of_the_code():
     table = rows(section("Beams"), "material")
-    assert {name: (float(E), float(rho)) for name, (E, rho) in table.items()} == MATERIALS
+    assert {name: tuple(map(float, numbers)) for name, numbers in table.items()} == MATERIALS
     laws = re.search(r"the functions (.*?)\. Nothing else", section("Loads"), flags=re.DOTALL)[1]
     assert sorted(words(laws)) == sorted(FUNCTIONS)
     reserved = re.search(r"can't be names:\n\n(.*?)\n\n", section("Names") + "\n\n", flags=re.DOTALL)[1]
