@@ -164,7 +164,10 @@ class _Balances:
             rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - gravity[1],
             epsilon,
         ])  # fmt: skip
-        if motion is not None and self.model.options.dynamics != "quasistatic":
+        if motion is not None and self.model.options.dynamics == "quasistatic":
+            # What turns with a body is accelerated by its spin, L'' z, also where z'' and z' are left out.
+            total += rigid.apply(motion.rate().rate(), self.coordinates[0])
+        elif motion is not None:
             total += follow(self.model, rigid, self.coordinates, motion)[2]
         return np.array([[mass], [mass], [inertia]]) * total
 
