@@ -138,7 +138,7 @@ def test_a_lumped_mass_at_the_tip_of_a_rotating_beam(tmp_path):
     """At rest in the turning axes its centrifugal force meets the axis, too: only the push is left at the hub."""
     sensors = '[sensors]\nroot_moment = {bending_moment = "arm.start"}\nhub_torque = {drive_torque = "hub"}\n\n'
     text = LUMPED[: LUMPED.index("[sensors]")] + sensors + LUMPED[LUMPED.index("[damping]") :]
-    text = text.replace("tip.end", "arm.end") + '\n[masses]\nend = {at = "arm.end", mass = "0.5 kg"}\n'
+    text = text.replace("tip.end", "arm.end") + '\n[masses]\nweight = {at = "arm.end", mass = "0.5 kg"}\n'
     (tmp_path / "lumped.toml").write_text(text)
     for preset, exact in (("quasistatic", 1e-9), ("stiffened", 1e-3)):
         scene = with_settings(read_scene(tmp_path / "lumped.toml"), [f"solve.preset={preset}"])
