@@ -1,6 +1,7 @@
 """The gallery: scenes whose numbers are known from elsewhere. docs/gallery.md lists them."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from scipy.linalg import eigh
 from kaneflex.building import build_model, reference_modes
 from kaneflex.loading import load
 from kaneflex.model import Model
-from kaneflex.scene import read_scene
+from kaneflex.scene import read_scene, shipped_scenes
 
 DATA = Path(__file__).parent / "data"
 
@@ -221,3 +222,17 @@ def translations(loaded: Model) -> np.ndarray:
     wanted = np.array([[name.endswith(".x"), name.endswith(".y")] for name in np.array(loaded.coordinates)[corners]])
     parts, *_ = np.linalg.lstsq(shapes[corners, :3], wanted.astype(float))
     return shapes[:, :3] @ parts
+
+
+# ---- the page ----------------------------------------------------------------------------------------------------
+
+
+def test_the_page_has_an_entry_for_each_scene_that_is_no_plain_engine():
+    page = Path(__file__).parent.parent / "docs" / "gallery.md"
+    text = page.read_text(encoding="utf-8")
+    headings = set(re.findall(r"^## (\S+)$", text, flags=re.MULTILINE))
+    plain = {name for name in shipped_scenes() if name.startswith("engine") and name != "engine-torque"}
+    assert headings == set(shipped_scenes()) - plain
+    assert set(re.findall(r"^\| \[(\S+)\]\(#\1\)", text, flags=re.MULTILINE)) == headings
+    for picture in re.findall(r"!\[[^]]*\]\(([^)]*)\)", text):
+        assert (page.parent / picture).is_file(), picture
