@@ -14,8 +14,13 @@ def cli(*arguments: object) -> Result:
 
 
 def refused(result: Result, *words: str) -> None:
-    """Exit code 2, and every word in the message on stderr, which is no traceback."""
+    """Exit code 2, and every word in the message on stderr, which is no traceback.
+
+    Stages that lasted may stand before it: "compiling, first time only ...".
+    """
     assert result.exit_code == 2
-    assert result.stderr.startswith("Error: ") and "Traceback" not in result.stderr
+    stages, error, _ = result.stderr.partition("Error: ")
+    assert error and all(line.endswith(" ...") for line in stages.splitlines())
+    assert "Traceback" not in result.stderr
     for word in words:
         assert word in result.stderr
