@@ -11,8 +11,6 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count
 
-LINE = 110
-
 
 class NumbaPrinter(PythonCodePrinter):
     """Scalar float64 code: rationals divided beforehand, small powers multiplied out."""

@@ -131,16 +131,6 @@ def _executable_order(assignments: Iterable[Assignment], inputs: Iterable[sm.Sym
     return tuple(ordered)
 
 
-def substitute(program: Program, values: Mapping[sm.Symbol, sm.Expr]) -> Program:
-    """The program with some inputs replaced by expressions of the other inputs."""
-    return replace(
-        program,
-        inputs=tuple(symbol for symbol in program.inputs if symbol not in values),
-        assignments=tuple((symbol, expression.xreplace(dict(values))) for symbol, expression in program.assignments),
-        outputs=tuple((slot, expression.xreplace(dict(values))) for slot, expression in program.outputs),
-    )
-
-
 def operation_count(program: Program) -> int:
     """Number of arithmetic operations and function calls of one evaluation, as printed."""
     return sum(_cost(expression, {}) for _, expression in (*program.assignments, *program.outputs))

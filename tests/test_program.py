@@ -17,7 +17,6 @@ from kaneflex.derive.program import (
     operation_count,
     prune,
     share,
-    substitute,
 )
 from kaneflex.derive.steps import Steps
 from kaneflex.laws import FUNCTIONS, parse_law
@@ -93,12 +92,6 @@ def test_sharing_inlines_what_is_a_number_or_another_symbol():
 def test_pruning_drops_what_no_output_needs():
     program = Program("p", INPUTS, ((x, a + b), (y, x * c), (z, a * c)), (("out[0]", z + 1),))
     assert prune(program).assignments == ((z, a * c),)
-
-
-def test_substitution_replaces_inputs():
-    program = substitute(Program("p", INPUTS, ((x, a * b),), (("out[0]", x + c),)), {c: a**2, b: sm.Integer(3)})
-    assert program.inputs == (a,)
-    assert evaluated(program, {a: 2.0}) == [10.0]
 
 
 def test_order_is_executable_however_deep_the_chain():

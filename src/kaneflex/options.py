@@ -77,11 +77,6 @@ class Options:
     duration: float
     rho_infinity: float
 
-    @property
-    def step(self) -> float:
-        """Time step [s] where ``steps`` counts the run; with cycles the model knows the period."""
-        return self.duration / self.steps
-
     def as_dict(self) -> dict[str, object]:
         return asdict(self)
 
