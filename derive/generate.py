@@ -254,8 +254,6 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
     readers = {**mechanism.loads, **mechanism.drives}
     tables = [name for name, reader in readers.items() if reader.kind == "table"]
-    stored = [scalar for block in motion.links.values() for scalar in block]
-    stored += [scalar for scalar in motion.scalars if not scalar.value.is_number]
     constants = {s.name: float(s.value) for s in motion.scalars if s.value.is_number}
     rows, of_element = [], ()
     if equations.element is not None:
@@ -268,7 +266,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
         emit.literal("TABLES", tables, "what has a table in p, which begins where <name>.table says"),
-        emit.literal("SCALARS", [(s.name, s.unit, s.meaning) for s in stored], "s: name, unit, meaning"),
+        emit.literal("SCALARS", [(s.name, s.unit, s.meaning) for s in motion.stored], "s: name, unit, meaning"),
         emit.literal("CONSTANTS", constants, "scalars that the structure fixes"),
         emit.literal("LINKS", links, "elastic link -> where its LINK_SCALARS begin in s"),
         emit.literal("LINK_SCALARS", LINK_SCALARS if motion.links else (), "s of the element kernels"),

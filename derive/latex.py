@@ -15,7 +15,6 @@ from kaneflex.contract import FORMAT
 from kaneflex.derive.beam import Element, Term
 from kaneflex.derive.generate import Equations, Progress, derive_equations, lower
 from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, escaped, seen_length, subscripted
-from kaneflex.derive.motion import Scalar
 from kaneflex.derive.program import Program
 
 _WIDE, _WIDEST = 60, 110
@@ -81,16 +80,9 @@ def align(program: Program, names: Callable[[sm.Symbol], str], targets: Sequence
 def _targets(equations: Equations, program: Program) -> list[str]:
     """What stands on the left of a program's outputs: names of the motion's scalars, or the free joints' torques."""
     if program.name == "motion":
-        return [rf"\mathtt{{{escaped(scalar.name)}}}" for scalar in _stored(equations)]
+        return [rf"\mathtt{{{escaped(scalar.name)}}}" for scalar in equations.motion.stored]
     free = [name for name, drive in equations.mechanism.drives.items() if drive.kind == "free"]
     return [rf"T_{{\mathrm{{{escaped(name)}}}}}" for name in free]
-
-
-def _stored(equations: Equations) -> list[Scalar]:
-    """The scalars that ``motion`` stores, in the order of its outputs."""
-    motion = equations.motion
-    blocks = [scalar for block in motion.links.values() for scalar in block]
-    return blocks + [scalar for scalar in motion.scalars if not scalar.value.is_number]
 
 
 def _parameters(equations: Equations, names: SymbolNames) -> str:
@@ -104,7 +96,7 @@ def _parameters(equations: Equations, names: SymbolNames) -> str:
 def _scalars(equations: Equations) -> str:
     rows = [
         (rf"\texttt{{{escaped(scalar.name)}}}", _unit(scalar.unit), escaped(scalar.meaning))
-        for scalar in _stored(equations)
+        for scalar in equations.motion.stored
     ]
     fixed = [scalar for scalar in equations.motion.scalars if scalar.value.is_number]
     text = "\\section*{Scalars of the motion}\n" + _table(("scalar", "unit", "meaning"), "lll", rows)

@@ -39,11 +39,15 @@ class Motion:
     links: dict[str, tuple[Scalar, ...]]
     scalars: tuple[Scalar, ...]
 
+    @property
+    def stored(self) -> tuple[Scalar, ...]:
+        """What the kernel writes, slot by slot: each link's block first, then every other scalar that varies."""
+        blocks = [scalar for block in self.links.values() for scalar in block]
+        return (*blocks, *(scalar for scalar in self.scalars if not scalar.value.is_number))
+
     def program(self, parameters: tuple[sm.Symbol, ...]) -> Program:
         """Each link's block first, then every other scalar that is not a constant."""
-        stored = [scalar for block in self.links.values() for scalar in block]
-        stored += [scalar for scalar in self.scalars if not scalar.value.is_number]
-        outputs = tuple((f"s[{k}]", scalar.value) for k, scalar in enumerate(stored))
+        outputs = tuple((f"s[{k}]", scalar.value) for k, scalar in enumerate(self.stored))
         return Program("motion", (T, *parameters), self.steps, outputs)
 
 

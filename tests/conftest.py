@@ -34,6 +34,15 @@ def peer() -> Callable[[str], ModuleType]:
 
 
 @pytest.fixture(scope="session")
+def pdflatex() -> str:
+    """The path of pdflatex. Not demanded in CI: what a document says is read back without typesetting it."""
+    found = shutil.which("pdflatex")
+    if found is None:
+        pytest.skip("pdflatex is not installed; the documents are read back, but not typeset")
+    return found
+
+
+@pytest.fixture(scope="session")
 def compiler() -> str:
     """The path of a C compiler."""
     found = shutil.which(os.environ.get("CC", "cc"))

@@ -2,7 +2,6 @@
 
 import math
 import re
-import shutil
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -288,10 +287,9 @@ def test_command_line(tmp_path, monkeypatch):
     assert [path.name for path in Path().iterdir()] == ["engine.tex"]
 
 
-@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not installed; the document is not typeset")
-def test_the_document_compiles(tmp_path):
+def test_the_document_compiles(tmp_path, pdflatex):
     for name in ("engine-torque", "spin-up"):
         (tmp_path / f"{name}.tex").write_text(derived(name)[2])
-        command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", f"{name}.tex"]
+        command = [pdflatex, "-interaction=nonstopmode", "-halt-on-error", f"{name}.tex"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
         assert done.returncode == 0, done.stdout[-2000:]
