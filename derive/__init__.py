@@ -10,13 +10,17 @@ The pipeline, one file a stage:
     program     Program: scalar assignments; sharing, pruning, operation counts
     emit        Program -> numba function, printed
     generate    the whole: generate(scene) -> module text
+    flexible    Kane's equations of one free body with modal coordinates
+    coupled     -> the coupled equations of the mechanism: bodies, constraints, loads, as programs
+    coupled_module   the whole: generate_coupled(scene, shapes, structure) -> module text
 """
 
 if __name__ == "derive":
     raise ImportError("import kaneflex.derive, not derive: under two names it would be loaded twice")
 
 from kaneflex.derive.closure import UnsupportedLoop
+from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.generate import Equations, derive_equations, generate
 from kaneflex.derive.linear import StructurallySingular
 
-__all__ = ["Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate"]
+__all__ = ["Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled"]

@@ -39,14 +39,14 @@ def link_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
 def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) -> list[Scalar]:
     """What P(X) falls by where forces act on the link between its ends: one scalar a point."""
     found = []
-    for point in sorted(_forced_points(mechanism, name) - {"start", "end"}):
+    for point in sorted(forced_points(mechanism, name) - {"start", "end"}):
         force = _axial_force(mechanism, name, point, solved)
         value = steps.assign(sm.Symbol(f"{name}_link_jump_{point}"), -force)
         found.append(Scalar(f"{name}.link.jump_{point}", "N", f"growth of the axial force at {point}", value))
     return found
 
 
-def _forced_points(mechanism: Mechanism, body: str) -> set[str]:
+def forced_points(mechanism: Mechanism, body: str) -> set[str]:
     """Points of a body at which joints, loads or lumped masses act."""
     points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
     points += [load.point for load in mechanism.loads.values() if load.point is not None]

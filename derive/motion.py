@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sm
+from sympy.core.function import AppliedUndef, ArgumentIndexError, UndefinedFunction
 
 from kaneflex.contract import COURSES, LINK_SCALARS
 from kaneflex.derive.closure import Pose, place_bodies
@@ -23,10 +24,24 @@ from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
 
-table = sm.Function("table")
-"""Stands for a cubic table: table(x, start of its block in the parameters); its derivatives have names of their own."""
-table_rate = sm.Function("table_rate")
-table_curvature = sm.Function("table_curvature")
+
+
+def _lookup(name: str, derivative: str | None) -> UndefinedFunction:
+    """A cubic table, NAME(x, start of its block in the parameters), whose derivative to x has a name of its own."""
+
+    def fdiff(self, argindex: int = 1):
+        if argindex != 1 or derivative is None:
+            raise ArgumentIndexError(self, argindex)
+        return _LOOKUPS[derivative](*self.args)
+
+    return UndefinedFunction(name, (AppliedUndef,), {"fdiff": fdiff})
+
+
+_LOOKUPS = {
+    name: _lookup(name, derivative)
+    for name, derivative in (("table", "table_rate"), ("table_rate", "table_curvature"), ("table_curvature", None))
+}
+table, table_rate, table_curvature = _LOOKUPS.values()
 
 T = sm.Symbol("t")
 
@@ -113,14 +128,14 @@ def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
 class Solved:
     """The rigid motion in symbols: drives, rates, loads, reactions by multiplier, margins of the loops."""
 
-    drives: dict[str, _Drive]
+    drives: dict[str, Drive]
     rates: Rates
     loads: dict[str, sm.Expr]
     reactions: dict[sm.Symbol, sm.Expr]
     margins: dict[str, sm.Expr]
 
 
-def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, _Drive], steps: Steps) -> Solved:
+def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
     closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
     rates = Rates(mechanism, equations, drives, closure.poses, steps)
     loads = _loads(mechanism, drives, steps)
@@ -157,7 +172,7 @@ def _load_scalars(mechanism: Mechanism, loads: dict[str, sm.Expr]) -> list[Scala
 
 
 @dataclass(frozen=True)
-class _Drive:
+class Drive:
     """Coordinate of a drive with its first and second time derivative."""
 
     angle: sm.Expr
@@ -165,15 +180,18 @@ class _Drive:
     acceleration: sm.Expr
 
 
-def _drives(mechanism: Mechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, _Drive]:
+def _drives(mechanism: Mechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, Drive]:
     """The drives' courses; those of the joints in ``states`` are inputs."""
+    courses = drive_courses(mechanism, [name for name in mechanism.drives if name not in states], steps)
+    return {name: courses[name] if name in courses else Drive(*_state_symbols(name)) for name in mechanism.drives}
+
+
+def drive_courses(mechanism: Mechanism, names: Sequence[str], steps: Steps) -> dict[str, Drive]:
+    """Assign coordinate, speed and acceleration of prescribed drives as functions of time."""
     drives = {}
-    for name in mechanism.drives:
-        if name in states:
-            drives[name] = _Drive(*_state_symbols(name))
-            continue
+    for name in names:
         angle, speed, acceleration = _course(mechanism, name, steps)
-        drives[name] = _Drive(
+        drives[name] = Drive(
             steps.assign(sm.Symbol(f"{name}_coordinate"), angle),
             steps.assign(sm.Symbol(f"{name}_rate"), speed),
             steps.assign(sm.Symbol(f"{name}_acceleration"), acceleration),
@@ -208,7 +226,7 @@ def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.
     )
 
 
-def _loads(mechanism: Mechanism, drives: dict[str, _Drive], steps: Steps) -> dict[str, sm.Expr]:
+def _loads(mechanism: Mechanism, drives: dict[str, Drive], steps: Steps) -> dict[str, sm.Expr]:
     magnitude = {}
     for name, load in mechanism.loads.items():
         if load.kind == "constant":

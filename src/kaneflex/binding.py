@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.util
+import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 
 import numpy as np
 
-from kaneflex.contract import COURSES, FORMAT, REQUIRED_ATTRIBUTES
+from kaneflex.contract import COUPLED_ATTRIBUTES, COURSES, FORMAT, REQUIRED_ATTRIBUTES
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
 from kaneflex.writing import write_text
@@ -26,7 +28,31 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
 
     Returns the module and the seconds spent on deriving it.
     """
-    structure = scene.structure_hash()
+    return _find(scene.structure_hash(), lambda: generate_text(scene), REQUIRED_ATTRIBUTES, progress)
+
+
+def find_coupled_module(scene: Scene, shapes: Mapping[str, tuple[int, int]], progress: Progress) -> tuple[ModuleType, float]:
+    """The coupled module of a structure whose elastic links have so many (axial, transverse) shapes; as `find_module`."""
+    structure = coupled_hash(scene, shapes)
+
+    def text() -> str:
+        from kaneflex.derive import generate_coupled
+
+        return generate_coupled(scene, shapes, structure)
+
+    return _find(structure, text, COUPLED_ATTRIBUTES, progress)
+
+
+def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
+    """Sixteen hexadecimal digits that name a structure with its numbers of shapes."""
+    content = {"format": FORMAT, "shapes": {name: list(counts) for name, counts in shapes.items()}, **scene.structure()}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _find(
+    structure: str, text: Callable[[], str], required: Sequence[str], progress: Progress
+) -> tuple[ModuleType, float]:
     from kaneflex.generated import STRUCTURES
 
     if structure in STRUCTURES:
@@ -36,9 +62,9 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     if not path.exists():
         progress("deriving the equations, first time only")
         started = time.perf_counter()
-        write_text(path, generate_text(scene))
+        write_text(path, text())
         seconds = time.perf_counter() - started
-    return import_file(path, structure), seconds
+    return import_file(path, structure, required), seconds
 
 
 def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
@@ -74,7 +100,6 @@ def derivable(scene: Scene) -> Iterator[None]:
 
 def cache_folder() -> Path:
     """Where modules that kaneflex derived for the user are kept: a folder for each state of the generator."""
-    import hashlib
     from importlib.util import find_spec
 
     import platformdirs
@@ -86,7 +111,7 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / folder
 
 
-def import_file(path: Path, structure: str) -> ModuleType:
+def import_file(path: Path, structure: str, required: Sequence[str] = REQUIRED_ATTRIBUTES) -> ModuleType:
     """Import a generated file under a name made of its structure, which numba's cache files are keyed by."""
     name = f"kaneflex_{structure}"
     if name in sys.modules:
@@ -99,7 +124,7 @@ def import_file(path: Path, structure: str) -> ModuleType:
     except BaseException:
         del sys.modules[name]
         raise
-    missing = [attribute for attribute in REQUIRED_ATTRIBUTES if not hasattr(module, attribute)]
+    missing = [attribute for attribute in required if not hasattr(module, attribute)]
     if missing or module.STRUCTURE != structure:
         del sys.modules[name]
         raise SceneError(
@@ -111,14 +136,19 @@ def import_file(path: Path, structure: str) -> ModuleType:
     return module
 
 
-def bind_parameters(scene: Scene, module: ModuleType) -> np.ndarray:
-    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks."""
+def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float] = MappingProxyType({})) -> np.ndarray:
+    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks.
+
+    ``known`` has the numbers that are not the scene's own, by their paths.
+    """
     values: list[float] = []
     blocks: list[np.ndarray] = []
     filled = len(module.PARAMETERS)
     for path, _ in module.PARAMETERS:
         owner, _, name = path.partition(".")
-        if name == "table":
+        if path in known:
+            values.append(known[path])
+        elif name == "table":
             reader = scene.loads[owner] if owner in scene.loads else scene.drives[owner]
             period = reader.period
             block = reader.read_table().coefficients(period)

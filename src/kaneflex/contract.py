@@ -57,3 +57,9 @@ REQUIRED_ATTRIBUTES = (
     "FREE", "motion", "tabulate",
 )  # fmt: skip
 """Attributes of every generated module; with elastic links also ``terms`` and the kernels that the scene requires."""
+
+COUPLED_ATTRIBUTES = (
+    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "BODIES", "COORDINATES", "CONSTRAINTS", "LOADS", "SCALARS",
+    "OPERATIONS", "equations", "constraints", "tangent", "energy",
+)  # fmt: skip
+"""Attributes of every coupled module; with elastic links also ``terms``."""

@@ -66,7 +66,16 @@ def integrate_free_joints(
     times = np.append((solution.t[:-1, None] + np.diff(solution.t)[:, None] * shares).ravel(), duration)
     states = solution.sol(times)
     epsilon = np.array([accelerations(module, parameters, t, s) for t, s in zip(times, states.T, strict=True)]).T
-    return _with_courses(module, parameters, times, states, epsilon)
+    return with_courses(module, parameters, times, states, epsilon)
+
+
+def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
+    """``parameters`` with free joints that keep their initial speeds over ``duration`` [s]: the state at their start."""
+    times = np.array([0.0, duration / 2, duration])
+    start = np.array([scene.drives[name].angle for name in module.FREE])[:, None]
+    speed = np.array([scene.drives[name].initial_speed for name in module.FREE])[:, None]
+    states = np.concatenate([start + speed * times, np.broadcast_to(speed, (len(module.FREE), 3))])
+    return with_courses(module, parameters, times, states, np.zeros((len(module.FREE), 3)))
 
 
 def accelerations(module: ModuleType, parameters: np.ndarray, t: float, state: np.ndarray) -> np.ndarray:
@@ -84,7 +93,7 @@ def accelerations(module: ModuleType, parameters: np.ndarray, t: float, state: n
     return np.linalg.solve(inertia, -needed[count])
 
 
-def _with_courses(module, parameters, times, states, epsilon) -> np.ndarray:
+def with_courses(module, parameters, times, states, epsilon) -> np.ndarray:
     """Append one block of cubics for each course; see ``kaneflex.tables`` for the layout."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
 

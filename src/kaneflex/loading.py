@@ -12,8 +12,9 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
+from kaneflex.coupled.system import build_system, with_stretch
 from kaneflex.errors import SceneError
-from kaneflex.forward import integrate_free_joints
+from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, resolve_options
 from kaneflex.scene import Scene
@@ -52,13 +53,21 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     if options.dynamics != "rigid":
         check_elastic(scene)
     module, derived = find_module(scene, progress)
+    coupled = None
+    if options.dynamics == "coupled":
+        coupled, more = build_system(scene, options.modes, progress)
+        scene, derived = with_stretch(scene), derived + more
     bound = time.perf_counter()
     motion = Motion(module, bind_parameters(scene, module))
     progress("compiling, first time only")
     _compile(motion)
+    if coupled is not None:
+        coupled.compile()
     compiled = time.perf_counter()
     warnings = _ignored(scene, options)
-    if module.FREE:
+    if module.FREE and coupled is not None:
+        motion = Motion(module, at_initial_speed(scene, module, motion.parameters, options.duration))
+    elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
         p = integrate_free_joints(scene, module, motion.parameters, options.duration)
         motion, warnings = Motion(module, p), (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
@@ -69,7 +78,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
-    return replace(model, seconds=seconds, warnings=(*model.warnings, *warnings))
+    return replace(model, coupled=coupled, seconds=seconds, warnings=(*model.warnings, *warnings))
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:

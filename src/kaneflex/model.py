@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -18,6 +19,9 @@ from kaneflex.interfaces import Interfaces
 from kaneflex.links import Link, Part
 from kaneflex.options import Options
 from kaneflex.scene import Scene
+
+if TYPE_CHECKING:
+    from kaneflex.coupled.system import CoupledSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +112,8 @@ class Model:
         Modes of the whole mechanism that the motion is sought in, one a column.
     reference_time : float
         Instant [s] at which the first drive stands at ``options.mode_angle``.
+    coupled : CoupledSystem or None
+        The coupled equations, under preset ``coupled``.
     seconds : mapping
         Wall time of the stages of loading.
     """
@@ -124,6 +130,7 @@ class Model:
     reduced: ElasticEquations
     modal_basis: np.ndarray | None
     reference_time: float
+    coupled: CoupledSystem | None = None
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -146,7 +153,7 @@ class Model:
 
         Those of the paper's frozen model don't: its matrices are those of one crank angle, its loads those of all.
         """
-        return self.options.dynamics in ("dynamic", "quasistatic")
+        return self.options.dynamics in ("dynamic", "quasistatic", "coupled")
 
     @property
     def coordinates(self) -> tuple[str, ...]:

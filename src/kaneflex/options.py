@@ -10,6 +10,10 @@ from kaneflex.scene import Scene
 
 STEPS_PER_TURN = 720
 """Default resolution: half a degree of the fastest drive."""
+TOLERANCE = 1e-8
+"""Default error of a step of the coupled equations."""
+COUPLED_MODES = 3
+"""Default number of fixed-interface modes of each link in the coupled equations."""
 PAPER_DURATION = 0.04
 """The paper's horizon [s], Figs. 18-28: four turns at 6000 rpm."""
 
@@ -53,6 +57,8 @@ class Options:
         Horizon of the run [s].
     rho_infinity : float
         Spectral radius of generalised-alpha at infinite frequency.
+    tolerance : float
+        Error of a step of the coupled equations, as a share of the longest body, and in rad.
     """
 
     preset: str
@@ -76,6 +82,7 @@ class Options:
     cycles: bool
     duration: float
     rho_infinity: float
+    tolerance: float
 
     def as_dict(self) -> dict[str, object]:
         return asdict(self)
@@ -91,16 +98,19 @@ _PRESETS: dict[str, dict[str, object]] = {
     | {"foreshortening": False, "weld_pins": True, "free_drives": True, "elements": 1},
     "linear": _ALL | {"geometric": False, "dynamics": "dynamic", "foreshortening": False},
     "stiffened": _ALL | {"dynamics": "dynamic", "foreshortening": True},
+    # Its displacements are those of the bent axis as it is: the foreshortening is in the equations.
+    "coupled": _ALL | {"dynamics": "coupled", "foreshortening": False},
 }
 UNUSED_TERMS = {
     "rigid": tuple(_ALL),
     "quasistatic": ("gyroscopic", "damping"),
     "frozen": ("gyroscopic",),
     "dynamic": (),
+    "coupled": (),
 }
 """Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
-_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss"}
-_REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none"}
+_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss", "coupled": "gauss"}
+_REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
 
 def resolve_options(scene: Scene) -> Options:
@@ -126,7 +136,7 @@ def resolve_options(scene: Scene) -> Options:
         preset=solve.preset,
         **chosen,
         reduction=solve.reduction or ("craig-bampton" if _truncates(solve.modes, dynamics) else _REDUCTION[dynamics]),
-        modes=solve.modes,
+        modes=COUPLED_MODES if dynamics == "coupled" and solve.modes == "all" else solve.modes,
         mode_angle=solve.mode_angle,
         start="zero" if paper else solve.start,
         integrator=solve.integrator or _INTEGRATOR[dynamics],
@@ -134,6 +144,7 @@ def resolve_options(scene: Scene) -> Options:
         cycles=period is not None,
         duration=duration,
         rho_infinity=solve.rho_infinity,
+        tolerance=solve.tolerance or TOLERANCE,
     )
     _check(options)
     return options

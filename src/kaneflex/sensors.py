@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.deformation import Deformation, deform, follow
+from kaneflex.model import RigidMotion
 from kaneflex.reactions import consistent_reactions
 from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
@@ -58,9 +59,9 @@ def describe(sensor: Sensor) -> str:
 class _Reader:
     """Series of one solution; what several sensors share is computed once."""
 
-    def __init__(self, solution: Solution):
+    def __init__(self, solution: Solution, rigid: RigidMotion | None = None):
         self.solution, self.model, self.scene = solution, solution.model, solution.model.scene
-        self.rigid = solution.rigid
+        self.rigid = solution.rigid if rigid is None else rigid
         self.steps = len(solution.times)
 
     @cached_property
@@ -71,6 +72,8 @@ class _Reader:
     def reactions(self) -> dict[str, np.ndarray]:
         if not self.model.links:
             return {}
+        if self.solution.coupled is not None:
+            return self.solution.coupled.reactions
         return consistent_reactions(self.model, self.rigid, self.solution.coordinates, self.deformed)
 
     def read(self, sensor: Sensor) -> np.ndarray:
@@ -294,7 +297,20 @@ class _Reader:
     def _section(self, sensor: Sensor) -> tuple[np.ndarray, ...]:
         if not self.model.links:
             return self._rigid_section(sensor.target)
-        return self.deformed[sensor.target.body].section(self.scene.point(sensor.target)[0])
+        found = self.deformed if self.solution.coupled is None else self._in_floating_frames
+        return found[sensor.target.body].section(self.scene.point(sensor.target)[0])
+
+    @cached_property
+    def _in_floating_frames(self) -> dict[str, Deformation]:
+        """Each link's deformation in its own floating frame, balanced with what acts on it there (preset coupled)."""
+        motion = self.solution.coupled
+        found = {}
+        for name, link in self.model.links.items():
+            reader = _Reader(self.solution, motion.floating({}))
+            points = self.scene.bodies[name].points_all.items()
+            forces = {point: reader._forces_at(Address(name, point)) for point, (x, _) in points if link.node_at(x) is not None}
+            found[name] = motion.balanced(name, forces)
+        return found
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         return self._joint_component(sensor, lambda name: self.reactions[name])

@@ -37,6 +37,10 @@ def simulate(model: Model, progress: Progress | None = None) -> Solution:
     """
     if not isinstance(model, Model):
         raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
+    if model.options.dynamics == "coupled":
+        from kaneflex.coupled.simulation import simulate_coupled
+
+        return simulate_coupled(model, progress)
     started = time.perf_counter()
     trajectory = _METHODS[model.options.dynamics](model, progress)
     return Solution(model, trajectory, time.perf_counter() - started)

@@ -15,6 +15,7 @@ from kaneflex.model import Model, RigidMotion
 if TYPE_CHECKING:
     import xarray
 
+    from kaneflex.coupled.motion import CoupledMotion
     from kaneflex.sensors import Series
 
 
@@ -29,11 +30,14 @@ class Solution:
         Motion of what was integrated, at the stored times.
     seconds : float
         Wall time of the run.
+    coupled : CoupledMotion or None
+        Motion of all bodies, reactions and energies, under preset ``coupled``.
     """
 
     model: Model
     trajectory: Trajectory
     seconds: float
+    coupled: CoupledMotion | None = None
 
     def __repr__(self) -> str:
         return f"Solution({self.model.in_short}, {self.outcome.name.lower()}, {len(self.times)} instants)"

@@ -21,6 +21,7 @@ from kaneflex.scene.quantities import (
     NonNegativeMass,
     NonNegativeRatio,
     NonNegativeViscosity,
+    PositiveRatio,
     PositiveTime,
     Ratios,
     WholeNumber,
@@ -29,7 +30,7 @@ from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, TIME, TORQUE, to_si
 
-PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened")
+PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping")
 
 
@@ -204,6 +205,9 @@ class Solve(SceneTable):
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: Angle = 0.0
     terms: dict[str, bool] = Field(default={})
+    tolerance: PositiveRatio | None = Field(
+        default=None, description="preset coupled: error of a step, as a share of the longest body, and in rad"
+    )
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
     )
@@ -211,8 +215,6 @@ class Solve(SceneTable):
     @field_validator("preset")
     @classmethod
     def _known_preset(cls, preset: str) -> str:
-        if preset == "coupled":
-            raise Fault("not available in this version", f"Choose one of {', '.join(PRESETS)}")
         if preset not in PRESETS:
             raise Fault("unknown preset", nearest(preset, PRESETS))
         return preset

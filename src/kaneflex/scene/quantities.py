@@ -155,6 +155,7 @@ AngularSpeed = _quantity(units.ANGULAR_SPEED)
 PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
+PositiveRatio = _positive(units.RATIO)
 AngleOrTime = Annotated[
     float, WithJsonSchema({"type": ["number", "string"], "description": "an angle or a time"})
 ]

@@ -1,0 +1,148 @@
+"""The sums over a body's slices that the coupled kernels take as parameters, by the names in the module's PARAMETERS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.building import rayleigh_coefficients
+from kaneflex.coupled.shapes import Shapes
+from kaneflex.links import Link
+from kaneflex.scene import Scene
+
+
+def body_numbers(
+    scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]
+) -> dict[str, float]:
+    """Path -> value (SI) of every moment, stiffness, damping and shape that belongs to a body."""
+    numbers: dict[str, float] = {}
+    for name in module.BODIES:
+        own = _link_numbers(scene, links[name], shapes[name]) if name in links else _rigid_numbers(scene, name)
+        numbers |= {f"{name}.{key}": float(value) for key, value in own.items()}
+    return numbers
+
+
+def _rigid_numbers(scene: Scene, name: str) -> dict[str, float]:
+    """Mass [kg], its first [kg m] and second moments [kg m^2], and inertia about the start, lumped masses included."""
+    body = scene.bodies[name]
+    entries = [(body.mass, body.inertia, body.centre)]
+    entries += [(mass.mass, mass.inertia, scene.point(mass.at)) for mass in scene.masses.values() if mass.at.body == name]
+    return {
+        "mass": sum(m for m, _, _ in entries),
+        "mass_X": sum(m * x for m, _, (x, _) in entries),
+        "mass_Y": sum(m * y for m, _, (_, y) in entries),
+        "mass_X_X": sum(m * x * x for m, _, (x, _) in entries),
+        "mass_X_Y": sum(m * x * y for m, _, (x, y) in entries),
+        "mass_Y_Y": sum(m * y * y for m, _, (_, y) in entries),
+        "inertia": sum(J for _, J, _ in entries),
+    }
+
+
+def _link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
+    """Moments of the finite elements: rigid displacements and shapes through the elements' own matrices.
+
+    H_jk = int_0^X w_j' w_k' under the sum is, by exchange of the integrals, a geometric stiffness: that of the tension
+    which the mass beyond X (or its first moment) would raise.
+    """
+    matrices, nodes = link.part.matrices, link.nodes
+    size = 3 * len(nodes)
+    M = matrices["M"].at({}).toarray()
+    omega, square = f"{link.name}.omega", (f"{link.name}.omega",) * 2
+    translation = -matrices["K_d"].terms[square].toarray()
+    rotary = M - translation
+    gyroscopic = matrices["C_d"].terms[(omega,)].toarray() / 2
+    tension = {
+        key: matrices["K_g"].terms[monomial].toarray()
+        for key, monomial in (("P_0", (f"{link.name}.link.P_0",)), ("a_x", (f"{link.name}.link.a_x",)), ("spin", square))
+    }
+    total = scene.bodies[link.name].profile.inertia(link.length)
+    along, forward, turn = np.zeros(size), np.zeros(size), np.zeros(size)
+    along[0::3], forward[0::3], turn[1::3], turn[2::3] = 1.0, nodes, nodes, 1.0
+    across = np.zeros(size)
+    across[1::3] = 1.0
+    s, w = shapes.axial, shapes.transverse
+    found = {"mass": total.mass, "mass_X": total.first, "mass_X_X": total.second, "inertia": total.rotary}
+    found |= _vector("mass_s", along @ translation @ s) | _vector("mass_w", across @ translation @ w)
+    found |= _vector("mass_X_s", forward @ translation @ s) | _vector("mass_X_w", turn @ translation @ w)
+    found |= _pairs("mass_s", "s", s.T @ translation @ s) | _pairs("mass_w", "w", w.T @ translation @ w)
+    found |= {
+        f"mass_s_{j}_w_{k}": value for (j, k), value in np.ndenumerate(-(s.T @ gyroscopic @ w))
+    }
+    found |= _pairs("mass_H", "", w.T @ (total.mass * tension["P_0"] - tension["a_x"]) @ w)
+    found |= _pairs("mass_X_H", "", w.T @ (total.first * tension["P_0"] + tension["spin"]) @ w)
+    found |= _vector("inertia_psi", turn @ rotary @ w) | _pairs("inertia_psi", "psi", w.T @ rotary @ w)
+    modal = shapes.all
+    stiffness = np.diag(modal.T @ matrices["K_s"].at({}).toarray() @ modal)
+    found |= _vector("stiffness", stiffness)
+    found |= _pairs("damping", "", _damping(scene, link, modal, M))
+    for name, (x, _) in scene.bodies[link.name].points_all.items():
+        node = link.node_at(x)
+        if node is not None:
+            found |= {f"{name}.{key}": value for key, value in _point_numbers(link, shapes, node).items()}
+    for mass in scene.masses.values():
+        if mass.at.body == link.name:
+            _add_lumped(found, mass, _point_numbers(link, shapes, link.node_at(scene.point(mass.at)[0])))
+    return found
+
+
+def _point_numbers(link: Link, shapes: Shapes, node: int) -> dict[str, float]:
+    """X [m], the shapes s, w [1] and psi [1/m] and their foreshortening H [1/m] at a node."""
+    blocks = next(blocks for key, monomial, blocks in link.element_terms if monomial == (f"{link.name}.link.P_0",))
+    H = np.zeros((shapes.transverse.shape[1],) * 2)
+    for e in range(node):
+        rows = shapes.transverse[3 * e : 3 * e + 6]
+        H += rows.T @ blocks[e] @ rows
+    found = {"X": float(link.nodes[node])}
+    found |= _vector("s", shapes.axial[3 * node]) | _vector("w", shapes.transverse[3 * node + 1])
+    return found | _vector("psi", shapes.transverse[3 * node + 2]) | _pairs("H", "", H)
+
+
+def _add_lumped(found: dict[str, float], mass, at: Mapping[str, float]) -> None:
+    """A lumped mass is one more slice."""
+    for key in found:
+        of, *factors = _factors(key)
+        if of == "mass":
+            found[key] += mass.mass * np.prod([at[factor] for factor in factors])
+        elif of == "inertia":
+            found[key] += mass.inertia * np.prod([at[factor] for factor in factors])
+
+
+def _factors(name: str) -> list[str]:
+    """mass_X_H_0_1 -> mass, X, H_0_1."""
+    parts = name.split("_")
+    found: list[str] = []
+    for part in parts:
+        if part.isdigit():
+            found[-1] += f"_{part}"
+        else:
+            found.append(part)
+    return found
+
+
+def _vector(name: str, values: np.ndarray) -> dict[str, float]:
+    return {f"{name}_{j}": value for j, value in enumerate(values)}
+
+
+def _pairs(name: str, second: str, matrix: np.ndarray) -> dict[str, float]:
+    """The upper triangle of a symmetric matrix."""
+    between = f"_{second}_" if second else "_"
+    return {f"{name}_{j}{between}{k}": matrix[j, k] for j in range(len(matrix)) for k in range(j, len(matrix))}
+
+
+def _damping(scene: Scene, link: Link, modal: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Damping of the modal coordinates [N s/m]; a modal ratio is that of each of the link's own modes."""
+    damping = scene.damping
+    if damping is None:
+        return np.zeros((modal.shape[1],) * 2)
+    K, mass = modal.T @ link.part.matrices["K_s"].at({}).toarray() @ modal, modal.T @ M @ modal
+    if damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
+        return alpha * mass + beta * K
+    if damping.kind == "modal":
+        ratios, squares = damping.modal.ratio, np.diag(K) / np.diag(mass)
+        rank = np.argsort(np.argsort(squares))  # the first ratio is the lowest mode's
+        zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in rank])
+        return np.diag(2 * zeta * np.sqrt(squares) * np.diag(mass))
+    return modal.T @ link.part.matrices["C_s"].at({}).toarray() @ modal

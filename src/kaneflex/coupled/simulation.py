@@ -1,0 +1,169 @@
+"""Solve a coupled model: initial state, integration, and the motion as every sensor reads it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from kaneflex.coupled.motion import CoupledMotion
+from kaneflex.coupled.run import CoupledTrajectory, integrate, rigid_state
+from kaneflex.coupled.system import BODY, CoupledSystem
+from kaneflex.errors import SceneError
+from kaneflex.forward import with_courses
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.model import Model, Motion, RigidMotion
+from kaneflex.scene import Scene
+from kaneflex.solution import Solution
+
+_CYCLES = 100
+"""Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
+_REPEATS = 1e-5
+"""Change of the deformation over a cycle, against its largest value, below which it repeats."""
+
+
+def simulate_coupled(model: Model, progress: Callable[[float], None] | None = None) -> Solution:
+    """Integrate the coupled equations over the model's horizon."""
+    started = time.perf_counter()
+    system, options = model.coupled, model.options
+    times = model.step * np.arange(options.steps + 1)
+    first = model.motion.at(0.0)
+    q, v = rigid_state(system, first)
+    q = unwrapped(model.scene, system, q, first)
+    if options.start == "quasistatic":
+        q = _settled(model, q, v, first)
+    length = _length(model.scene)
+    if options.start == "periodic":
+        trajectory = _periodic(system, q, v, times, options.tolerance, length, progress)
+    else:
+        trajectory = integrate(system, q, v, times, options.tolerance, length, progress)
+    return as_solution(model, trajectory, time.perf_counter() - started)
+
+
+def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
+    """A coupled trajectory with the rigid mechanism beside it, whose free drives follow the coupled motion."""
+    scene, system = model.scene, model.coupled
+    free = [name for name, drive in scene.drives.items() if drive.kind == "free"]
+    if free and len(trajectory.times) > 3:
+        bare = CoupledMotion(model, system, trajectory, model.motion.at(trajectory.times))
+        courses = [_coordinate(bare, name) for name in free]
+        states = np.array([[course[0] for course in courses], [course[1] for course in courses]])
+        accelerations = np.array([course[2] for course in courses])
+        states = states.reshape(2 * len(free), -1)
+        p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
+        model = replace(model, motion=Motion(model.motion.module, p))
+    motion = CoupledMotion(model, system, trajectory, model.motion.at(trajectory.times))
+    z, v, a = motion.coordinates()
+    plain = Trajectory(
+        trajectory.times, z.T, v.T, a.T, trajectory.outcome, trajectory.message, None, trajectory.ns_per_step
+    )
+    return Solution(model, plain, seconds, motion)
+
+
+def _coordinate(motion: CoupledMotion, drive: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinate [rad] of a revolute drive between the deformed bodies, with its rates."""
+    sides = []
+    for address in motion.model.scene.joints[drive].addresses:
+        if address.body == "ground":
+            sides.append((0.0, 0.0, 0.0))
+            continue
+        link = motion.system.links.get(address.body)
+        at = motion.model.scene.point(address)
+        node = link.node_at(at[0]) if link is not None else None
+        sides.append(tuple(part[2] for part in motion.place(address.body, at, node)))
+    return tuple(second - first for first, second in zip(*sides, strict=True))
+
+
+def _length(scene: Scene) -> float:
+    """The size of the mechanism: its longest body, else the farthest point of the ground [m]."""
+    lengths = [body.length for body in scene.bodies.values() if body.length]
+    return max(lengths or [math.hypot(*at) for at in scene.ground.values()] or [1.0])
+
+
+def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn that they prescribe."""
+    q = q.copy()
+    turned = {"ground": 0.0}
+    for _ in system.start:
+        for name, joint in scene.joints.items():
+            first, second = (address.body for address in joint.addresses)
+            if joint.kind == "revolute" and name not in scene.drives:
+                wanted = None
+            elif joint.kind == "revolute":
+                wanted = float(rigid[f"{name}.angle"][0])
+            else:
+                wanted = joint.relative_angle
+            for base, other, sign in ((first, second, 1.0), (second, first, -1.0)):
+                if base in turned and other not in turned and wanted is not None:
+                    k = system.start[other] + 2
+                    q[k] += 2 * math.pi * round((turned[base] + sign * wanted - q[k]) / (2 * math.pi))
+                    turned[other] = q[k]
+        loose = next((name for name in system.start if name not in turned), None)
+        if loose is None:
+            break
+        turned.setdefault(loose, q[system.start[loose] + 2]) if _hangs_on(scene, loose, turned) else None
+    return q
+
+
+def _hangs_on(scene: Scene, body: str, turned: dict[str, float]) -> bool:
+    """Whether no joint prescribes the turn of a body against one that is still to come."""
+    for joint in scene.joints.values():
+        bodies = {address.body for address in joint.addresses}
+        if body in bodies and joint.kind != "revolute" and not bodies <= {body, *turned}:
+            return False
+    return True
+
+
+def _settled(model: Model, q: np.ndarray, v: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+    """q deformed as the forces of the rigid motion ask for: the balance with the rigid bodies' accelerations (Newton)."""
+    free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
+    if free:
+        raise SceneError(
+            "solve.start", model.options.start, f"{free[0]} is free: nothing holds it in equilibrium",
+            "Start from zero",
+        )  # fmt: skip
+    system = model.coupled
+    n, m = system.size, len(system.constraints)
+    a = np.zeros(n)
+    for name, k in system.start.items():
+        a[k : k + BODY] = [rigid[f"{name}.{key}"][0] for key in ("a_x", "a_y", "epsilon")]
+    multipliers, q = np.zeros(m), q.copy()
+    for _ in range(50):
+        M, f, K, C = np.zeros((n, n)), np.zeros(n), np.zeros((n + m, n)), np.zeros((n + m, n))
+        g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
+        system.module.equations(0.0, q, v, system.parameters, M, f)
+        system.module.constraints(0.0, q, v, system.parameters, g, g_t, G, gamma)
+        system.module.tangent(0.0, q, v, a, multipliers, system.parameters, K, C)
+        square = np.block([[K[:n], -G.T], [G, np.zeros((m, m))]])
+        step = np.linalg.solve(square, -np.concatenate([M @ a - f - G.T @ multipliers, g]))
+        q, multipliers = q + step[:n], multipliers + step[n:]
+        if abs(step[:n]).max() < 1e-12 * _length(model.scene):
+            return q
+    raise SceneError(
+        "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
+    )
+
+
+def _periodic(system, q, v, times, tolerance, length, progress) -> CoupledTrajectory:
+    """Cycle after cycle until the deformation repeats."""
+    modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
+    turns = np.array([k + 2 for k in system.start.values()])
+    for cycle in range(_CYCLES):
+        found = integrate(system, q, v, times, tolerance, length, None)
+        if found.outcome is not Outcome.COMPLETED:
+            return found
+        end, end_rate = found.q[-1].copy(), found.v[-1].copy()
+        end[turns] -= 2 * math.pi * np.round((end[turns] - found.q[0][turns]) / (2 * math.pi))
+        change = abs(end[modal] - found.q[0][modal]).max(initial=0.0)
+        if change <= _REPEATS * abs(found.q[:, modal]).max(initial=0.0):
+            if progress is not None:
+                progress(1.0)
+            return found
+        if progress is not None:
+            progress(cycle / _CYCLES)
+        q, v = end, end_rate
+    message = f"no periodic state: the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
+    return replace(found, outcome=Outcome.NO_PERIODIC_STATE, message=message)

@@ -1,0 +1,344 @@
+"""Two-stage Gauss-Legendre for M q'' = f + G^T lambda with G q'' + gamma = 0 (index 1), positions and velocities projected.
+
+The stages' accelerations and multipliers are the unknowns of a bounded, simplified Newton iteration with the analytic
+tangent (Hairer & Wanner 1996, IV.8); order 4, A-stable and without numerical damping, so that stiff axial modes cost
+nothing but accuracy of their own. The step follows an error estimate of the fifth order, filtered as in Hairer & Wanner (IV.8.20):
+what an unresolved stiff mode does is no reason for a short step.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numba import njit, types
+from numba.types import FunctionType, float64, int64, void
+
+_OPTIONS = {"cache": True, "error_model": "numpy"}
+_V, _A = float64[::1], float64[:, ::1]
+EQUATIONS = FunctionType(void(float64, _V, _V, _V, _A, _V))
+CONSTRAINTS = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _V))
+TANGENT = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _A))
+ENERGY = FunctionType(void(float64, _V, _V, _V, _V))
+"""Types of the generated kernels, given explicitly: passed as plain arguments they would be compiled anew in every process."""
+
+DONE, FULL, TOO_SMALL, SINGULAR = 0, 1, 2, 3
+"""How a piece of the integration ended: at its end, with its table full, with a vanishing step, at a singular state."""
+
+_ROOT = math.sqrt(3.0)
+_NODES = np.array([0.5 - _ROOT / 6, 0.5 + _ROOT / 6])
+_A1 = np.array([[0.25, 0.25 - _ROOT / 6], [0.25 + _ROOT / 6, 0.25]])
+_A2 = _A1 @ _A1
+_B2 = 0.5 * (_A1[0] + _A1[1])
+
+
+def _estimate_weights() -> np.ndarray:
+    """Of a_n, a_1, a_2, a_n+1 in q^ - q = h^2 sum w a: the cubic through all four against the stages' line."""
+    nodes = np.array([0.0, _NODES[0], _NODES[1], 1.0])
+    weights = np.zeros(4)
+    for k in range(4):
+        others = np.delete(nodes, k)
+        lagrange = np.poly(others) / np.prod(nodes[k] - others)
+        integrand = np.polyint(np.polymul(lagrange, [-1.0, 1.0]))
+        weights[k] = np.polyval(integrand, 1.0)
+    weights[1:3] -= _B2
+    return weights
+
+
+_W = _estimate_weights()
+_FILTER = 1.0 / 12.0
+"""Weight of h^2 K in the filter, as in the denominator 1 - z/2 + z^2/12 of the method's stability function."""
+
+
+@njit(**_OPTIONS)
+def factorise(a, pivots):
+    """LU in place with row exchanges; False where a pivot vanishes."""
+    n = a.shape[0]
+    for k in range(n):
+        row, largest = k, abs(a[k, k])
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > largest:
+                row, largest = i, abs(a[i, k])
+        pivots[k] = row
+        if not largest > 0.0 or not largest < 1e300:
+            return False
+        if row != k:
+            for j in range(n):
+                a[k, j], a[row, j] = a[row, j], a[k, j]
+        inverse = 1.0 / a[k, k]
+        for i in range(k + 1, n):
+            if a[i, k] != 0.0:
+                factor = a[i, k] * inverse
+                a[i, k] = factor
+                for j in range(k + 1, n):
+                    a[i, j] -= factor * a[k, j]
+    return True
+
+
+@njit(**_OPTIONS)
+def substitute(a, pivots, x):
+    """Solve with the factors of :func:`factorise`, in place."""
+    n = a.shape[0]
+    for k in range(n):
+        row = pivots[k]
+        if row != k:
+            x[k], x[row] = x[row], x[k]
+    for i in range(n):
+        total = x[i]
+        for j in range(i):
+            total -= a[i, j] * x[j]
+        x[i] = total
+    for i in range(n - 1, -1, -1):
+        total = x[i]
+        for j in range(i + 1, n):
+            total -= a[i, j] * x[j]
+        x[i] = total / a[i, i]
+
+
+@njit(**_OPTIONS)
+def saddle(M, G, n, m, out):
+    """[[M, -G^T], [G, 0]]; rows of constraints are scaled by nothing: pivoting takes care of their units."""
+    out[:, :] = 0.0
+    out[:n, :n] = M
+    for i in range(m):
+        for j in range(n):
+            out[n + i, j] = G[i, j]
+            out[j, n + i] = -G[i, j]
+
+
+@cache
+def compiled():
+    """The compiled functions: (state, integrate). Compiled once per machine; nothing is at import."""
+
+    @njit(
+        types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1]),
+        **_OPTIONS,
+    )
+    def settle(equations, constraints, p, t, q, v, a, multipliers, passes, drift):
+        """Project q and v onto the constraints (least change by mass), then accelerations and multipliers there.
+
+        drift: largest residuals of position and velocity before. False at a singular state.
+        """
+        n, m = q.size, multipliers.size
+        M, f = np.zeros((n, n)), np.zeros(n)
+        G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+        square, pivots, x = np.zeros((n + m, n + m)), np.zeros(n + m, np.int64), np.zeros(n + m)
+        drift[:] = 0.0
+        for turn in range(passes + 1):
+            M[:, :] = 0.0
+            f[:] = 0.0
+            G[:, :] = 0.0
+            g[:] = 0.0
+            g_t[:] = 0.0
+            gamma[:] = 0.0
+            equations(t, q, v, p, M, f)
+            constraints(t, q, v, p, g, g_t, G, gamma)
+            saddle(M, G, n, m, square)
+            if not factorise(square, pivots):
+                return False
+            if turn < passes:
+                x[:n] = 0.0
+                for i in range(m):
+                    x[n + i] = -g[i]
+                    if turn == 0:
+                        drift[0] = max(drift[0], abs(g[i]))
+                substitute(square, pivots, x)
+                q += x[:n]
+                continue
+            x[:n] = 0.0
+            for i in range(m):
+                rate = g_t[i]
+                for j in range(n):
+                    rate += G[i, j] * v[j]
+                x[n + i] = -rate
+                drift[1] = max(drift[1], abs(rate))
+            substitute(square, pivots, x)
+            v += x[:n]
+            f[:] = 0.0
+            M[:, :] = 0.0
+            g[:] = 0.0
+            g_t[:] = 0.0
+            G[:, :] = 0.0
+            gamma[:] = 0.0
+            equations(t, q, v, p, M, f)
+            constraints(t, q, v, p, g, g_t, G, gamma)
+            x[:n] = f
+            x[n:] = -gamma
+            substitute(square, pivots, x)
+            a[:] = x[:n]
+            multipliers[:] = x[n:]
+        return True
+
+    @njit(
+        int64(
+            EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, float64, float64, int64, int64, _V, _A, _A, _A, _A, _A, _V
+        ),
+        **_OPTIONS,
+    )
+    def integrate(
+        equations, constraints, tangent, energy, p, scale, step, end, longest, first, powers, times, qs, vs, accels,
+        lambdas, works, counts,
+    ):  # fmt: skip
+        """Steps from row ``first`` of the tables until ``end`` [s], or until they are full.
+
+        scale: error allowed in each coordinate. step: [next step, last row filled]. works: time integrals of the powers
+        (dissipation, loads, prescribed drives). counts: accepted and rejected steps, Newton iterations, largest drifts.
+        """
+        n, m = qs.shape[1], lambdas.shape[1]
+        size = n + m
+        M, f = np.zeros((n, n)), np.zeros(n)
+        G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+        K, C = np.zeros((size, n)), np.zeros((size, n))
+        big, big_pivots = np.zeros((2 * size, 2 * size)), np.zeros(2 * size, np.int64)
+        small, small_pivots = np.zeros((size, size)), np.zeros(size, np.int64)
+        x, e = np.zeros(2 * size), np.zeros(size)
+        stage_a, stage_l = np.zeros((2, n)), np.zeros((2, m))
+        stage_q, stage_v = np.zeros((2, n)), np.zeros((2, n))
+        q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
+        drift, rates = np.zeros(2), np.zeros(powers + m)
+        h, row = step[0], first
+        while True:
+            step[0], step[1] = h, row
+            t = times[row]
+            if t >= end - 1e-13 * max(1.0, abs(end)):
+                return DONE
+            if row + 1 >= times.size:
+                return FULL
+            h = min(h, longest)
+            left = end - t
+            if h >= left:
+                h = left
+            elif h > 0.5 * left:
+                h = 0.5 * left
+            if h < 1e-13 * max(abs(end), 1e-3):
+                return TOO_SMALL
+            M[:, :] = 0.0
+            f[:] = 0.0
+            G[:, :] = 0.0
+            K[:, :] = 0.0
+            C[:, :] = 0.0
+            equations(t, qs[row], vs[row], p, M, f)
+            constraints(t, qs[row], vs[row], p, g, g_t, G, gamma)
+            tangent(t, qs[row], vs[row], accels[row], lambdas[row], p, K, C)
+            for i in range(2):
+                for j in range(2):
+                    d, s = h * _A1[i, j], h * h * _A2[i, j]
+                    for r in range(size):
+                        for c in range(n):
+                            big[i * size + r, j * size + c] = d * C[r, c] + s * K[r, c]
+                        for c in range(n, size):
+                            big[i * size + r, j * size + c] = 0.0
+                    if i == j:
+                        for r in range(n):
+                            for c in range(n):
+                                big[i * size + r, j * size + c] += M[r, c]
+                            for c in range(m):
+                                big[i * size + r, j * size + n + c] = -G[c, r]
+                        for r in range(m):
+                            for c in range(n):
+                                big[i * size + n + r, j * size + c] += G[r, c]
+            if not factorise(big, big_pivots):
+                return SINGULAR
+            stage_a[0], stage_a[1] = accels[row], accels[row]
+            stage_l[0], stage_l[1] = lambdas[row], lambdas[row]
+            converged, before = False, 0.0
+            for iteration in range(10):
+                counts[2] += 1
+                for i in range(2):
+                    stage_v[i] = vs[row] + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
+                    stage_q[i] = (
+                        qs[row] + h * _NODES[i] * vs[row] + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
+                    )
+                    M[:, :] = 0.0
+                    f[:] = 0.0
+                    G[:, :] = 0.0
+                    gamma[:] = 0.0
+                    at = t + h * _NODES[i]
+                    equations(at, stage_q[i], stage_v[i], p, M, f)
+                    constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
+                    for r in range(n):
+                        total = f[r]
+                        for c in range(n):
+                            total -= M[r, c] * stage_a[i, c]
+                        for c in range(m):
+                            total += G[c, r] * stage_l[i, c]
+                        x[i * size + r] = total
+                    for r in range(m):
+                        total = -gamma[r]
+                        for c in range(n):
+                            total -= G[r, c] * stage_a[i, c]
+                        x[i * size + n + r] = total
+                substitute(big, big_pivots, x)
+                change = 0.0
+                for i in range(2):
+                    for c in range(n):
+                        stage_a[i, c] += x[i * size + c]
+                        change = max(change, h * h * abs(x[i * size + c]) / scale[c])
+                    for c in range(m):
+                        stage_l[i, c] += x[i * size + n + c]
+                if not change < 1e200:
+                    break
+                if iteration > 0:
+                    rate = change / before
+                    if rate >= 1.0 and change > 1e-3:
+                        break
+                    if change * rate < 1e-3 * max(1.0 - rate, 0.0):
+                        converged = True
+                        break
+                if change < 1e-6:
+                    converged = True
+                    break
+                before = change
+            if not converged:
+                counts[1] += 1
+                h *= 0.4
+                continue
+            q[:] = qs[row] + h * vs[row] + h * h * (_B2[0] * stage_a[0] + _B2[1] * stage_a[1])
+            v[:] = vs[row] + 0.5 * h * (stage_a[0] + stage_a[1])
+            if not settle(equations, constraints, p, t + h, q, v, a, multipliers, 1, drift):
+                return SINGULAR
+            # The estimate, filtered by [M + h C / 2 + h^2 K / 12, -G^T; G, 0].
+            M[:, :] = 0.0
+            G[:, :] = 0.0
+            f[:] = 0.0
+            equations(t + h, q, v, p, M, f)
+            constraints(t + h, q, v, p, g, g_t, G, gamma)
+            saddle(M, G, n, m, small)
+            for r in range(n):
+                total = 0.0
+                for c in range(n):
+                    change = _W[0] * accels[row, c] + _W[1] * stage_a[0, c] + _W[2] * stage_a[1, c] + _W[3] * a[c]
+                    total += M[r, c] * change
+                    small[r, c] += 0.5 * h * C[r, c] + _FILTER * h * h * K[r, c]
+                e[r] = h * h * total
+            e[n:] = 0.0
+            if not factorise(small, small_pivots):
+                return SINGULAR
+            substitute(small, small_pivots, e)
+            error = 1e-12
+            for c in range(n):
+                error = max(error, abs(e[c]) / scale[c])
+            growth = min(4.0, max(0.2, 0.9 * error ** (-0.2)))
+            if not error <= 1.0:
+                counts[1] += 1
+                h *= min(growth, 0.9)
+                continue
+            works[row + 1] = works[row]
+            for i in range(2):
+                at = t + h * _NODES[i]
+                rates[:] = 0.0
+                energy(at, stage_q[i], stage_v[i], p, rates)
+                for k in range(powers - 2):
+                    works[row + 1, k] += 0.5 * h * rates[k + 2]
+                constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
+                for k in range(m):
+                    works[row + 1, powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
+            times[row + 1] = t + h
+            qs[row + 1], vs[row + 1], accels[row + 1], lambdas[row + 1] = q, v, a, multipliers
+            counts[0] += 1
+            counts[3], counts[4] = max(counts[3], drift[0]), max(counts[4], drift[1])
+            row += 1
+            h *= growth
+
+    return settle, integrate

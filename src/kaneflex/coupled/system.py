@@ -1,0 +1,108 @@
+"""A scene bound to its coupled module: kernels, numbers, and how the state is laid out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.binding import bind_parameters, find_coupled_module
+from kaneflex.coupled.moments import body_numbers
+from kaneflex.coupled.shapes import Shapes, link_shapes, shape_counts
+from kaneflex.links import Link, build_link
+from kaneflex.scene import Scene
+
+BODY = 3
+"""Coordinates x, y, phi of every body, before its modal ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledSystem:
+    """The coupled equations of a scene with its numbers.
+
+    Attributes
+    ----------
+    module : ModuleType
+        Generated kernels ``equations``, ``constraints``, ``tangent`` and ``energy``.
+    parameters : ndarray
+        Their argument p.
+    links, shapes : mapping of str
+        Finite elements and modal coordinates of every elastic link.
+    """
+
+    module: ModuleType
+    parameters: np.ndarray
+    links: Mapping[str, Link]
+    shapes: Mapping[str, Shapes]
+
+    @property
+    def size(self) -> int:
+        """Coordinates of all bodies."""
+        return len(self.module.COORDINATES)
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names of the multipliers: joint reactions, then forces and torques of prescribed drives."""
+        return tuple(name for name, *_ in self.module.CONSTRAINTS)
+
+    @cached_property
+    def start(self) -> dict[str, int]:
+        """Body -> where its coordinates begin in q."""
+        found, offset = {}, 0
+        for name, (axial, transverse) in self.module.BODIES.items():
+            found[name] = offset
+            offset += BODY + axial + transverse
+        return found
+
+    def modal(self, body: str) -> slice:
+        """Where a body's modal coordinates are in q."""
+        first = self.start[body] + BODY
+        return slice(first, first + sum(self.module.BODIES[body]))
+
+    def compile(self) -> None:
+        """Call every kernel once, so that compiling is seen and timed apart from computing."""
+        from kaneflex.coupled.stepping import compiled
+
+        compiled()
+        n, m = self.size, len(self.constraints)
+        q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
+        self.module.equations(0.0, q, v, self.parameters, np.zeros((n, n)), np.zeros(n))
+        self.module.constraints(
+            0.0, q, v, self.parameters, np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
+        )
+        self.module.tangent(
+            0.0, q, v, a, multipliers, self.parameters, np.zeros((n + m, n)), np.zeros((n + m, n))
+        )
+        self.module.energy(0.0, q, v, self.parameters, np.zeros(3 + len(self.module.LOADS)))
+
+    @property
+    def freedoms(self) -> int:
+        """Degrees of freedom: coordinates less constraints."""
+        return self.size - len(self.constraints)
+
+
+def build_system(scene: Scene, modes: int, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
+    """Find or derive the coupled module of a scene with ``modes`` fixed-interface modes a link, and bind its numbers.
+
+    Returns the system and the seconds spent on deriving its module.
+    """
+    elastic = [name for name, body in scene.bodies.items() if body.elastic]
+    counts = {name: shape_counts(scene, name, modes) for name in elastic}
+    module, seconds = find_coupled_module(scene, counts, progress)
+    stretching = with_stretch(scene)
+    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in elastic}
+    shapes = {name: link_shapes(scene, link, modes) for name, link in links.items()}
+    numbers = body_numbers(scene, module, links, shapes)
+    return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds
+
+
+def with_stretch(scene: Scene) -> Scene:
+    """The scene with every beam free to stretch: finite elements with all their coordinates, whatever shapes are kept."""
+    bodies = {
+        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})}) if body.elastic else body
+        for name, body in scene.bodies.items()
+    }
+    return scene.model_copy(update={"bodies": bodies})
