@@ -224,7 +224,8 @@ def print_module(equations: Equations, kernels: list[tuple[emit.Kernel, Program]
 
 
 def calls(program: Program, function: str) -> bool:
-    return any(call.func.__name__ == function for _, e in program.assignments for call in e.atoms(AppliedUndef))
+    everything = (*program.assignments, *program.outputs)
+    return any(call.func.__name__ == function for _, e in everything for call in e.atoms(AppliedUndef))
 
 
 def version() -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
+from kaneflex.carried import prescribed_bodies
 from kaneflex.errors import SceneError
 from kaneflex.links import Link, mesh
 from kaneflex.scene import Scene
@@ -22,7 +23,8 @@ class Shapes:
     axial, transverse : ndarray (3 n_nodes, n)
         Orthogonal with respect to mass and stiffness; the largest displacement of each is one.
     frame : str
-        "tangent": the frame's x axis touches the link at its start; "chord": it passes through the farthest joint.
+        What the frame's x axis does: "tangent" touches the link at its start, "chord" passes through its farthest
+        joint, "mean" leaves the bending no moment of momentum about the start (Buckens).
     fixed : tuple of int
         Rows that the frame takes the motion of.
     """
@@ -41,15 +43,14 @@ class Shapes:
 def shape_counts(scene: Scene, name: str, modes: int) -> tuple[int, int]:
     """Numbers of axial and of transverse shapes of a link, from its joints, loads and masses alone."""
     rows = _rows(scene, name, mesh(scene, name, scene.bodies[name].beam.elements))
-    limit = len(rows.free)
+    limit = len(rows.free) - rows.turns
     if modes > limit:
         raise SceneError(
             "solve.modes", modes, f"{name} has {limit} transverse fixed-interface modes",
             "Ask for fewer modes, or give the link more elements",
         )  # fmt: skip
-    if scene.bodies[name].beam.axially_rigid:
-        return 0, len(rows.held) + modes
-    return len(rows.pulled) + 1, len(rows.held) + modes
+    axial = 0 if scene.bodies[name].beam.axially_rigid else len(rows.pulled) + 1
+    return axial, rows.transverse(modes)
 
 
 def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
@@ -66,12 +67,14 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
         inertia = np.zeros((len(mass), 1))
         inertia[loose, 0] = np.linalg.solve(stiffness[np.ix_(loose, loose)], mass[np.ix_(loose, u)] @ link.nodes)
         axial = _orthogonal(np.hstack([_static(stiffness, rows.pulled, loose), inertia]), stiffness, mass)
-    dynamic = np.zeros((len(mass), modes))
-    if modes:
+    count = modes + rows.turns
+    dynamic = np.zeros((len(mass), count))
+    if count:
         square = np.ix_(rows.free, rows.free)
-        dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, modes - 1))[1]
-    transverse = np.hstack([_static(stiffness, rows.held, rows.free), dynamic])
-    return Shapes(axial, _orthogonal(transverse, stiffness, mass), rows.frame, (0, *rows.fixed))
+        dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, count - 1))[1]
+    transverse = _orthogonal(np.hstack([_static(stiffness, rows.held, rows.free), dynamic]), stiffness, mass)
+    # In the mean frame the lowest of them is the turn of the undeformed link, which the frame itself makes.
+    return Shapes(axial, transverse[:, transverse.shape[1] - rows.transverse(modes) :], rows.frame, (0, *rows.fixed))
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,14 @@ class _Rows:
     held: list[int]
     free: np.ndarray
 
+    @property
+    def turns(self) -> bool:
+        """Whether one of the fixed-interface modes is a turn of the undeformed link."""
+        return self.frame == "mean" and not self.held
+
+    def transverse(self, modes: int) -> int:
+        return len(self.held) + modes - (self.frame == "mean" and bool(self.held))
+
 
 def _rows(scene: Scene, name: str, nodes: np.ndarray) -> _Rows:
     points = _points(scene, name, nodes)
@@ -94,13 +105,14 @@ def _rows(scene: Scene, name: str, nodes: np.ndarray) -> _Rows:
     return _Rows(frame, fixed, pulled, held, free)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Point:
-    """A node at which joints, loads or masses act; ``turned`` where they can turn its section."""
+    """A node at which joints, loads or masses act: whether they turn its section, and whether they prescribe its turn."""
 
     node: int
-    joined: bool
-    turned: bool
+    joined: bool = False
+    turned: bool = False
+    clamped: bool = False
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -109,34 +121,43 @@ class _Point:
 
 
 def _points(scene: Scene, name: str, nodes: np.ndarray) -> list[_Point]:
-    found: dict[int, list[bool]] = {}
+    found: dict[int, _Point] = {}
+    placed = prescribed_bodies(scene)
 
-    def add(address: Address, joined: bool, turned: bool) -> None:
-        if address.body == name:
-            node = int(np.argmin(abs(nodes - scene.point(address)[0])))
-            entry = found.setdefault(node, [False, False])
-            entry[0] |= joined
-            entry[1] |= turned
+    def at(address: Address) -> _Point:
+        node = int(np.argmin(abs(nodes - scene.point(address)[0])))
+        return found.setdefault(node, _Point(node))
 
     torques = {load.torque_at for load in scene.torques.values()}
     for joint_name, joint in scene.joints.items():
         driven = joint_name in scene.drives and scene.drives[joint_name].kind != "free"
-        for address in joint.addresses:
-            add(address, True, joint.kind != "revolute" or driven or joint_name in torques)
-    for load in scene.forces.values():
-        add(load.force_on, False, False)
+        stiff = joint.kind != "revolute" or driven
+        for own, other in (joint.addresses, joint.addresses[::-1]):
+            if own.body == name:
+                point = at(own)
+                point.joined = True
+                point.turned |= stiff or joint_name in torques
+                point.clamped |= stiff and other.body in placed
+    for address in [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]:
+        if address.body == name:
+            at(address)
     for mass in scene.masses.values():
-        add(mass.at, False, bool(mass.inertia))
-    return [_Point(node, *entry) for node, entry in sorted(found.items())]
+        if mass.at.body == name and mass.inertia:
+            at(mass.at).turned = True
+    return [found[node] for node in sorted(found)]
 
 
 def _frame(points: list[_Point]) -> tuple[str, list[int]]:
-    """How the floating frame hangs on the link, and the transverse rows that it takes the motion of."""
+    """How the floating frame hangs on the link, and the transverse rows that it takes the motion of.
+
+    The frame of a link that turns freely must not be one that its shapes can turn on the spot: mass would be lost.
+    """
     joined = [point for point in points if point.joined]
-    pinned = bool(joined) and joined[0].node == 0 and not joined[0].turned
-    if pinned and len(joined) > 1:
+    if not joined or joined[0].node or joined[0].clamped:
+        return "tangent", [1, 2]
+    if len(joined) > 1:
         return "chord", [1, 3 * joined[-1].node + 1]
-    return "tangent", [1, 2]
+    return "mean", [1]
 
 
 def _static(stiffness: np.ndarray, held: list[int], free: np.ndarray) -> np.ndarray:

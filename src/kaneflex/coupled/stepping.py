@@ -23,8 +23,8 @@ TANGENT = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _A))
 ENERGY = FunctionType(void(float64, _V, _V, _V, _V))
 """Types of the generated kernels, given explicitly: passed as plain arguments they would be compiled anew in every process."""
 
-DONE, FULL, TOO_SMALL, SINGULAR = 0, 1, 2, 3
-"""How a piece of the integration ended: at its end, with its table full, with a vanishing step, at a singular state."""
+DONE, TOO_SMALL, SINGULAR = 0, 1, 2
+"""How a piece of the integration ended: at its end, with a vanishing step, at a singular state."""
 
 _ROOT = math.sqrt(3.0)
 _NODES = np.array([0.5 - _ROOT / 6, 0.5 + _ROOT / 6])
@@ -171,19 +171,17 @@ def compiled():
         return True
 
     @njit(
-        int64(
-            EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, float64, float64, int64, int64, _V, _A, _A, _A, _A, _A, _V
-        ),
+        int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V),
         **_OPTIONS,
     )
     def integrate(
-        equations, constraints, tangent, energy, p, scale, step, end, longest, first, powers, times, qs, vs, accels,
-        lambdas, works, counts,
-    ):  # fmt: skip
-        """Steps from row ``first`` of the tables until ``end`` [s], or until they are full.
+        equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts
+    ):
+        """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
 
-        scale: error allowed in each coordinate. step: [next step, last row filled]. works: time integrals of the powers
-        (dissipation, loads, prescribed drives). counts: accepted and rejected steps, Newton iterations, largest drifts.
+        scale: error allowed in each coordinate. state: [next step, longest step, last row filled]. powers: entries of
+        ``energy``. works: time integrals of the powers (dissipation, loads, constraints). counts: accepted and rejected
+        steps, Newton iterations, largest residuals of position and velocity before a projection.
         """
         n, m = qs.shape[1], lambdas.shape[1]
         size = n + m
@@ -196,31 +194,26 @@ def compiled():
         stage_a, stage_l = np.zeros((2, n)), np.zeros((2, m))
         stage_q, stage_v = np.zeros((2, n)), np.zeros((2, n))
         q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
-        drift, rates = np.zeros(2), np.zeros(powers + m)
-        h, row = step[0], first
-        while True:
-            step[0], step[1] = h, row
-            t = times[row]
-            if t >= end - 1e-13 * max(1.0, abs(end)):
-                return DONE
-            if row + 1 >= times.size:
-                return FULL
-            h = min(h, longest)
-            left = end - t
-            if h >= left:
-                h = left
-            elif h > 0.5 * left:
-                h = 0.5 * left
-            if h < 1e-13 * max(abs(end), 1e-3):
+        q_0, v_0, a_0, multipliers_0 = qs[0].copy(), vs[0].copy(), accels[0].copy(), lambdas[0].copy()
+        work = works[0].copy()
+        drift, rates = np.zeros(2), np.zeros(powers)
+        wanted, t, row = state[0], times[0], 0
+        while row + 1 < times.size:
+            state[0], state[2] = wanted, row
+            left = times[row + 1] - t
+            wanted = min(wanted, state[1])
+            if wanted < 1e-12 * (times[times.size - 1] - times[0]):
                 return TOO_SMALL
+            # Steps of equal length up to the next instant: none is cut to a sliver.
+            h = left / math.ceil(left / wanted * (1.0 - 1e-9))
             M[:, :] = 0.0
             f[:] = 0.0
             G[:, :] = 0.0
             K[:, :] = 0.0
             C[:, :] = 0.0
-            equations(t, qs[row], vs[row], p, M, f)
-            constraints(t, qs[row], vs[row], p, g, g_t, G, gamma)
-            tangent(t, qs[row], vs[row], accels[row], lambdas[row], p, K, C)
+            equations(t, q_0, v_0, p, M, f)
+            constraints(t, q_0, v_0, p, g, g_t, G, gamma)
+            tangent(t, q_0, v_0, a_0, multipliers_0, p, K, C)
             for i in range(2):
                 for j in range(2):
                     d, s = h * _A1[i, j], h * h * _A2[i, j]
@@ -240,16 +233,14 @@ def compiled():
                                 big[i * size + n + r, j * size + c] += G[r, c]
             if not factorise(big, big_pivots):
                 return SINGULAR
-            stage_a[0], stage_a[1] = accels[row], accels[row]
-            stage_l[0], stage_l[1] = lambdas[row], lambdas[row]
+            stage_a[0], stage_a[1] = a_0, a_0
+            stage_l[0], stage_l[1] = multipliers_0, multipliers_0
             converged, before = False, 0.0
             for iteration in range(10):
                 counts[2] += 1
                 for i in range(2):
-                    stage_v[i] = vs[row] + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
-                    stage_q[i] = (
-                        qs[row] + h * _NODES[i] * vs[row] + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
-                    )
+                    stage_v[i] = v_0 + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
+                    stage_q[i] = q_0 + h * _NODES[i] * v_0 + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
                     M[:, :] = 0.0
                     f[:] = 0.0
                     G[:, :] = 0.0
@@ -292,10 +283,10 @@ def compiled():
                 before = change
             if not converged:
                 counts[1] += 1
-                h *= 0.4
+                wanted = 0.4 * h
                 continue
-            q[:] = qs[row] + h * vs[row] + h * h * (_B2[0] * stage_a[0] + _B2[1] * stage_a[1])
-            v[:] = vs[row] + 0.5 * h * (stage_a[0] + stage_a[1])
+            q[:] = q_0 + h * v_0 + h * h * (_B2[0] * stage_a[0] + _B2[1] * stage_a[1])
+            v[:] = v_0 + 0.5 * h * (stage_a[0] + stage_a[1])
             if not settle(equations, constraints, p, t + h, q, v, a, multipliers, 1, drift):
                 return SINGULAR
             # The estimate, filtered by [M + h C / 2 + h^2 K / 12, -G^T; G, 0].
@@ -308,7 +299,7 @@ def compiled():
             for r in range(n):
                 total = 0.0
                 for c in range(n):
-                    change = _W[0] * accels[row, c] + _W[1] * stage_a[0, c] + _W[2] * stage_a[1, c] + _W[3] * a[c]
+                    change = _W[0] * a_0[c] + _W[1] * stage_a[0, c] + _W[2] * stage_a[1, c] + _W[3] * a[c]
                     total += M[r, c] * change
                     small[r, c] += 0.5 * h * C[r, c] + _FILTER * h * h * K[r, c]
                 e[r] = h * h * total
@@ -322,23 +313,28 @@ def compiled():
             growth = min(4.0, max(0.2, 0.9 * error ** (-0.2)))
             if not error <= 1.0:
                 counts[1] += 1
-                h *= min(growth, 0.9)
+                wanted = h * min(growth, 0.9)
                 continue
-            works[row + 1] = works[row]
             for i in range(2):
                 at = t + h * _NODES[i]
                 rates[:] = 0.0
                 energy(at, stage_q[i], stage_v[i], p, rates)
                 for k in range(powers - 2):
-                    works[row + 1, k] += 0.5 * h * rates[k + 2]
+                    work[k] += 0.5 * h * rates[k + 2]
                 constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
                 for k in range(m):
-                    works[row + 1, powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
-            times[row + 1] = t + h
-            qs[row + 1], vs[row + 1], accels[row + 1], lambdas[row + 1] = q, v, a, multipliers
+                    work[powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
+            q_0[:], v_0[:], a_0[:], multipliers_0[:] = q, v, a, multipliers
             counts[0] += 1
             counts[3], counts[4] = max(counts[3], drift[0]), max(counts[4], drift[1])
-            row += 1
-            h *= growth
+            wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
+            if h >= left * (1.0 - 1e-9):
+                row += 1
+                t = times[row]
+                qs[row], vs[row], accels[row], lambdas[row], works[row] = q, v, a, multipliers, work
+            else:
+                t += h
+        state[0], state[2] = wanted, row
+        return DONE
 
     return settle, integrate
