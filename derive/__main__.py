@@ -6,8 +6,11 @@ import argparse
 from importlib.util import find_spec
 from pathlib import Path
 
+from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.generate import generate
 from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.scene.floating import shape_counts
+from kaneflex.scene.structure import coupled_hash
 
 INDEX = '''"""Modules that kaneflex generated from its shipped scenes. Do not edit: ``make derive`` makes them."""
 
@@ -33,6 +36,12 @@ def modules() -> dict[str, str]:
             structures[structure] = name.replace("-", "_")
             texts[f"{structures[structure]}.py"] = generate(scene)
         scenes[name] = structures[structure]
+        if scene.solve.preset == "coupled":
+            shapes = shape_counts(scene)
+            structure = coupled_hash(scene, shapes)
+            if structure not in structures:
+                structures[structure] = f"{name.replace('-', '_')}_coupled"
+                texts[f"{structures[structure]}.py"] = generate_coupled(scene, shapes, structure)
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
     served = "".join(f'    "{key}": "{module}",\n' for key, module in scenes.items())
     texts["__init__.py"] = INDEX.format(entries=entries, scenes=served)

@@ -2,9 +2,9 @@
 
     M(q) q'' = f(t, q, q') + G^T lambda,    g(t, q) = 0,    G q'' + gamma(t, q, q') = 0
 
-q holds every body's x, y, phi and its modal coordinates (see :mod:`kaneflex.derive.flexible`); joints and prescribed drives are
-the constraints g, whose multipliers are the joint reactions and the drives' torques. Every body is free in q, so a
-body's equations are Kane's of that body alone and no expression grows with the length of the chain.
+q holds every body's x, y, phi and its modal coordinates (see :mod:`kaneflex.derive.flexible`); joints and prescribed
+drives are the constraints g, whose multipliers are the joint reactions and the drives' torques. Every body is free in
+q, so a body's equations are Kane's of that body alone and no expression grows with the length of the chain.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.derive.flexible import FlexibleBody, flexible_body
+from kaneflex.derive.flexible import flexible_body
 from kaneflex.derive.laws import law_expression
-from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, LoadModel, Mechanism, Vector
+from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism
 from kaneflex.derive.motion import T, drive_courses, table
+from kaneflex.derive.places import CoupledBody, Numbers, Places
 from kaneflex.derive.program import Program
 from kaneflex.derive.steps import Steps
 
@@ -27,24 +28,8 @@ Shapes = Mapping[str, tuple[int, int]]
 
 
 @dataclass(frozen=True)
-class CoupledBody:
-    """A body's equations in its own symbols, and the numbers that they take: path -> (symbol, unit)."""
-
-    name: str
-    axial: int
-    transverse: int
-    q: tuple[sm.Symbol, ...]
-    v: tuple[sm.Symbol, ...]
-    mass: sm.Matrix
-    forcing: sm.Matrix
-    weight: sm.Expr
-    strain: sm.Expr
-    dissipated: sm.Expr
-
-
-@dataclass(frozen=True)
 class Row:
-    """A constraint residual = 0: name, unit and meaning of its multiplier, and the rate of its drive's share of time."""
+    """A constraint residual = 0 with its multiplier's name, unit and meaning, and its own partial rates in time."""
 
     name: str
     unit: str
@@ -88,26 +73,6 @@ class CoupledEquations:
         return tuple(symbol for body in self.bodies for symbol in body.v)
 
 
-class _Numbers:
-    """Parameters in the order of their first use; the mechanism's own numbers keep their symbols."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.entries = dict(mechanism.parameters)
-        self._taken = {symbol.name for symbol, _ in self.entries.values()}
-
-    def __call__(self, path: str, unit: str) -> sm.Symbol:
-        if path not in self.entries:
-            self.entries[path] = (self.own(path.replace(".", "_")), unit)
-        return self.entries[path][0]
-
-    def own(self, name: str) -> sm.Symbol:
-        """A symbol that no parameter and no coordinate has."""
-        while name in self._taken:
-            name += "_"
-        self._taken.add(name)
-        return sm.Symbol(name)
-
-
 def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] = ()) -> CoupledEquations:
     """The coupled equations of a mechanism.
 
@@ -116,12 +81,14 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
     shapes : mapping
         Elastic link -> its numbers of axial and of transverse modal coordinates.
     rotary : iterable of str
-        Links whose sections have rotary inertia (Rayleigh, Timoshenko).
+        Links whose sections have rotary inertia (Rayleigh, Timoshenko), or that carry a lumped one.
     """
-    number = _Numbers(mechanism)
+    number = Numbers(mechanism)
     rotary = set(rotary)
-    bodies = {name: _body(name, shapes.get(name, (0, 0)), name in rotary, mechanism, number) for name in mechanism.bodies}
-    places = _Places(bodies, number)
+    bodies = {
+        name: _body(name, shapes.get(name, (0, 0)), name in rotary, mechanism, number) for name in mechanism.bodies
+    }
+    places = Places(bodies, number)
     steps = Steps(symbol for symbol, _ in number.entries.values())
     prescribed = [name for name, drive in mechanism.drives.items() if drive.kind != "free"]
     courses = drive_courses(mechanism, prescribed, steps)
@@ -131,7 +98,14 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
         course = courses[name]
         unit, meaning = ("N", "force") if mechanism.joints[name].kind == "prismatic" else ("N m", "torque")
         rows.append(
-            Row(f"{name}.drive", unit, f"{meaning} of the drive", coordinate - course.angle, -course.speed, -course.acceleration)
+            Row(
+                f"{name}.drive",
+                unit,
+                f"{meaning} of the drive",
+                coordinate - course.angle,
+                -course.speed,
+                -course.acceleration,
+            )
         )
     q = [symbol for body in bodies.values() for symbol in body.q]
     v = [symbol for body in bodies.values() for symbol in body.v]
@@ -147,7 +121,13 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
     used = _used(bodies, rows, total, powers, steps)
     parameters = {path: entry for path, entry in number.entries.items() if entry[0] in used}
     return CoupledEquations(
-        mechanism, tuple(bodies.values()), tuple(rows), tuple(total), tuple(powers), tuple(steps.assignments), parameters
+        mechanism,
+        tuple(bodies.values()),
+        tuple(rows),
+        tuple(total),
+        tuple(powers),
+        tuple(steps.assignments),
+        parameters,
     )
 
 
@@ -176,12 +156,15 @@ def _moment_unit(of: str, factors: tuple[str, ...]) -> str:
     return "kg" + {0: "", 1: " m"}.get(power, f" m^{power}")
 
 
-def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism, number: _Numbers) -> CoupledBody:
+def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism, number: Numbers) -> CoupledBody:
     """Kane's equations of a body in symbols of its own, with the stiffness and damping of its modal coordinates."""
     axial, transverse = shapes
     free = flexible_body(axial, transverse, rotary or not axial + transverse)
     own = {symbol: number.own(f"{name}_{symbol}") for symbol in (*free.q, *free.v)}
-    own |= {moment.symbol: number(f"{name}.{moment.name}", _moment_unit(moment.of, moment.factors)) for moment in free.moments}
+    own |= {
+        moment.symbol: number(f"{name}.{moment.name}", _moment_unit(moment.of, moment.factors))
+        for moment in free.moments
+    }
     own |= dict(zip(free.gravity, mechanism.gravity, strict=True))
     q, v = (tuple(own[symbol] for symbol in symbols) for symbols in (free.q, free.v))
     forcing = free.forcing.xreplace(own)
@@ -191,72 +174,24 @@ def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism
         for j in range(axial + transverse):
             if (j < axial) == (k < axial):
                 dissipated += number(f"{name}.damping_{min(j, k)}_{max(j, k)}", "N s/m") * v[3 + j] * v[3 + k]
-    elastic = sm.Matrix([strain.diff(symbol) for symbol in q]) + sm.Matrix([dissipated.diff(symbol) / 2 for symbol in v])
+    elastic = sm.Matrix([strain.diff(symbol) for symbol in q]) + sm.Matrix(
+        [dissipated.diff(symbol) / 2 for symbol in v]
+    )
     return CoupledBody(
-        name, axial, transverse, q, v, free.mass.xreplace(own), forcing - elastic, free.weight.xreplace(own), strain, dissipated
+        name,
+        axial,
+        transverse,
+        q,
+        v,
+        free.mass.xreplace(own),
+        forcing - elastic,
+        free.weight.xreplace(own),
+        strain,
+        dissipated,
     )
 
 
-class _Places:
-    """Where points of the deformed bodies are: what joints, loads and drives are written in."""
-
-    def __init__(self, bodies: Mapping[str, CoupledBody], number: _Numbers) -> None:
-        self._bodies, self._number = bodies, number
-
-    def angle(self, point: BodyPoint) -> sm.Expr:
-        """Rotation of the section at a point: phi + psi_k a_k."""
-        if point.body == GROUND:
-            return sm.S.Zero
-        body = self._bodies[point.body]
-        bent = body.q[3 + body.axial :]
-        return body.q[2] + sum(
-            (self._number(f"{point.body}.{point.name}.psi_{k}", "1/m") * a for k, a in enumerate(bent)), sm.S.Zero
-        )
-
-    def place(self, point: BodyPoint) -> Vector:
-        """Global position of a point; the body's start is the origin of its axes and does not move in them."""
-        along, across = point.at
-        if point.body == GROUND:
-            return along, across
-        body = self._bodies[point.body]
-        x, y, phi, *modal = body.q
-        if modal and point.name != "start":
-            stretched, bent = modal[: body.axial], modal[body.axial :]
-
-            def shape(name: str, unit: str = "1") -> sm.Symbol:
-                return self._number(f"{point.body}.{point.name}.{name}", unit)
-
-            along = shape("X", "m") + sum((shape(f"s_{k}") * b for k, b in enumerate(stretched)), sm.S.Zero)
-            across = sum((shape(f"w_{k}") * a for k, a in enumerate(bent)), sm.S.Zero)
-            for j, a in enumerate(bent):
-                along -= shape(f"H_{j}_{j}", "1/m") * a**2 / 2
-                for k in range(j + 1, len(bent)):
-                    along -= shape(f"H_{j}_{k}", "1/m") * a * bent[k]
-        c, s = sm.cos(phi), sm.sin(phi)
-        return x + c * along - s * across, y + s * along + c * across
-
-    def direction(self, point: BodyPoint, inside: Vector) -> Vector:
-        """Global components of a direction fixed in the section at a point."""
-        angle = self.angle(point)
-        c, s = sm.cos(angle), sm.sin(angle)
-        return c * inside[0] - s * inside[1], s * inside[0] + c * inside[1]
-
-    def gap(self, joint: JointModel) -> Vector:
-        first, second = self.place(joint.first), self.place(joint.second)
-        return second[0] - first[0], second[1] - first[1]
-
-    def turn(self, joint: JointModel) -> sm.Expr:
-        return self.angle(joint.second) - self.angle(joint.first)
-
-    def coordinate(self, joint: JointModel) -> sm.Expr:
-        """Coordinate of a joint: its angle [rad], or its slide along the guide [m]."""
-        if joint.kind != "prismatic":
-            return self.turn(joint)
-        t, gap = self.direction(joint.first, joint.direction), self.gap(joint)
-        return t[0] * gap[0] + t[1] * gap[1]
-
-
-def _joint_rows(joint: JointModel, places: _Places) -> list[Row]:
+def _joint_rows(joint: JointModel, places: Places) -> list[Row]:
     """Residuals second minus first: a positive multiplier acts on the second body."""
     on = f"on {joint.second.body} by {joint.first.body}"
     gap, turn = places.gap(joint), places.turn(joint) - joint.angle
@@ -271,8 +206,8 @@ def _joint_rows(joint: JointModel, places: _Places) -> list[Row]:
     return [Row(f"{joint.name}.{name}", unit, meaning, residual, zero, zero) for name, unit, meaning, residual in rows]
 
 
-def _magnitude(mechanism, load: LoadModel, courses, places: _Places, rate, steps: Steps) -> sm.Expr:
-    """Size of a load. What depends on time alone is assigned; what a free joint's motion decides stays an expression."""
+def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps: Steps) -> sm.Expr:
+    """Size of a load: assigned where it depends on time alone, an expression where a free joint's motion decides."""
     if load.kind == "constant":
         return mechanism.symbol(f"{load.name}.value")
 
@@ -295,7 +230,7 @@ def _magnitude(mechanism, load: LoadModel, courses, places: _Places, rate, steps
     return steps.assign(sm.Symbol(f"size_{load.name}"), size)
 
 
-def _work(mechanism: Mechanism, load: LoadModel, places: _Places) -> list[tuple[sm.Expr, sm.Expr]]:
+def _work(mechanism: Mechanism, load: LoadModel, places: Places) -> list[tuple[sm.Expr, sm.Expr]]:
     """Pairs of a component of the unit load and the path along which it works."""
     if load.joint is not None:
         return [(sm.S.One, places.turn(mechanism.joints[load.joint]))]
@@ -330,7 +265,8 @@ def programs(equations: CoupledEquations) -> tuple[Program, ...]:
         for k in range(n)
     ]
     closing = [
-        gamma[i] + sum((jacobian[i][j] * a[j] for j in range(n) if jacobian[i][j] != 0), sm.S.Zero) for i in range(len(rows))
+        gamma[i] + sum((jacobian[i][j] * a[j] for j in range(n) if jacobian[i][j] != 0), sm.S.Zero)
+        for i in range(len(rows))
     ]
     residual = [*balance, *closing]
     tangent = _matrix("K", _gradient(residual, q)) + _matrix("C", _gradient(residual, v))
@@ -360,7 +296,9 @@ def _gradient(expressions: list[sm.Expr], symbols: tuple[sm.Symbol, ...]) -> sm.
 
 
 def _matrix(name: str, matrix: sm.Matrix) -> list[tuple[str, sm.Expr]]:
-    return [(f"{name}[{i}, {j}]", matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0]
+    return [
+        (f"{name}[{i}, {j}]", matrix[i, j]) for i in range(matrix.rows) for j in range(matrix.cols) if matrix[i, j] != 0
+    ]
 
 
 def _vector(name: str, entries: Iterable[Any]) -> list[tuple[str, sm.Expr]]:

@@ -1,11 +1,9 @@
-"""Text of a coupled module: the kernels of the coupled equations and the element kernels that their moments come from."""
+"""Text of a coupled module: the kernels of the coupled equations, and the element kernels that moments come from."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-
-import sympy as sm
 
 from kaneflex.contract import FORMAT
 from kaneflex.derive import emit
@@ -20,7 +18,7 @@ Progress = Callable[[str], None]
 _DOCS = {
     "equations": "Mass matrix M (n x n) and forces f (n,) of all free bodies: M q'' = f + G^T lambda.",
     "constraints": "Residual g of every constraint, its rate g_t at rest, Jacobian G, and gamma in G q'' + gamma = 0.",
-    "tangent": "K = dR/dq and C = dR/dv of R = (M a - f - G^T lambda, G a + gamma), both (n + m) x n, at accelerations a.",
+    "tangent": "K = dR/dq and C = dR/dv of R = (M a - f - G^T lambda, G a + gamma), both (n + m) x n.",
     "energy": "Potential energy of the weight, strain energy [J], dissipated power, then the power of every load [W].",
 }
 _ARGUMENTS = {
@@ -36,7 +34,8 @@ def generate_coupled(scene: Any, shapes: Shapes, structure: str, progress: Progr
     progress("Kane's equations of the coupled motion")
     description = scene.structure()
     mechanism = read_structure(description)
-    rotary = [name for name, body in description["bodies"].items() if "theory" in body]
+    rotary = {name for name, body in description["bodies"].items() if "theory" in body}
+    rotary |= {mass["at"].partition(".")[0] for mass in description["masses"].values() if mass["inertia"] != 0}
     equations = derive_coupled(mechanism, shapes, rotary)
     progress("programs")
     kernels = [(_kernel(equations, raw), raw) for raw in programs(equations)]
@@ -69,14 +68,15 @@ def _kernel(equations: CoupledEquations, raw) -> emit.Kernel:
         more = raw.inputs[-size - len(equations.rows) :]
         reads += [(symbol, f"a[{k}]") for k, symbol in enumerate(more[:size])]
         reads += [(symbol, f"multipliers[{k}]") for k, symbol in enumerate(more[size:])]
-    doc = f"{_DOCS[raw.name]}\n\nq, v: COORDINATES and their rates. p: PARAMETERS, then the blocks of the tables. Outputs: zeros."
+    doc = f"{_DOCS[raw.name]}\n\nq, v: COORDINATES and rates. p: PARAMETERS, then the tables' blocks. Outputs: zeros."
     return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), doc)
 
 
 def _about(source: str, structure: str, counts: dict[str, tuple[int, int]]) -> str:
     width = max(len(name) for name in counts)
     lines = [
-        f"Structure {structure}, format {FORMAT}, SymPy {version()}; made by: kaneflex derive {source} -o FILE.py",
+        f"Structure {structure}, format {FORMAT}, SymPy {version()}",
+        f"Made by: kaneflex derive {source} --coupled -o FILE.py",
         "",
         "    M(q) q'' = f(t, q, q') + G^T lambda,  g(t, q) = 0,  G q'' + gamma = 0",
         "    q: x, y, phi and modal coordinates of every body; lambda: joint reactions, forces and torques of drives",
@@ -105,15 +105,16 @@ def _tables(equations: CoupledEquations, element, counts) -> list[str]:
         for point in sorted(forced_points(equations.mechanism, body.name) - {"start", "end"})
     ]
     of_element = tuple((name, unit, meaning) for name, _, unit, meaning in element.parameters) if element else ()
+    terms = term_rows(element) if element else ()
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number, unit"),
         emit.literal("TABLES", tables, "what has a table in p, which begins where <name>.table says"),
-        emit.literal("BODIES", bodies, "body -> its numbers of axial and of transverse shapes, in the order of COORDINATES"),
+        emit.literal("BODIES", bodies, "body -> its numbers of axial and of transverse shapes, in COORDINATES' order"),
         emit.literal("COORDINATES", coordinates, "q: name, unit"),
         emit.literal("CONSTRAINTS", rows, "multipliers: name, unit, meaning"),
         emit.literal("LOADS", [name for name, _ in equations.loads], "loads, in the order of their powers in energy"),
         emit.literal("SCALARS", jumps, "scalars of the links beside LINK_SCALARS: name, unit, meaning"),
         emit.literal("ELEMENT_PARAMETERS", of_element, "p of the element kernels"),
-        emit.literal("TERMS", term_rows(element) if element else (), "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
+        emit.literal("TERMS", terms, "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
         emit.literal("OPERATIONS", counts, "kernel -> operations written out, operations with shared subexpressions"),
     ]  # fmt: skip

@@ -1,7 +1,7 @@
 """Kane's equations of one body in the plane that moves freely and deforms by modal coordinates.
 
-A slice rho A dx of the body stands at the distance X from the body's start; axial coordinates b_j stretch it by the shapes
-s_j(X), transverse ones a_j bend it by w_j(X) and turn it by psi_j(X):
+A slice rho A dx of the body stands at the distance X from the body's start; axial coordinates b_j stretch it by the
+shapes s_j(X), transverse ones a_j bend it by w_j(X) and turn it by psi_j(X):
 
     p = r + R(phi) (X + s_j b_j - 1/2 H_jk a_j a_k, Y + w_j a_j),    H_jk(X) = int_0^X w_j' w_k' dx
 
@@ -30,7 +30,7 @@ from sympy.physics.mechanics import (
 from kaneflex.derive.rigid import TIME
 
 HIGHEST_ORDER = 2
-"""Moments are kept up to this order in the displacements (H counts two): the kinetic energy is complete to second order.
+"""Highest order of a moment in the displacements (H counts two): kinetic energy is complete to the second order.
 
 What is kept is still the exact equation of a mechanical system: kinetic energy is linear in the moments, so leaving
 some out leaves its energy integral intact.
@@ -41,8 +41,8 @@ some out leaves its energy integral intact.
 class Moment:
     """A sum over the slices of a body, of mass times a product of shape functions: its name, unit and symbol.
 
-    ``factors`` are the names of the functions under the sum: X, s_j, w_j, H_j_k with the mass of a slice, psi_j with its
-    rotary inertia (``of`` is then "inertia").
+    ``factors`` are the names of the functions under the sum: X, s_j, w_j, H_j_k with the mass of a slice, psi_j with
+    its rotary inertia (``of`` is then "inertia").
     """
 
     name: str
@@ -110,9 +110,7 @@ def flexible_body(axial: int, transverse: int, rotary: bool) -> FlexibleBody:
     body = RigidBody("slice", point, section, slice_.mass, (inertia(section, 0, 0, slice_.inertia), point))
     g_x, g_y = sm.symbols("g_x g_y")
     weight = slice_.mass * (g_x * inertial.x + g_y * inertial.y)
-    kane = KanesMethod(
-        inertial, q_ind=q, u_ind=u, kd_eqs=[c.diff(TIME) - s for c, s in zip(q, u, strict=True)]
-    )
+    kane = KanesMethod(inertial, q_ind=q, u_ind=u, kd_eqs=[c.diff(TIME) - s for c, s in zip(q, u, strict=True)])
     kane.kanes_equations([body], [Force(point, weight)])
     potential = -weight.dot(point.pos_from(ground))
 
@@ -165,7 +163,9 @@ class _Slice:
     def moments(self) -> tuple[Moment, ...]:
         orders = self._orders()
         products: list[tuple[sm.Symbol, ...]] = [()] + [(f,) for f in orders]
-        products += [pair for pair in combinations_with_replacement(orders, 2) if sum(orders[f] for f in pair) <= HIGHEST_ORDER]
+        products += [
+            pair for pair in combinations_with_replacement(orders, 2) if sum(orders[f] for f in pair) <= HIGHEST_ORDER
+        ]
         found = [self._moment("mass", product) for product in products]
         if self.inertia:
             turns = [(), *((f,) for f in self.psi), *combinations_with_replacement(self.psi, 2)]

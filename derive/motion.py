@@ -25,7 +25,6 @@ from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
 
 
-
 def _lookup(name: str, derivative: str | None) -> UndefinedFunction:
     """A cubic table, NAME(x, start of its block in the parameters), whose derivative to x has a name of its own."""
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import importlib.util
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +16,7 @@ import numpy as np
 from kaneflex.contract import COUPLED_ATTRIBUTES, COURSES, FORMAT, REQUIRED_ATTRIBUTES
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
+from kaneflex.scene.structure import coupled_hash
 from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
@@ -31,23 +30,21 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     return _find(scene.structure_hash(), lambda: generate_text(scene), REQUIRED_ATTRIBUTES, progress)
 
 
-def find_coupled_module(scene: Scene, shapes: Mapping[str, tuple[int, int]], progress: Progress) -> tuple[ModuleType, float]:
-    """The coupled module of a structure whose elastic links have so many (axial, transverse) shapes; as `find_module`."""
+Counts = Mapping[str, tuple[int, int]]
+"""Elastic link -> its numbers of axial and of transverse shapes."""
+
+
+def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
+    """The coupled module of a scene's structure with so many shapes; otherwise as :func:`find_module`."""
     structure = coupled_hash(scene, shapes)
-
-    def text() -> str:
-        from kaneflex.derive import generate_coupled
-
-        return generate_coupled(scene, shapes, structure)
-
-    return _find(structure, text, COUPLED_ATTRIBUTES, progress)
+    return _find(structure, lambda: coupled_text(scene, shapes), COUPLED_ATTRIBUTES, progress)
 
 
-def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
-    """Sixteen hexadecimal digits that name a structure with its numbers of shapes."""
-    content = {"format": FORMAT, "shapes": {name: list(counts) for name, counts in shapes.items()}, **scene.structure()}
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+def coupled_text(scene: Scene, shapes: Counts) -> str:
+    """Text of the coupled module of a scene's structure with so many shapes."""
+    from kaneflex.derive import generate_coupled
+
+    return generate_coupled(scene, shapes, coupled_hash(scene, shapes))
 
 
 def _find(
@@ -100,6 +97,7 @@ def derivable(scene: Scene) -> Iterator[None]:
 
 def cache_folder() -> Path:
     """Where modules that kaneflex derived for the user are kept: a folder for each state of the generator."""
+    import hashlib
     from importlib.util import find_spec
 
     import platformdirs

@@ -212,12 +212,14 @@ def _modes_as_data(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> dict[
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
 )
+@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
 @click.option("--force", is_flag=True, help="Replace an existing file.")
-def derive(name: str, output: Path, force: bool) -> None:
+def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     """Derive the equations of SCENE and write them as a numba module of its own.
 
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
     """
+    from kaneflex.scene.floating import shape_counts
     from kaneflex.terminal import Waiting
     from kaneflex.writing import refuse_existing, write_text
 
@@ -225,9 +227,9 @@ def derive(name: str, output: Path, force: bool) -> None:
     scene = read(name, [])
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
-        from kaneflex.binding import generate_text
+        from kaneflex.binding import coupled_text, generate_text
 
-        text = generate_text(scene, waiting.stage)
+        text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
     write_text(output, text)
     click.echo(f"Written to {output}")
 

@@ -9,6 +9,10 @@ from kaneflex.solution import Solution
 
 FEWEST_STEPS = 10
 """Steps in a period of the lowest mode below which a run is said to be coarse."""
+LARGEST_BEND = 0.1
+"""Bending in a floating frame, as a share of a link's length, beyond which coupled equations are in doubt."""
+LARGEST_GAP = 1e-4
+"""Share of the energy turned over that a coupled run may lose or gain without a word."""
 LARGEST_DEFLECTION = 0.05
 """Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
 
@@ -26,11 +30,32 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
                 f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
                 f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
             )
+    if solution.coupled is not None:
+        return [*found, *_of_coupled(solution)]
     for name, link in model.links.items() if len(solution.times) else ():
         largest = abs(deform(model, solution.rigid, solution.coordinates, name).q[1::3]).max()
         if largest > LARGEST_DEFLECTION * link.length:
             found.append(
                 f"{name} moves across its axis by {largest / link.length:.0%} of its length: displacements are "
                 "taken as small, so compare with a geometrically exact model"
+            )
+    return found
+
+
+def _of_coupled(solution: Solution) -> list[str]:
+    """An energy balance that doesn't close, and bending that the second-order kinematics no longer describe."""
+    motion, found = solution.coupled, []
+    drift = motion.trajectory.energy.drift
+    if drift > LARGEST_GAP:
+        found.append(
+            f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; lower "
+            f"solve.tolerance from {solution.model.options.tolerance:g}, or ask for more steps"
+        )
+    for name, link in solution.model.links.items():
+        largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)
+        if largest > LARGEST_BEND * link.length:
+            found.append(
+                f"{name} bends out of its own axis by {largest / link.length:.0%} of its length: its shortening is "
+                "complete to the second order only, so compare with a geometrically exact model"
             )
     return found

@@ -70,7 +70,7 @@ def integrate_free_joints(
 
 
 def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
-    """``parameters`` with free joints that keep their initial speeds over ``duration`` [s]: the state at their start."""
+    """``parameters`` with free joints that keep their initial speeds over ``duration`` [s]."""
     times = np.array([0.0, duration / 2, duration])
     start = np.array([scene.drives[name].angle for name in module.FREE])[:, None]
     speed = np.array([scene.drives[name].initial_speed for name in module.FREE])[:, None]

@@ -55,7 +55,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     module, derived = find_module(scene, progress)
     coupled = None
     if options.dynamics == "coupled":
-        coupled, more = build_system(scene, options.modes, progress)
+        coupled, more = build_system(scene, progress)
         scene, derived = with_stretch(scene), derived + more
     bound = time.perf_counter()
     motion = Motion(module, bind_parameters(scene, module))

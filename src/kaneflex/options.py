@@ -7,13 +7,12 @@ from dataclasses import asdict, dataclass
 
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
+from kaneflex.scene.floating import modes_of
 
 STEPS_PER_TURN = 720
 """Default resolution: half a degree of the fastest drive."""
 TOLERANCE = 1e-8
 """Default error of a step of the coupled equations."""
-COUPLED_MODES = 3
-"""Default number of fixed-interface modes of each link in the coupled equations."""
 PAPER_DURATION = 0.04
 """The paper's horizon [s], Figs. 18-28: four turns at 6000 rpm."""
 
@@ -129,6 +128,8 @@ def resolve_options(scene: Scene) -> Options:
     elastic = any(body.elastic for body in scene.bodies.values())
     if not elastic:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
+    if dynamics == "coupled":
+        _check_coupled(scene)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -136,7 +137,7 @@ def resolve_options(scene: Scene) -> Options:
         preset=solve.preset,
         **chosen,
         reduction=solve.reduction or ("craig-bampton" if _truncates(solve.modes, dynamics) else _REDUCTION[dynamics]),
-        modes=COUPLED_MODES if dynamics == "coupled" and solve.modes == "all" else solve.modes,
+        modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
         start="zero" if paper else solve.start,
         integrator=solve.integrator or _INTEGRATOR[dynamics],
@@ -163,8 +164,35 @@ def default_steps(scene: Scene, duration: float) -> int:
     return max(200, math.ceil(round(STEPS_PER_TURN * turns, 6)))
 
 
+def _check_coupled(scene: Scene) -> None:
+    solve = scene.solve
+    for field, reason in (("integrator", "its own integrator"), ("reduction", "shapes of each link")):
+        if getattr(solve, field) is not None:
+            raise SceneError(
+                f"solve.{field}", getattr(solve, field), f"preset coupled has {reason}", f"Leave {field} out"
+            )
+    for name, on in solve.terms.items():
+        if not on:
+            raise SceneError(
+                f"solve.terms.{name}", on, "the coupled equations are one whole",
+                "Take preset stiffened to leave terms out",
+            )  # fmt: skip
+    rotations = {f"joints.{name}": joint.rotation for name, joint in scene.joints.items() if joint.rotation == "shared"}
+    rotations |= {f"drives.{name}": drive.rotation for name, drive in scene.drives.items() if drive.rotation == "free"}
+    for key, rotation in rotations.items():
+        raise SceneError(
+            f"{key}.rotation", rotation, "a choice of small-displacement models: in coupled equations a joint is what it is",
+            "Leave rotation out, or take preset stiffened",
+        )  # fmt: skip
+    if scene.is_frame:
+        raise SceneError(
+            "solve.preset", "coupled", "a structure that stands still has no motion to be coupled with",
+            "Take preset stiffened",
+        )  # fmt: skip
+
+
 def _check(options: Options) -> None:
-    if options.start == "periodic" and options.dynamics == "dynamic" and not options.cycles:
+    if options.start == "periodic" and options.dynamics in ("dynamic", "coupled") and not options.cycles:
         raise SceneError(
             "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",
             "Give a drive a cycle and no duration, or start from zero or quasistatic",

@@ -24,6 +24,7 @@ PRESETS_IN_WORDS = {
     "paper": "the paper's choices: one element a link, welded pin, frozen decoupled modes, from rest, 0.04 s",
     "linear": "time-varying M, C, K of the released joints, without K_g",
     "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
+    "coupled": "motion and deformation together, nonlinear; shapes of each link, error-controlled steps",
 }
 _MOST_POLES = 8
 _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
@@ -141,6 +142,12 @@ def _options(model: Model) -> dict[str, str]:
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
     if dynamics == "rigid":
+        return said
+    if dynamics == "coupled":
+        said["integrator"] = f"gauss, error of a step {options.tolerance:g} of the longest body"
+        said["start"] = _STARTS[options.start]
+        said["shapes"] = f"static ones and {options.modes} modes of each link"
+        said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
         return said
     if dynamics in ("dynamic", "frozen"):
         own = f", spectral radius {options.rho_infinity:g} at infinite frequency"

@@ -308,7 +308,8 @@ class _Reader:
         for name, link in self.model.links.items():
             reader = _Reader(self.solution, motion.floating({}))
             points = self.scene.bodies[name].points_all.items()
-            forces = {point: reader._forces_at(Address(name, point)) for point, (x, _) in points if link.node_at(x) is not None}
+            at_nodes = [point for point, (x, _) in points if link.node_at(x) is not None]
+            forces = {point: reader._forces_at(Address(name, point)) for point in at_nodes}
             found[name] = motion.balanced(name, forces)
         return found
 

@@ -72,6 +72,16 @@ class PeakSpread(_Table):
     largest: float = Field(description="largest peak")
 
 
+class EnergyBalance(_Table):
+    """Where the energy of a coupled run went, in J, from its start to its end."""
+
+    stored: float = Field(description="growth of kinetic, strain and potential energy")
+    dissipated: float = Field(description="by damping")
+    supplied: float = Field(description="by loads and prescribed drives")
+    gap: float = Field(description="largest |stored + dissipated - supplied| at any instant")
+    drift: float = Field(description="the gap against the largest energy turned over")
+
+
 class Summary(_Table):
     """What a run was and gave."""
 
@@ -104,6 +114,7 @@ class Summary(_Table):
     floquet_multiplier_max: float | None = Field(
         description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
     )
+    energy: EnergyBalance | None = Field(description="energy of a run of preset coupled; null for every other")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
 
@@ -142,6 +153,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
         modes_kept=model.reduced.size,
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
+        energy=_energy(solution),
         timing=Timing(
             derive_s=seconds["derive"],
             compile_s=seconds["compile"],
@@ -209,6 +221,19 @@ def _spread(solution: Solution) -> dict[str, PeakSpread]:
     return {name: PeakSpread(smallest=smallest, largest=largest) for name, (smallest, largest) in peaks.items()}
 
 
+def _energy(solution: Solution) -> EnergyBalance | None:
+    if solution.coupled is None or not len(solution.times):
+        return None
+    energy = solution.coupled.trajectory.energy
+    return EnergyBalance(
+        stored=energy.stored[-1] - energy.stored[0],
+        dissipated=energy.dissipated[-1],
+        supplied=energy.supplied[-1],
+        gap=abs(energy.gap).max(),
+        drift=energy.drift,
+    )
+
+
 def _frequencies(solution: Solution) -> list[float]:
     from kaneflex.building import reference_modes
 
@@ -228,7 +253,7 @@ def json_schema() -> dict[str, Any]:
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field, and the JSON Schema."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
-    for table in (Summary, SensorSummary, Instant, PeakSpread, Timing, Operations):
+    for table in (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations):
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"

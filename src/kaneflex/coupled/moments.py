@@ -1,4 +1,4 @@
-"""The sums over a body's slices that the coupled kernels take as parameters, by the names in the module's PARAMETERS."""
+"""The sums over a body's slices that the coupled kernels take as parameters, by their names in PARAMETERS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ def _rigid_numbers(scene: Scene, name: str) -> dict[str, float]:
     """Mass [kg], its first [kg m] and second moments [kg m^2], and inertia about the start, lumped masses included."""
     body = scene.bodies[name]
     entries = [(body.mass, body.inertia, body.centre)]
-    entries += [(mass.mass, mass.inertia, scene.point(mass.at)) for mass in scene.masses.values() if mass.at.body == name]
+    entries += [
+        (mass.mass, mass.inertia, scene.point(mass.at)) for mass in scene.masses.values() if mass.at.body == name
+    ]
     return {
         "mass": sum(m for m, _, _ in entries),
         "mass_X": sum(m * x for m, _, (x, _) in entries),
@@ -55,7 +57,11 @@ def _link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
     gyroscopic = matrices["C_d"].terms[(omega,)].toarray() / 2
     tension = {
         key: matrices["K_g"].terms[monomial].toarray()
-        for key, monomial in (("P_0", (f"{link.name}.link.P_0",)), ("a_x", (f"{link.name}.link.a_x",)), ("spin", square))
+        for key, monomial in (
+            ("P_0", (f"{link.name}.link.P_0",)),
+            ("a_x", (f"{link.name}.link.a_x",)),
+            ("spin", square),
+        )
     }
     total = scene.bodies[link.name].profile.inertia(link.length)
     along, forward, turn = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -67,9 +73,7 @@ def _link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
     found |= _vector("mass_s", along @ translation @ s) | _vector("mass_w", across @ translation @ w)
     found |= _vector("mass_X_s", forward @ translation @ s) | _vector("mass_X_w", turn @ translation @ w)
     found |= _pairs("mass_s", "s", s.T @ translation @ s) | _pairs("mass_w", "w", w.T @ translation @ w)
-    found |= {
-        f"mass_s_{j}_w_{k}": value for (j, k), value in np.ndenumerate(-(s.T @ gyroscopic @ w))
-    }
+    found |= {f"mass_s_{j}_w_{k}": value for (j, k), value in np.ndenumerate(-(s.T @ gyroscopic @ w))}
     found |= _pairs("mass_H", "", w.T @ (total.mass * tension["P_0"] - tension["a_x"]) @ w)
     found |= _pairs("mass_X_H", "", w.T @ (total.first * tension["P_0"] + tension["spin"]) @ w)
     found |= _vector("inertia_psi", turn @ rotary @ w) | _pairs("inertia_psi", "psi", w.T @ rotary @ w)

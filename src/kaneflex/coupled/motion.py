@@ -1,9 +1,9 @@
 """A coupled trajectory as sensors and pictures read it.
 
-Two views of one motion. *Relative to the rigid mechanism*, whose drives stand where they stand in the coupled motion: the
-displacements of all points, in the coordinates z of the elastic equations, so that every sensor means the same under
-every preset. *In the floating frames*: the frames' own motion and the small deformation in them, which section forces
-follow from.
+Two views of one motion. *Relative to the rigid mechanism*, whose drives stand where they stand in the coupled motion:
+the displacements of all points, in the coordinates z of the elastic equations, so that every sensor means the same
+under every preset. *In the floating frames*: the frames' own motion and the small deformation in them, which section
+forces follow from.
 """
 
 from __future__ import annotations
@@ -234,6 +234,7 @@ class FloatingMotion(RigidMotion):
 
 
 _FRAME = {
-    "x": (0, 0), "y": (0, 1), "v_x": (1, 0), "v_y": (1, 1), "omega": (1, 2), "a_x": (2, 0), "a_y": (2, 1), "epsilon": (2, 2),
+    "x": (0, 0), "y": (0, 1), "v_x": (1, 0), "v_y": (1, 1), "omega": (1, 2), "a_x": (2, 0), "a_y": (2, 1),
+    "epsilon": (2, 2),
 }  # fmt: skip
 """Scalar of a body's frame -> order of the rate, row."""

@@ -44,7 +44,9 @@ class Energy:
     @property
     def drift(self) -> float:
         """Largest gap against the largest energy that was turned over."""
-        turned = max(float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied))
+        turned = max(
+            float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
+        )
         return float(abs(self.gap).max()) / turned if turned else 0.0
 
 
@@ -159,7 +161,10 @@ class _Run:
                 at = f"t = {self.times[self.filled]:.6g} s"
                 if ended == stepping.SINGULAR:
                     return Outcome.SINGULAR, f"singular after {at}: {_SINGULAR}"
-                return Outcome.UNSTABLE, f"the motion can't go on after {at}: the step vanishes, as where a linkage locks"
+                return (
+                    Outcome.UNSTABLE,
+                    f"the motion can't go on after {at}: the step vanishes, as where a linkage locks",
+                )
             if progress is not None:
                 progress(self.filled / (len(self.times) - 1))
         return Outcome.COMPLETED, Outcome.COMPLETED.value

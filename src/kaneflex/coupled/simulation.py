@@ -84,41 +84,33 @@ def _length(scene: Scene) -> float:
 
 
 def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn that they prescribe."""
-    q = q.copy()
-    turned = {"ground": 0.0}
-    for _ in system.start:
-        for name, joint in scene.joints.items():
-            first, second = (address.body for address in joint.addresses)
-            if joint.kind == "revolute" and name not in scene.drives:
-                wanted = None
-            elif joint.kind == "revolute":
-                wanted = float(rigid[f"{name}.angle"][0])
-            else:
-                wanted = joint.relative_angle
-            for base, other, sign in ((first, second, 1.0), (second, first, -1.0)):
-                if base in turned and other not in turned and wanted is not None:
-                    k = system.start[other] + 2
-                    q[k] += 2 * math.pi * round((turned[base] + sign * wanted - q[k]) / (2 * math.pi))
-                    turned[other] = q[k]
-        loose = next((name for name in system.start if name not in turned), None)
-        if loose is None:
-            break
-        turned.setdefault(loose, q[system.start[loose] + 2]) if _hangs_on(scene, loose, turned) else None
+    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe."""
+    q, counted = q.copy(), {"ground"}
+    angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
+    turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
+    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives if name not in turns}
+    while len(counted) < len(angle):
+        near = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
+        if not near:  # no joint prescribes the turn of what is left against what is counted
+            counted.add(next(name for name in angle if name not in counted))
+            continue
+        name, side = near[0]
+        base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
+        wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
+        angle[other] += 2 * math.pi * round((wanted - angle[other]) / (2 * math.pi))
+        q[system.start[other] + 2] = angle[other]
+        counted.add(other)
     return q
 
 
-def _hangs_on(scene: Scene, body: str, turned: dict[str, float]) -> bool:
-    """Whether no joint prescribes the turn of a body against one that is still to come."""
-    for joint in scene.joints.values():
-        bodies = {address.body for address in joint.addresses}
-        if body in bodies and joint.kind != "revolute" and not bodies <= {body, *turned}:
-            return False
-    return True
+def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
+    """Whether a joint leads from a body that is counted, on this side of it, to one that is not."""
+    base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
+    return base in counted and other not in counted
 
 
 def _settled(model: Model, q: np.ndarray, v: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q deformed as the forces of the rigid motion ask for: the balance with the rigid bodies' accelerations (Newton)."""
+    """q deformed as the rigid motion asks for: the balance with the rigid bodies' accelerations, by Newton's method."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
         raise SceneError(

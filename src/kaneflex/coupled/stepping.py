@@ -1,9 +1,9 @@
-"""Two-stage Gauss-Legendre for M q'' = f + G^T lambda with G q'' + gamma = 0 (index 1), positions and velocities projected.
+"""Two-stage Gauss-Legendre for M q'' = f + G^T lambda with G q'' + gamma = 0 (index 1), drift projected away.
 
 The stages' accelerations and multipliers are the unknowns of a bounded, simplified Newton iteration with the analytic
 tangent (Hairer & Wanner 1996, IV.8); order 4, A-stable and without numerical damping, so that stiff axial modes cost
-nothing but accuracy of their own. The step follows an error estimate of the fifth order, filtered as in Hairer & Wanner (IV.8.20):
-what an unresolved stiff mode does is no reason for a short step.
+nothing but accuracy of their own. The step follows an error estimate of the fifth order, filtered as in Hairer &
+Wanner (IV.8.20): what an unresolved stiff mode does is no reason for a short step.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ import numpy as np
 from numba import njit, types
 from numba.types import FunctionType, float64, int64, void
 
-_OPTIONS = {"cache": True, "error_model": "numpy"}
+from kaneflex.coupled.dense import OPTIONS, factorise, saddle, substitute
+
 _V, _A = float64[::1], float64[:, ::1]
 EQUATIONS = FunctionType(void(float64, _V, _V, _V, _A, _V))
 CONSTRAINTS = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _V))
 TANGENT = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _A))
 ENERGY = FunctionType(void(float64, _V, _V, _V, _V))
-"""Types of the generated kernels, given explicitly: passed as plain arguments they would be compiled anew in every process."""
+"""Types of the generated kernels, given explicitly: as plain arguments they would be compiled anew in every process."""
 
 DONE, TOO_SMALL, SINGULAR = 0, 1, 2
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state."""
@@ -51,69 +52,13 @@ _FILTER = 1.0 / 12.0
 """Weight of h^2 K in the filter, as in the denominator 1 - z/2 + z^2/12 of the method's stability function."""
 
 
-@njit(**_OPTIONS)
-def factorise(a, pivots):
-    """LU in place with row exchanges; False where a pivot vanishes."""
-    n = a.shape[0]
-    for k in range(n):
-        row, largest = k, abs(a[k, k])
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > largest:
-                row, largest = i, abs(a[i, k])
-        pivots[k] = row
-        if not largest > 0.0 or not largest < 1e300:
-            return False
-        if row != k:
-            for j in range(n):
-                a[k, j], a[row, j] = a[row, j], a[k, j]
-        inverse = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            if a[i, k] != 0.0:
-                factor = a[i, k] * inverse
-                a[i, k] = factor
-                for j in range(k + 1, n):
-                    a[i, j] -= factor * a[k, j]
-    return True
-
-
-@njit(**_OPTIONS)
-def substitute(a, pivots, x):
-    """Solve with the factors of :func:`factorise`, in place."""
-    n = a.shape[0]
-    for k in range(n):
-        row = pivots[k]
-        if row != k:
-            x[k], x[row] = x[row], x[k]
-    for i in range(n):
-        total = x[i]
-        for j in range(i):
-            total -= a[i, j] * x[j]
-        x[i] = total
-    for i in range(n - 1, -1, -1):
-        total = x[i]
-        for j in range(i + 1, n):
-            total -= a[i, j] * x[j]
-        x[i] = total / a[i, i]
-
-
-@njit(**_OPTIONS)
-def saddle(M, G, n, m, out):
-    """[[M, -G^T], [G, 0]]; rows of constraints are scaled by nothing: pivoting takes care of their units."""
-    out[:, :] = 0.0
-    out[:n, :n] = M
-    for i in range(m):
-        for j in range(n):
-            out[n + i, j] = G[i, j]
-            out[j, n + i] = -G[i, j]
-
-
 @cache
 def compiled():
     """The compiled functions: (state, integrate). Compiled once per machine; nothing is at import."""
 
     @njit(
         types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1]),
-        **_OPTIONS,
+        **OPTIONS,
     )
     def settle(equations, constraints, p, t, q, v, a, multipliers, passes, drift):
         """Project q and v onto the constraints (least change by mass), then accelerations and multipliers there.
@@ -172,7 +117,7 @@ def compiled():
 
     @njit(
         int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V),
-        **_OPTIONS,
+        **OPTIONS,
     )
     def integrate(
         equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts

@@ -11,9 +11,10 @@ import numpy as np
 
 from kaneflex.binding import bind_parameters, find_coupled_module
 from kaneflex.coupled.moments import body_numbers
-from kaneflex.coupled.shapes import Shapes, link_shapes, shape_counts
+from kaneflex.coupled.shapes import Shapes, link_shapes
 from kaneflex.links import Link, build_link
 from kaneflex.scene import Scene
+from kaneflex.scene.floating import modes_of, shape_counts
 
 BODY = 3
 """Coordinates x, y, phi of every body, before its modal ones."""
@@ -70,12 +71,8 @@ class CoupledSystem:
         n, m = self.size, len(self.constraints)
         q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
         self.module.equations(0.0, q, v, self.parameters, np.zeros((n, n)), np.zeros(n))
-        self.module.constraints(
-            0.0, q, v, self.parameters, np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
-        )
-        self.module.tangent(
-            0.0, q, v, a, multipliers, self.parameters, np.zeros((n + m, n)), np.zeros((n + m, n))
-        )
+        self.module.constraints(0.0, q, v, self.parameters, np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m))
+        self.module.tangent(0.0, q, v, a, multipliers, self.parameters, np.zeros((n + m, n)), np.zeros((n + m, n)))
         self.module.energy(0.0, q, v, self.parameters, np.zeros(3 + len(self.module.LOADS)))
 
     @property
@@ -84,25 +81,26 @@ class CoupledSystem:
         return self.size - len(self.constraints)
 
 
-def build_system(scene: Scene, modes: int, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
-    """Find or derive the coupled module of a scene with ``modes`` fixed-interface modes a link, and bind its numbers.
+def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
+    """Find or derive the coupled module of a scene, and bind its numbers.
 
     Returns the system and the seconds spent on deriving its module.
     """
-    elastic = [name for name, body in scene.bodies.items() if body.elastic]
-    counts = {name: shape_counts(scene, name, modes) for name in elastic}
+    counts = shape_counts(scene)
     module, seconds = find_coupled_module(scene, counts, progress)
     stretching = with_stretch(scene)
-    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in elastic}
-    shapes = {name: link_shapes(scene, link, modes) for name, link in links.items()}
+    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in counts}
+    shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
     numbers = body_numbers(scene, module, links, shapes)
     return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds
 
 
 def with_stretch(scene: Scene) -> Scene:
-    """The scene with every beam free to stretch: finite elements with all their coordinates, whatever shapes are kept."""
+    """The scene with every beam free to stretch: its finite elements have all coordinates, whatever shapes are kept."""
     bodies = {
-        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})}) if body.elastic else body
+        name: body.model_copy(update={"beam": body.beam.model_copy(update={"axially_rigid": False})})
+        if body.elastic
+        else body
         for name, body in scene.bodies.items()
     }
     return scene.model_copy(update={"bodies": bodies})

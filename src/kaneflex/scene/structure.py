@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from kaneflex.contract import FORMAT
@@ -39,7 +40,17 @@ def structure(scene: Scene) -> dict[str, Any]:
 
 def structure_hash(scene: Scene) -> str:
     """Sixteen hexadecimal digits that name the structure and the format of generated modules."""
-    text = json.dumps({"format": FORMAT, **structure(scene)}, sort_keys=True, separators=(",", ":"))
+    return _digits({"format": FORMAT, **structure(scene)})
+
+
+def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
+    """The same of the structure with so many axial and transverse shapes of each elastic link."""
+    counts = {name: list(numbers) for name, numbers in shapes.items()}
+    return _digits({"format": FORMAT, "shapes": counts, **structure(scene)})
+
+
+def _digits(content: Mapping[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -1,0 +1,105 @@
+"""Where points of deformed bodies are: what joints, loads and drives of the coupled equations are written in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sm
+
+from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
+
+
+@dataclass(frozen=True)
+class CoupledBody:
+    """A body's equations in its own symbols, and the numbers that they take: path -> (symbol, unit)."""
+
+    name: str
+    axial: int
+    transverse: int
+    q: tuple[sm.Symbol, ...]
+    v: tuple[sm.Symbol, ...]
+    mass: sm.Matrix
+    forcing: sm.Matrix
+    weight: sm.Expr
+    strain: sm.Expr
+    dissipated: sm.Expr
+
+
+class Numbers:
+    """Parameters in the order of their first use; the mechanism's own numbers keep their symbols."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.entries = dict(mechanism.parameters)
+        self._taken = {symbol.name for symbol, _ in self.entries.values()}
+
+    def __call__(self, path: str, unit: str) -> sm.Symbol:
+        if path not in self.entries:
+            self.entries[path] = (self.own(path.replace(".", "_")), unit)
+        return self.entries[path][0]
+
+    def own(self, name: str) -> sm.Symbol:
+        """A symbol that no parameter and no coordinate has."""
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return sm.Symbol(name)
+
+
+class Places:
+    """Points of the deformed bodies; ``number`` hands out the parameters of their shapes."""
+
+    def __init__(self, bodies: Mapping[str, CoupledBody], number: Numbers) -> None:
+        self._bodies, self._number = bodies, number
+
+    def angle(self, point: BodyPoint) -> sm.Expr:
+        """Rotation of the section at a point: phi + psi_k a_k."""
+        if point.body == GROUND:
+            return sm.S.Zero
+        body = self._bodies[point.body]
+        bent = body.q[3 + body.axial :]
+        return body.q[2] + sum(
+            (self._number(f"{point.body}.{point.name}.psi_{k}", "1/m") * a for k, a in enumerate(bent)), sm.S.Zero
+        )
+
+    def place(self, point: BodyPoint) -> Vector:
+        """Global position of a point; the body's start is the origin of its axes and does not move in them."""
+        along, across = point.at
+        if point.body == GROUND:
+            return along, across
+        body = self._bodies[point.body]
+        x, y, phi, *modal = body.q
+        if modal and point.name != "start":
+            stretched, bent = modal[: body.axial], modal[body.axial :]
+
+            def shape(name: str, unit: str = "1") -> sm.Symbol:
+                return self._number(f"{point.body}.{point.name}.{name}", unit)
+
+            along = shape("X", "m") + sum((shape(f"s_{k}") * b for k, b in enumerate(stretched)), sm.S.Zero)
+            across = sum((shape(f"w_{k}") * a for k, a in enumerate(bent)), sm.S.Zero)
+            for j, a in enumerate(bent):
+                along -= shape(f"H_{j}_{j}", "1/m") * a**2 / 2
+                for k in range(j + 1, len(bent)):
+                    along -= shape(f"H_{j}_{k}", "1/m") * a * bent[k]
+        c, s = sm.cos(phi), sm.sin(phi)
+        return x + c * along - s * across, y + s * along + c * across
+
+    def direction(self, point: BodyPoint, inside: Vector) -> Vector:
+        """Global components of a direction fixed in the section at a point."""
+        angle = self.angle(point)
+        c, s = sm.cos(angle), sm.sin(angle)
+        return c * inside[0] - s * inside[1], s * inside[0] + c * inside[1]
+
+    def gap(self, joint: JointModel) -> Vector:
+        first, second = self.place(joint.first), self.place(joint.second)
+        return second[0] - first[0], second[1] - first[1]
+
+    def turn(self, joint: JointModel) -> sm.Expr:
+        return self.angle(joint.second) - self.angle(joint.first)
+
+    def coordinate(self, joint: JointModel) -> sm.Expr:
+        """Coordinate of a joint: its angle [rad], or its slide along the guide [m]."""
+        if joint.kind != "prismatic":
+            return self.turn(joint)
+        t, gap = self.direction(joint.first, joint.direction), self.gap(joint)
+        return t[0] * gap[0] + t[1] * gap[1]
