@@ -40,7 +40,7 @@ def modules() -> dict[str, str]:
             shapes = shape_counts(scene)
             structure = coupled_hash(scene, shapes)
             if structure not in structures:
-                structures[structure] = f"{name.replace('-', '_')}_coupled"
+                structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
                 texts[f"{structures[structure]}.py"] = generate_coupled(scene, shapes, structure)
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
     served = "".join(f'    "{key}": "{module}",\n' for key, module in scenes.items())

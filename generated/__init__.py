@@ -21,7 +21,7 @@ STRUCTURES = {
     "f6a838b85a5cf755": "quick_return",
     "4722b751f9c24739": "rotating_cantilever",
     "0a5f4c6a9e6c6bde": "slider_crank_150",
-    "6c16cddd300fae10": "slider_crank_150_coupled_coupled",
+    "6c16cddd300fae10": "slider_crank_150_coupled",
     "507893a846aa4905": "spin_up",
     "1d353807cd6865db": "spin_up_torque",
     "9f3fe11bab6052b0": "spin_up_torque_coupled",

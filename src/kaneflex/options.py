@@ -181,7 +181,7 @@ def _check_coupled(scene: Scene) -> None:
     rotations |= {f"drives.{name}": drive.rotation for name, drive in scene.drives.items() if drive.rotation == "free"}
     for key, rotation in rotations.items():
         raise SceneError(
-            f"{key}.rotation", rotation, "a choice of small-displacement models: in coupled equations a joint is what it is",
+            f"{key}.rotation", rotation, "a choice of models with small displacements: here a joint is what it is",
             "Leave rotation out, or take preset stiffened",
         )  # fmt: skip
     if scene.is_frame:

@@ -35,7 +35,7 @@ def measure(solution: Solution) -> dict[str, Series]:
     measured = {}
     for name, sensor in solution.model.scene.sensors.items():
         measured[name] = Series(reader.read(sensor), sensor.unit, describe(sensor))
-        if sensor.kind in RIGID_COMPANIONS:
+        if sensor.kind in RIGID_COMPANIONS and not reader.turns_freely:
             meaning = f"{describe(sensor)}, of the rigid mechanism"
             measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
     return measured
@@ -63,6 +63,11 @@ class _Reader:
         self.solution, self.model, self.scene = solution, solution.model, solution.model.scene
         self.rigid = solution.rigid if rigid is None else rigid
         self.steps = len(solution.times)
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether free joints follow the deforming mechanism: a rigid one would have to vibrate with them."""
+        return self.solution.coupled is not None and bool(self.model.module.FREE)
 
     @cached_property
     def deformed(self) -> dict[str, Deformation]:

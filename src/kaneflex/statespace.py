@@ -245,6 +245,7 @@ class _Probe:
     model: Model
     rigid: RigidMotion
     coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]
+    coupled: None = None
 
     @property
     def times(self) -> np.ndarray:

@@ -12,10 +12,13 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_coupled_module
 from kaneflex.coupled.moments import body_numbers
 from kaneflex.coupled.shapes import Shapes, link_shapes
-from kaneflex.links import Link, build_link
+from kaneflex.errors import SceneError
+from kaneflex.links import Link, build_link, mesh
 from kaneflex.scene import Scene
-from kaneflex.scene.floating import modes_of, shape_counts
+from kaneflex.scene.floating import frame_of, modes_of, shape_counts, stations
 
+MOST_MODES = 12
+"""Modes of a link beyond which deriving its equations would take minutes."""
 BODY = 3
 """Coordinates x, y, phi of every body, before its modal ones."""
 
@@ -87,12 +90,27 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
     Returns the system and the seconds spent on deriving its module.
     """
     counts = shape_counts(scene)
+    for name in counts:
+        check_modes(scene, name)
     module, seconds = find_coupled_module(scene, counts, progress)
     stretching = with_stretch(scene)
     links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in counts}
     shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
     numbers = body_numbers(scene, module, links, shapes)
     return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds
+
+
+def check_modes(scene: Scene, name: str) -> None:
+    """A link's elements must have the modes that the scene asks for, before equations with as many are derived."""
+    nodes = len(mesh(scene, name, scene.bodies[name].beam.elements))
+    modes, static = modes_of(scene), shape_counts(scene)[name][1] - modes_of(scene)
+    frame = frame_of(stations(scene, name))
+    limit = min(2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static, MOST_MODES)
+    if modes > limit:
+        raise SceneError(
+            "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
+            "Ask for fewer modes" + ("" if limit == MOST_MODES else ", or give the link more elements"),
+        )  # fmt: skip
 
 
 def with_stretch(scene: Scene) -> Scene:

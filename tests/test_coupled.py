@@ -1,0 +1,176 @@
+"""Preset coupled against published and independently computed motions, its energy, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kaneflex
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene, with_settings
+
+DATA = Path(__file__).parent / "data"
+
+
+def run(name, *settings):
+    return kaneflex.simulate(kaneflex.load(with_settings(read_scene(name), list(settings))))
+
+
+def test_slider_crank_at_150_rad_s():
+    """Peak and minimum within 0.5 % of the geometrically exact values, the end within 3 % (Euler-Bernoulli elements).
+
+    What differs: the exact model bends and stretches without limit of order, ours shortens to the second order.
+    """
+    exact = json.loads((DATA / "slider_crank_150.json").read_text())["computed_own"]["GE_EulerBernoulli"]
+    for modes in (3, 4):
+        bow = run("slider-crank-150-coupled", f"solve.modes={modes}").series["mid_transverse"].values / 0.3
+        assert bow.max() == pytest.approx(exact["w_max"], rel=5e-3)
+        assert bow.min() == pytest.approx(exact["w_min"], rel=5e-3)
+        assert bow[-1] == pytest.approx(exact["w_at_end"], rel=3e-2)
+
+
+def test_one_way_coupling_misses_the_end_of_that_cycle():
+    exact = json.loads((DATA / "slider_crank_150.json").read_text())["computed_own"]["GE_EulerBernoulli"]
+    end = run("slider-crank-150").series["mid_transverse"].values[-1] / 0.3
+    assert abs(end / exact["w_at_end"] - 1) > 0.2
+
+
+def test_spin_up():
+    """Tip displacements within 0.2 % of Kane, Ryan & Banerjee's linear stiffened equations in modal coordinates."""
+    reference = json.loads((DATA / "spin_up.json").read_text())["cases"]["WuHaug"]["linear_stiffened"]
+    series = run("spin-up", "solve.preset=coupled").series
+    assert series["tip_transverse"].values.min() == pytest.approx(reference["u2_min"], rel=2e-3)
+    assert series["tip_axial"].values.min() == pytest.approx(reference["u1_min"], rel=2e-3)
+
+
+def test_spun_up_by_a_torque_it_gains_the_angular_momentum_of_that_torque():
+    """int M dt = J omega for the straightened beam and hub: 4 rad/s but for what bending and stretch leave."""
+    solution = run("spin-up-torque")
+    assert solution.series["hub_speed"].values[-1] == pytest.approx(4.0, rel=1e-3)
+    assert solution.series["tip_transverse"].values.min() < -0.5
+    assert solution.coupled.trajectory.energy.drift < 1e-9
+
+
+def test_the_reference_engine():
+    """Against stiffened, and against the independent nonlinear code of errata.md: -0.1464 mm and 0.0293 mm."""
+    settings = ("solve.preset=coupled",)
+    coupled, one_way = run("engine", *settings).series, run("engine").series
+    assert coupled["tip_axial"].values.min() == pytest.approx(-0.1464e-3, abs=1e-7)
+    assert coupled["mid_transverse"].values.max() == pytest.approx(0.0293e-3, abs=1e-7)
+    for name, tolerance in (("tip_axial", 2e-3), ("mid_transverse", 2e-3), ("crank_torque", 3e-3), ("mid_axial", 5e-3)):
+        there, here = one_way[name].values, coupled[name].values
+        assert abs(there - here).max() < tolerance * abs(there).max(), name
+    for name in ("rod_force_piston", "rod_mid_force", "piston_side_force", "crank_pin_force_x"):
+        there, here = one_way[name].values, coupled[name].values
+        assert abs(there - here).max() < 5e-3 * abs(there).max(), name
+
+
+def test_joint_forces_balance_the_piston():
+    """m a = gas + wrist force: multipliers against the accelerations and the gas table."""
+    solution = run("engine", "solve.preset=coupled")
+    motion = solution.coupled
+    mass = solution.model.scene.bodies["piston"].mass
+    a_x = motion.body("piston")[2][0]
+    gap = mass * a_x + solution.rigid["gas"] - motion.reactions["wrist.force_x"]
+    assert abs(gap).max() < 1e-6 * abs(mass * a_x).max()
+
+
+@pytest.mark.parametrize("tolerance", [None, 1e-7])
+def test_an_undamped_pendulum_keeps_its_energy(tolerance):
+    """A hundred swings and more."""
+    settings = ["solve.duration=180 s", "solve.steps=18000"]
+    solution = run("elastic-pendulum", *settings, *([f"solve.tolerance={tolerance}"] if tolerance else []))
+    crossings = np.diff(np.sign(solution.series["angle"].values + np.pi / 2)) != 0
+    assert crossings.sum() >= 199
+    assert solution.coupled.trajectory.energy.drift <= 1e-7
+
+
+def test_its_drift_falls_at_the_order_of_the_integrator():
+    """Steps of equal length, no estimate in force: halving them divides the error of the energy by 2^4."""
+    drift = [
+        run("elastic-pendulum", "solve.tolerance=1e3", "solve.duration=2 s", f"solve.steps={steps}", "solve.modes=1")
+        .coupled.trajectory.energy.drift
+        for steps in (400, 800, 1600)
+    ]  # fmt: skip
+    orders = np.log2(np.array(drift[:-1]) / drift[1:])
+    assert (orders > 3.5).all() and (orders < 5.5).all(), drift
+
+
+def test_the_balance_closes_with_damping_and_a_motor():
+    energy = run("four-bar-motor").coupled.trajectory.energy
+    assert energy.dissipated[-1] > 1e-5 * energy.supplied[-1] > 0
+    assert energy.drift < 1e-6
+
+
+def test_the_engine_turned_by_its_gas_and_motor():
+    """Both ways against one way: the rods' inertia is in both, so the speeds differ by what the deformation stores."""
+    both = run("engine-torque-elastic").series["crank_speed"].values
+    one_way = run("engine-torque", "solve.duration=0.1 s", "solve.steps=2000").series["crank_speed"].values
+    assert abs(both - one_way).max() < 2e-3 * one_way.max()
+    assert abs(both - one_way).max() > 1e-6 * one_way.max()
+
+
+def test_an_elastic_double_pendulum_keeps_its_energy_and_its_joints():
+    trajectory = run("elastic-double-pendulum").coupled.trajectory
+    assert trajectory.energy.drift < 1e-6
+    assert max(trajectory.drift) < 1e-6
+
+
+def test_the_order_of_bodies_does_not_matter():
+    scene = read_scene("four-bar-motor")
+    turned = scene.model_copy(update={"bodies": dict(reversed(scene.bodies.items()))})
+    settings = ["solve.duration=0.1 s", "solve.steps=400"]
+    first, second = (kaneflex.simulate(kaneflex.load(with_settings(s, settings))) for s in (scene, turned))
+    for name in first.series:
+        there, here = first.series[name].values, second.series[name].values
+        assert abs(there - here).max() <= 1e-9 * abs(there).max(), name
+
+
+def test_starts():
+    """From equilibrium there is less to ring than from the undeformed state; the periodic state repeats."""
+    bow = {}
+    for start in ("zero", "quasistatic", "periodic"):
+        bow[start] = run("four-bar", "solve.preset=coupled", f"solve.start={start}").series["follower_mid"].values
+    assert bow["zero"][0] == pytest.approx(0.0, abs=1e-9)
+    assert abs(bow["periodic"][-1] - bow["periodic"][0]) < 1e-3 * abs(bow["periodic"]).max()
+    ringing = {start: abs(bow[start] - bow["periodic"]).max() for start in ("zero", "quasistatic")}
+    assert ringing["quasistatic"] < ringing["zero"]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        (
+            "engine", ["solve.terms.spin=false"],
+            "solve.terms.spin = False: the coupled equations are one whole. Take preset stiffened to leave terms out.",
+        ),
+        (
+            "engine", ["solve.integrator=newmark"],
+            "solve.integrator = 'newmark': preset coupled has its own integrator. Leave integrator out.",
+        ),
+        (
+            "engine", ["solve.modes=90"],
+            "solve.modes = 90: the coupled equations take up to 8 fixed-interface modes of rod. Ask for fewer modes, "
+            "or give the link more elements.",
+        ),
+        (
+            "free-frame", [],
+            "solve.preset = 'coupled': a structure that stands still has no motion to be coupled with. Take preset "
+            "stiffened.",
+        ),
+        (
+            "engine-paper", [],
+            "joints.pin.rotation = 'shared': a choice of models with small displacements: here a joint is what it is. "
+            "Leave rotation out, or take preset stiffened.",
+        ),
+        (
+            "elastic-pendulum", ["solve.start=quasistatic"],
+            "solve.start = 'quasistatic': hinge is free: nothing holds it in equilibrium. Start from zero.",
+        ),
+    ],
+)  # fmt: skip
+def test_what_it_refuses(name, settings, message):
+    with pytest.raises(SceneError) as error:
+        run(name, "solve.preset=coupled", *settings)
+    assert str(error.value) == message

@@ -1,0 +1,174 @@
+"""The coupled equations against hand-written forms, their limits and finite differences."""
+
+import numpy as np
+import pytest
+import sympy as sm
+
+import kaneflex
+from kaneflex.coupled.simulation import simulate_coupled
+from kaneflex.deformation import shape_functions
+from kaneflex.derive.flexible import flexible_body
+from kaneflex.scene import read_scene, with_settings
+
+X, S, C = sm.Symbol("phi"), sm.sin(sm.Symbol("phi")), sm.cos(sm.Symbol("phi"))
+
+
+def symbols(text):
+    return sm.symbols(text)
+
+
+def test_a_body_without_shapes_is_the_rigid_body():
+    """Mass matrix and forces of a rigid body about a point that is not its centre (Shabana 2013, eq. 3.4)."""
+    m, m_X, m_Y, m_XX, m_YY, J, w = symbols("mass mass_X mass_Y mass_X_X mass_Y_Y inertia omega")
+    g_x, g_y = symbols("g_x g_y")
+    body = flexible_body(0, 0, True)
+    across, along = -S * m_X - C * m_Y, C * m_X - S * m_Y
+    M = sm.Matrix([[m, 0, across], [0, m, along], [across, along, m_XX + m_YY + J]])
+    f = sm.Matrix([m * g_x + w**2 * along, m * g_y - w**2 * across, across * g_x + along * g_y])
+    assert (body.mass - M).expand() == sm.zeros(3, 3)
+    assert (body.forcing - f).expand() == sm.zeros(3, 1)
+
+
+def linear_part():
+    """d(M q'' - f)/d(q, q', q'') of the two modal rows about a rigid motion, at phi = 0 and without deformation."""
+    body = flexible_body(1, 1, False)
+    accelerations = sm.Matrix(symbols("a_x a_y epsilon b_2 a_2"))
+    residual = (body.mass * accelerations - body.forcing)[3:, :]
+    modal, rates = body.q[3:], body.v[3:]
+    still = dict.fromkeys((*body.q, *rates, *symbols("b_2 a_2 g_x g_y")), 0)
+    return [
+        sm.Matrix(residual).jacobian(unknowns).xreplace(still).applyfunc(sm.expand)
+        for unknowns in (modal, rates, symbols("b_2 a_2"))
+    ]
+
+
+def test_linearised_about_a_prescribed_motion_it_is_the_stiffened_link():
+    """K = -omega^2 M + epsilon G + K_g with P of the link's own inertia, C = 2 omega G, M: term by term."""
+    K, C_, M = linear_part()
+    ss, ww, sw, H, XH = symbols("mass_s_0_s_0 mass_w_0_w_0 mass_s_0_w_0 mass_H_0_0 mass_X_H_0_0")
+    a_x, w, e = symbols("a_x omega epsilon")
+    G = sm.Matrix([[0, -sw], [sw, 0]])
+    K_g = sm.Matrix([[0, 0], [0, -a_x * H + w**2 * XH]])  # P = omega^2 int_X^L rho A x dx - a_x int_X^L rho A dx
+    assert M == sm.diag(ss, ww)
+    assert C_ - 2 * w * G == sm.zeros(2, 2)
+    assert (K - (-(w**2) * M + e * G + K_g)).expand() == sm.zeros(2, 2)
+
+
+def test_rotary_inertia_turns_with_the_section():
+    """A section carries 1/2 rho I (omega + psi')^2: mass beside translation, and nothing in K."""
+    body = flexible_body(0, 1, True)
+    ww, psi, psi2 = symbols("mass_w_0_w_0 inertia_psi_0 inertia_psi_0_psi_0")
+    straight = body.mass.xreplace(dict.fromkeys(body.q, 0))
+    assert straight[3, 3] == ww + psi2
+    assert straight[2, 3] == symbols("mass_X_w_0") + psi
+    assert not body.forcing.free_symbols & {psi, psi2}
+
+
+@pytest.fixture(scope="module")
+def engine():
+    settings = ["solve.preset=coupled", "solve.start=zero", "solve.steps=40"]
+    return kaneflex.load(with_settings(read_scene("engine"), settings))
+
+
+@pytest.fixture(scope="module")
+def moved(engine):
+    """A state of the engine under way: t, q, v, a, multipliers."""
+    found = simulate_coupled(engine).coupled.trajectory
+    k = 13
+    return found.times[k], found.q[k], found.v[k], found.a[k], found.multipliers[k]
+
+
+def evaluate(system, t, q, v):
+    n, m = system.size, len(system.constraints)
+    M, f, G = np.zeros((n, n)), np.zeros(n), np.zeros((m, n))
+    g, g_t, gamma = np.zeros(m), np.zeros(m), np.zeros(m)
+    system.module.equations(t, q, v, system.parameters, M, f)
+    system.module.constraints(t, q, v, system.parameters, g, g_t, G, gamma)
+    return M, f, g, g_t, G, gamma
+
+
+def test_the_state_satisfies_balance_and_constraints(engine, moved):
+    t, q, v, a, multipliers = moved
+    M, f, g, g_t, G, gamma = evaluate(engine.coupled, t, q, v)
+    assert abs(M @ a - f - G.T @ multipliers).max() < 1e-9 * abs(f).max()
+    assert abs(g).max() < 1e-12
+    assert abs(G @ v + g_t).max() < 1e-9
+    assert abs(G @ a + gamma).max() < 1e-8 * abs(gamma).max()
+
+
+def test_tangent_is_the_derivative_of_the_residual(engine, moved):
+    """Central differences of R = (M a - f - G^T lambda, G a + gamma)."""
+    t, q, v, a, multipliers = moved
+    system = engine.coupled
+    n, m = system.size, len(system.constraints)
+    K, C_ = np.zeros((n + m, n)), np.zeros((n + m, n))
+    system.module.tangent(t, q, v, a, multipliers, system.parameters, K, C_)
+
+    def residual(q, v):
+        M, f, _, _, G, gamma = evaluate(system, t, q, v)
+        return np.concatenate([M @ a - f - G.T @ multipliers, G @ a + gamma])
+
+    for k in range(n):
+        step = np.zeros(n)
+        step[k] = 1e-6
+        scale = 1.0 + abs(K[:, k]).max()
+        assert abs((residual(q + step, v) - residual(q - step, v)) / 2e-6 - K[:, k]).max() < 1e-5 * scale
+        scale = 1.0 + abs(C_[:, k]).max()
+        assert abs((residual(q, v + step) - residual(q, v - step)) / 2e-6 - C_[:, k]).max() < 1e-5 * scale
+
+
+def test_moments_are_the_integrals_that_their_names_say(engine):
+    """Against quadrature of the shape functions along the rod, the foreshortening integrated point by point."""
+    system = engine.coupled
+    link, shapes = system.links["rod"], system.shapes["rod"]
+    rho_A = engine.scene.bodies["rod"].profile.at(0.0).rho_A
+    points, weights = np.polynomial.legendre.leggauss(6)
+    number = dict(zip((path for path, _ in system.module.PARAMETERS), system.parameters, strict=False))
+    names = ("mass_s_0", "mass_w_1", "mass_X_w_0", "mass_s_0_w_0", "mass_w_0_w_0", "mass_H_0_1", "mass_X_H_0_1")
+    sums = dict.fromkeys(names, 0.0)
+    reached = 0.0  # H_01 up to the element
+    for e, (x_0, x_1) in enumerate(zip(link.nodes[:-1], link.nodes[1:], strict=True)):
+        rows, h = slice(3 * e, 3 * e + 6), x_1 - x_0
+
+        def at(x, rows=rows, h=h, x_0=x_0):
+            N = shape_functions(x - x_0, h)
+            return N[0] @ shapes.axial[rows], N[1] @ shapes.transverse[rows], N[3] @ shapes.transverse[rows]
+
+        def slopes(a, b, at=at):
+            xs = (a + b) / 2 + (b - a) / 2 * points
+            return (b - a) / 2 * sum(weight * at(x)[2][0] * at(x)[2][1] for x, weight in zip(xs, weights, strict=True))
+
+        for point, weight in zip(points, weights, strict=True):
+            x = (x_0 + x_1) / 2 + h / 2 * point
+            s, w, _ = at(x)
+            H = reached + slopes(x_0, x)
+            values = {
+                "mass_s_0": s[0], "mass_w_1": w[1], "mass_X_w_0": x * w[0], "mass_s_0_w_0": s[0] * w[0],
+                "mass_w_0_w_0": w[0] ** 2, "mass_H_0_1": H, "mass_X_H_0_1": x * H,
+            }  # fmt: skip
+            for name, value in values.items():
+                sums[name] += rho_A * h / 2 * weight * value
+        reached += slopes(x_0, x_1)
+    largest = rho_A * link.length
+    for name, value in sums.items():
+        assert number[f"rod.{name}"] == pytest.approx(value, rel=1e-9, abs=1e-10 * largest), name
+
+
+def test_stiffness_at_speed_is_that_of_the_stiffened_model():
+    """spin-up at full speed: the coupled tangent of the modal rows equals Phi^T (K_s + K_d + K_g) Phi of stiffened."""
+    settings = ["solve.preset=coupled", "beam.axially_rigid=true"]
+    model = kaneflex.load(with_settings(read_scene("spin-up"), settings))
+    system, t = model.coupled, 20.0
+    rigid = model.motion.at(t)
+    q, v, a = np.zeros(system.size), np.zeros(system.size), np.zeros(system.size)
+    q[2], v[2] = rigid["hub.angle"][0], rigid["beam.omega"][0]
+    K = np.zeros((system.size + 3, system.size))
+    system.module.tangent(t, q, v, a, np.zeros(3), system.parameters, K, np.zeros_like(K))
+    plain = kaneflex.load(read_scene("spin-up"))
+    free = [row for row in range(27) if row not in (0, 1, 2)]
+    Phi = system.shapes["beam"].transverse[free]
+    order = [plain.coordinates.index(f"beam.{row // 3}.{('u', 'v', 'theta')[row % 3]}") for row in free]
+    total = (plain.K_s(t) + plain.K_d(t) + plain.K_g(t))[np.ix_(order, order)]
+    expected = Phi.T @ total @ Phi
+    rows = system.modal("beam")
+    assert abs(K[rows, rows] - expected).max() < 1e-10 * abs(expected).max()
