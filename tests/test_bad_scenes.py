@@ -284,10 +284,6 @@ BAD = {
     "unknown preset": (
         '"stiffened"', '"stiffend"',
         "solve.preset = 'stiffend': unknown preset. The nearest known one is 'stiffened'."),
-    "coupled": (
-        '"stiffened"', '"coupled"',
-        "solve.preset = 'coupled': not available in this version. "
-        "Choose one of rigid, quasistatic, paper, linear, stiffened."),
     "unknown term": (
         "[solve]", "[solve]\nterms = {gyro = false}",
         "solve.terms.gyro = False: unknown term. Known: damping, euler, geometric, gyroscopic, spin."),

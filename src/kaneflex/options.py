@@ -11,8 +11,6 @@ from kaneflex.scene.floating import modes_of
 
 STEPS_PER_TURN = 720
 """Default resolution: half a degree of the fastest drive."""
-TOLERANCE = 1e-8
-"""Default error of a step of the coupled equations."""
 PAPER_DURATION = 0.04
 """The paper's horizon [s], Figs. 18-28: four turns at 6000 rpm."""
 
@@ -145,7 +143,7 @@ def resolve_options(scene: Scene) -> Options:
         cycles=period is not None,
         duration=duration,
         rho_infinity=solve.rho_infinity,
-        tolerance=solve.tolerance or TOLERANCE,
+        tolerance=solve.tolerance,
     )
     _check(options)
     return options

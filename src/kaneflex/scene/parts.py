@@ -205,8 +205,8 @@ class Solve(SceneTable):
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: Angle = 0.0
     terms: dict[str, bool] = Field(default={})
-    tolerance: PositiveRatio | None = Field(
-        default=None, description="preset coupled: error of a step, as a share of the longest body, and in rad"
+    tolerance: PositiveRatio = Field(
+        default=1e-8, description="preset coupled: error of a step, as a share of the longest body, and in rad"
     )
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
