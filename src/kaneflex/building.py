@@ -118,7 +118,7 @@ def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
     if drive is None or drive.speed == 0:
         return 0.0
     if drive.kind == "constant speed":
-        return (options.mode_angle - drive.angle) / drive.speed
+        return (options.mode_angle - drive.start) / drive.speed
     times = np.linspace(0.0, scene.horizon, 4001)
     ahead = motion.at(times)[f"{name}.angle"] - options.mode_angle
     crossings = np.flatnonzero(ahead[:-1] * ahead[1:] <= 0.0)

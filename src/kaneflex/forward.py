@@ -45,7 +45,7 @@ def integrate_free_joints(
 
     free = module.FREE
     start = np.array(
-        [scene.drives[name].angle for name in free] + [scene.drives[name].initial_speed for name in free]
+        [scene.drives[name].start for name in free] + [scene.drives[name].initial_speed for name in free]
     )
 
     def rates(t: float, state: np.ndarray) -> np.ndarray:

@@ -21,10 +21,10 @@ from kaneflex.affine import Affine
 from kaneflex.errors import OutputError, SceneError, nearest
 from kaneflex.model import Model, RigidMotion
 from kaneflex.placing import Placement, drive_rates
-from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.writing import write_bytes
 
-FORCES = ("joint_force", "drive_torque")
+FORCES = ("joint_force", *DRIVE_KINDS)
 """Sensors that need equations which balance at every instant: those of a frozen model don't."""
 
 
@@ -105,7 +105,7 @@ def check_reached(model: Model) -> None:
     drive = next(iter(model.scene.drives))
     angle = float(model.motion.at(model.reference_time)[f"{drive}.angle"][0])
     if abs(angle - model.options.mode_angle) > _REACHED:
-        wanted = f"{np.degrees(model.options.mode_angle):.6g} deg"
+        wanted = model.scene.written_coordinate(drive, model.options.mode_angle)
         raise SceneError("--at", wanted, f"{drive} never stands there", "Choose an angle within the drive's range")
 
 

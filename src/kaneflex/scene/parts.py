@@ -15,6 +15,7 @@ from kaneflex.scene.quantities import (
     AngleOrTime,
     CountOrAll,
     Direction,
+    DriveCoordinate,
     ForceOrTorque,
     FrequencyPair,
     Inertia,
@@ -202,7 +203,7 @@ class Solve(SceneTable):
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
-    mode_angle: Angle = 0.0
+    mode_angle: DriveCoordinate = 0.0
     terms: dict[str, bool] = Field(default={})
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
