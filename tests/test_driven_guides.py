@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from kaneflex.cli_scene import configuration
 from kaneflex.errors import SceneError
 from kaneflex.loading import load
 from kaneflex.placing import place
+from kaneflex.presentation import at_drive
 from kaneflex.scene import read_scene
 from kaneflex.simulation import simulate
 
@@ -60,7 +62,8 @@ def test_a_table_gives_the_position_in_its_unit(tmp_path):
     rows = [f"{time!r},{30 * math.sin(20 * time)!r}" for time in t.tolist()]
     (tmp_path / "s.csv").write_text("\n".join(["t,s", *rows]))
     solution = simulate(load(cart(tmp_path, 'table = "s.csv"\nunit = "mm"')))
-    np.testing.assert_allclose(solution["x"], 0.03 * np.sin(20 * solution.times), atol=1e-5)  # a natural spline ends straight
+    # the natural spline ends straight, the sine does not
+    np.testing.assert_allclose(solution["x"], 0.03 * np.sin(20 * solution.times), atol=1e-5)
 
 
 def test_a_free_guide_follows_a_constant_force(tmp_path):
@@ -84,7 +87,7 @@ schema = 1
 name = "shaken cantilever"
 [bodies]
 cart = {mass = 2.0}
-mast = {length = 0.5, beam = {E = "210 GPa", rho = "7850 kg/m^3", section = {rectangle = ["4 mm", "10 mm"]}, elements = 8}}
+mast = {length = 0.5, beam = {E = "210 GPa", rho = 7850, section = {rectangle = ["4 mm", "10 mm"]}, elements = 8}}
 [joints]
 bore = {prismatic = ["ground", "cart"], direction = [1, 0]}
 foot = {weld = ["cart", "mast.start"], relative_angle = "90 deg"}
@@ -189,6 +192,109 @@ def test_what_a_guide_cannot_take(tmp_path, drive, said):
 
 
 def test_a_revolute_drive_takes_no_speed_in_metres(tmp_path):
-    (tmp_path / "crank.toml").write_text('schema = 1\nlike = "slider-crank-150"\n[drives]\nmain = {speed = "0.5 m/s"}\n')
+    scene = 'schema = 1\nlike = "slider-crank-150"\n[drives]\nmain = {speed = "0.5 m/s"}\n'
+    (tmp_path / "crank.toml").write_text(scene)
     with pytest.raises(SceneError, match=r"drives\.main\.speed = '0\.5 m/s'.*a revolute joint turns.*'6000 rpm'"):
         read_scene(tmp_path / "crank.toml")
+
+
+ARM = """
+schema = 1
+name = "slider on an arm"
+[bodies]
+arm = {inertia = 0.02}
+slider = {mass = 0.7}
+[joints]
+hub = {revolute = ["ground", "arm.start"]}
+rail = {prismatic = ["arm.start", "slider"], direction = [1, 0]}
+[drives]
+rail = {law = "0.2 + 0.05 * sin(9 * t)"}
+hub = {speed = "12 rad/s"}
+[sensors]
+along = {drive_force = "rail"}
+turning = {drive_torque = "hub"}
+[solve]
+preset = "rigid"
+duration = 1.0
+steps = 300
+"""
+
+
+def test_a_slider_driven_along_a_turning_arm(tmp_path):
+    """Polar coordinates: the rail's drive applies m (r'' - r omega^2), the hub's 2 m r r' omega."""
+    (tmp_path / "arm.toml").write_text(ARM)
+    solution = simulate(load(read_scene(tmp_path / "arm.toml")))
+    t = solution.times
+    r, dr, ddr = 0.2 + 0.05 * np.sin(9 * t), 0.45 * np.cos(9 * t), -4.05 * np.sin(9 * t)
+    np.testing.assert_allclose(solution["along"], 0.7 * (ddr - 144 * r), atol=1e-11)
+    np.testing.assert_allclose(solution["turning"], 2 * 0.7 * r * dr * 12, atol=1e-11)
+
+
+def test_results_hold_a_guide_s_position_in_metres(tmp_path):
+    dataset = simulate(load(cart(tmp_path, 'speed = "0.5 m/s"'))).dataset
+    assert dataset["drive_position_bore"].attrs["units"] == "m"
+    assert float(dataset["drive_position_bore"][-1]) == pytest.approx(0.25)
+
+
+def test_the_command_line_reads_a_guide_s_place_as_a_length(tmp_path):
+    scene = from_the_piston(tmp_path, 0.03)
+    assert configuration(scene, "bore=20mm") == ("bore", pytest.approx(0.02))
+    with pytest.raises(SceneError, match=r"--at = 'bore=20deg'.*not a unit of length"):
+        configuration(scene, "bore=20deg")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (("{drive_force", "{drive_torque"), r"sensors\.force\.drive_torque = 'bore'.*slides.*Write drive_force"),
+        (("duration = 0.5", 'duration = 0.5\nmode_angle = "20 deg"'), r"solve\.mode_angle = '20 deg'.*a guide slides"),
+        (
+            ("[loads]", '[loads]\np = {force_on = "cart", direction = [1, 0], table = "s.csv", against = "bore"}'),
+            r"loads\.p\.against = 'bore'.*this drive slides.*law in bore",
+        ),
+    ],
+)
+def test_what_the_rest_of_a_scene_cannot_ask_of_a_guide(tmp_path, text, said):
+    written = CART.format(drive='speed = "0.5 m/s"', loads="").replace(*text)
+    (tmp_path / "cart.toml").write_text(written)
+    with pytest.raises(SceneError, match=said):
+        read_scene(tmp_path / "cart.toml")
+
+
+def test_no_cylinder_between_two_bodies_that_turn(tmp_path):
+    """A driven guide whose two bodies hang on others: no dyad, and the error says so before anything is computed."""
+    scene = """
+schema = 1
+name = "cylinder"
+[ground]
+high = [0.5, 0.0]
+[bodies]
+barrel = {mass = 1.0}
+stem = {mass = 1.0}
+lever = {length = 0.4, mass = 1.0}
+[joints]
+foot = {revolute = ["ground", "barrel"]}
+bore = {prismatic = ["barrel", "stem"], direction = [1, 0]}
+eye = {revolute = ["stem", "lever.end"]}
+pivot = {revolute = ["ground.high", "lever.start"], branch = "+"}
+[drives]
+bore = {law = "0.4 + 0.05 * sin(t)"}
+[solve]
+preset = "rigid"
+duration = 1.0
+"""
+    (tmp_path / "cylinder.toml").write_text(scene)
+    with pytest.raises(SceneError, match="position of barrel, lever, stem does not follow from the drives"):
+        load(read_scene(tmp_path / "cylinder.toml"))
+
+
+def test_modes_are_said_to_be_where_the_guide_stands(tmp_path):
+    """Without a place to take them at the modes are those of t = 0, and the page says so in millimetres."""
+    path = tmp_path / "shaken.toml"
+    law = SHAKEN.replace("TURN", repr(2 * math.pi / 40)).replace("0.001 * sin", "0.05 + 0.001 * sin")
+    path.write_text(law)
+    assert at_drive(load(read_scene(path))) == "bore = 50 mm"
+    path.write_text(law.replace("steps = 800", 'steps = 800\nmode_angle = "50.5 mm"'))
+    model = load(read_scene(path))
+    assert at_drive(model) == "bore = 50.5 mm"
+    assert math.sin(40 * model.reference_time) == pytest.approx(0.5, abs=1e-3)

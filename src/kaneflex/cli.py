@@ -198,9 +198,14 @@ def _mode_count(model: Model, count: int | None) -> int:
 
 def _modes_as_data(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> dict[str, object]:
     drive = next(iter(model.scene.drives), None)
+    at = {"at_deg": {}}
+    if drive is not None and model.scene.slides(drive):
+        at = {"at_m": {drive: model.reference_coordinate}}
+    elif drive is not None:
+        at = {"at_deg": {drive: round(math.degrees(model.options.mode_angle), 12)}}
     return {
         "scene": model.scene.name,
-        "at_deg": {} if drive is None else {drive: round(math.degrees(model.options.mode_angle), 12)},
+        **at,
         "coordinates": list(model.coordinates),
         "frequencies_hz": hertz.tolist(),
         "mode_shapes": shapes.tolist(),

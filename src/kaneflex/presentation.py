@@ -174,7 +174,7 @@ def at_drive(model: Model) -> str:
     drive = next(iter(model.scene.drives), None)
     if drive is None:
         return ""
-    return f"{drive} = {model.scene.written_coordinate(drive, model.options.mode_angle)}"
+    return f"{drive} = {model.scene.written_coordinate(drive, model.reference_coordinate)}"
 
 
 def parts(scene: Scene) -> str:

@@ -87,7 +87,7 @@ def _title(solution: Solution) -> str:
     drive = next(iter(model.scene.drives), None)
     at = ""
     if drive:
-        at = f" at {angle_name(solution, drive)} {model.scene.written_coordinate(drive, model.options.mode_angle)}"
+        at = f" at {angle_name(solution, drive)} {model.scene.written_coordinate(drive, model.reference_coordinate)}"
     return f"Mode shapes{at}, undamped"
 
 

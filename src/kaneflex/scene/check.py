@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.laws import parse_law
+from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
-from kaneflex.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 
 def problems_of(scene: Scene) -> list[Problem]:
@@ -22,7 +22,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_joints(scene),
         *_masses(scene),
         *_poses(scene),
-        *_drives(scene),
+        *drive_problems(scene),
         *_loads(scene),
         *_sensors(scene),
         *_horizon(scene),
@@ -125,61 +125,6 @@ def _poses(scene: Scene) -> Iterator[Problem]:
         yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
 
 
-def _drives(scene: Scene) -> Iterator[Problem]:
-    for name in scene.drives:
-        if name not in scene.joints:
-            yield Problem(
-                f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
-            )
-        elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
-            reason = "in a law this is the speed of another drive"
-            yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
-        elif scene.joints[name].kind == "weld":
-            yield Problem(f"drives.{name}", None, "a weld does not move", "Drive a revolute or a prismatic joint")
-        else:
-            yield from _drive_quantities(scene, name)
-        drive = scene.drives[name]
-        try:
-            if drive.kind == "law":
-                parse_law(drive.law, ("t",))
-            elif drive.kind == "table":
-                drive.read_table()
-        except Fault as fault:
-            field = fault.below or drive.kind
-            yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
-
-
-def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
-    """A drive's quantities must be those of its joint, which turns or slides."""
-    drive, slides = scene.drives[name], scene.slides(name)
-    wrong, right = ("angle", "position") if slides else ("position", "angle")
-    kind = "a guide slides" if slides else "a revolute joint turns"
-    if wrong in drive.model_fields_set:
-        wrote = written(scene.raw, ("drives", name, wrong))
-        yield Problem(f"drives.{name}.{wrong}", wrote, kind, f"Give {right}")
-    if slides and drive.cycle is not None:
-        wrote = written(scene.raw, ("drives", name, "cycle"))
-        reason = "a guide at constant speed never comes back"
-        yield Problem(f"drives.{name}.cycle", wrote, reason, "Leave it out, or give a law with its period")
-    if drive.kind == "table" and (drive.table_dimension is LENGTH) != slides:
-        cure = "Give a unit of length, like unit = 'mm'" if slides else "Give a unit of angle, like unit = 'deg'"
-        yield Problem(f"drives.{name}.unit", drive.unit, kind, cure)
-    for field in ("speed", "initial_speed"):
-        yield from _of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
-    if name == next(iter(scene.drives)):
-        yield from _of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
-
-
-def _of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
-    """A quantity that fits a joint that turns and one that slides, now that its joint is known."""
-    wrote = written(scene.raw, path)
-    try:
-        if wrote is not None:
-            to_si(wrote, dimension)
-    except Fault as fault:
-        yield Problem(".".join(path), wrote, f"{kind}; {fault.reason}", fault.cure)
-
-
 def _masses(scene: Scene) -> Iterator[Problem]:
     for name, mass in scene.masses.items():
         yield from _address(scene, f"masses.{name}.at", mass.at, ground=False)
@@ -196,7 +141,7 @@ def _loads(scene: Scene) -> Iterator[Problem]:
             kind = scene.joints[load.torque_at].kind
             reason = f"a {kind} joint does not turn"
             yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, "Name a revolute joint")
-        if load.against in scene.drives and scene.joints[load.against].kind == "prismatic":
+        if load.against in scene.drives and load.against in scene.joints and scene.slides(load.against):
             reason = "a load's table is read against an angle or the time; this drive slides"
             cure = f"Write a law in {load.against}, which is in m, or a table against t"
             yield Problem(f"loads.{name}.against", load.against, reason, cure)
