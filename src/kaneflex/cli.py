@@ -151,7 +151,7 @@ def _report(summary: Summary, folder: Path) -> None:
 @scene_options
 @click.option(
     "--at", metavar="DRIVE=ANGLE",
-    help="Configuration, like main=90deg; a plain number is in rad. [default: solve.mode_angle of the scene]",
+    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
 )  # fmt: skip
 @click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
