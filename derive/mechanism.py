@@ -54,6 +54,11 @@ class JointModel:
     branch: sm.Expr = sm.S.One
     angle: sm.Expr = sm.S.Zero
 
+    @property
+    def start_name(self) -> str:
+        """What a drive's coordinate at t = 0 is called in the scene."""
+        return "position" if self.kind == "prismatic" else "angle"
+
 
 @dataclass(frozen=True)
 class DriveModel:
@@ -173,8 +178,9 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             for course in COURSES:
                 number(f"{name}.{course}", "1")
         elif drive["kind"] != "law":
-            number(f"{name}.speed", "rad/s")
-            number(f"{name}.angle", "rad")
+            slides = joints[name].kind == "prismatic"
+            number(f"{name}.speed", "m/s" if slides else "rad/s")
+            number(f"{name}.{joints[name].start_name}", "m" if slides else "rad")
         if drive["kind"] == "spin up":
             number(f"{name}.spin_up", "s")
     loads = {}

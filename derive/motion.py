@@ -78,7 +78,8 @@ def derive_motion(mechanism: Mechanism) -> Motion:
     solved = _solve(mechanism, equations, _drives(mechanism, steps), steps)
     scalars = []
     for name, drive in solved.drives.items():
-        scalars.append(Scalar(f"{name}.angle", "rad", "coordinate of the drive", drive.angle))
+        unit = "m" if mechanism.joints[name].kind == "prismatic" else "rad"
+        scalars.append(Scalar(f"{name}.angle", unit, "coordinate of the drive", drive.angle))
     for name in mechanism.bodies:
         scalars += _body_scalars(name, solved.rates.poses[name], solved.rates.value[name])
     for constraint in equations.constraints:
@@ -210,7 +211,7 @@ def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.
     if drive.kind == "table":
         start = mechanism.symbol(f"{name}.table")
         return table(T, start), table_rate(T, start), table_curvature(T, start)
-    start, speed = mechanism.symbol(f"{name}.angle"), mechanism.symbol(f"{name}.speed")
+    start, speed = mechanism.symbol(f"{name}.{mechanism.joints[name].start_name}"), mechanism.symbol(f"{name}.speed")
     if drive.kind == "constant speed":
         return start + speed * T, speed, sm.S.Zero
     # The smooth spin-up of Kane, Ryan & Banerjee (1987): theta'' = (speed / end) (1 - cos(2 pi t / end)) until ``end``.

@@ -117,6 +117,45 @@ def test_an_elastic_double_pendulum_keeps_its_energy_and_its_joints():
     assert max(trajectory.drift) < 1e-6
 
 
+CART = """
+schema = 1
+description = "A cart with a mast, pushed along its rail"
+[bodies]
+cart = {mass = "2 kg"}
+mast = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["2 mm", "20 mm"]}, elements = 6}}
+[joints]
+rail = {prismatic = ["ground", "cart"], direction = [1, 0]}
+foot = {weld = ["cart", "mast.start"], relative_angle = "90 deg"}
+[drives]
+rail = {free = true}
+[loads]
+push = {force_on = "cart", direction = [1, 0], law = "3 * sin(20 * t)"}
+[sensors]
+slide = {position = "rail"}
+tip = {displacement = "mast.end", component = "y"}
+[solve]
+preset = "coupled"
+duration = "0.5 s"
+steps = 1000
+"""
+
+
+def test_a_pushed_cart_and_its_mast_take_up_the_impulse(tmp_path):
+    """Momentum of cart and mast against the integral of the force; the mast's from its nodes by Simpson's rule."""
+    (tmp_path / "cart.toml").write_text(CART)
+    solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "cart.toml")))
+    motion, mast = solution.coupled, solution.model.links["mast"]
+    v_x = np.array([motion.place("mast", (node, 0.0), k)[1][0] for k, node in enumerate(mast.nodes)])
+    weights = np.array([1, 4, 2, 4, 2, 4, 1]) / 18
+    momentum = 2.0 * motion.body("cart")[1][0] + 7850.0 * 40e-6 * 0.5 * weights @ v_x
+    impulse = 3 / 20 * (1 - np.cos(20 * solution.times))
+    assert len(mast.nodes) == 7
+    assert abs(momentum - impulse).max() < 1e-4 * impulse.max()
+    assert solution.coupled.trajectory.energy.drift < 1e-7
+    assert abs(solution.series["tip"].values).max() > 1e-4
+    assert solution.series["slide"].values == pytest.approx(motion.body("cart")[0][0], abs=1e-12)
+
+
 def test_the_order_of_bodies_does_not_matter():
     scene = read_scene("four-bar-motor")
     turned = scene.model_copy(update={"bodies": dict(reversed(scene.bodies.items()))})

@@ -169,7 +169,9 @@ def _number(scene: Scene, owner: str, name: str) -> float:
     if owner == "ground":
         point, _, axis = name.partition(".")
         return scene.ground[point]["xy".index(axis)]
-    if owner in scene.drives and name in ("speed", "angle", "spin_up"):
+    if owner in scene.drives and name in ("angle", "position"):
+        return scene.drives[owner].start
+    if owner in scene.drives and name in ("speed", "spin_up"):
         return getattr(scene.drives[owner], name)
     if owner in scene.joints and name == "branch":
         return 1.0 if scene.joints[owner].branch == "+" else -1.0

@@ -118,7 +118,9 @@ def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
     if drive is None or drive.speed == 0:
         return 0.0
     if drive.kind == "constant speed":
-        return (options.mode_angle - drive.angle) / drive.speed
+        time = (options.mode_angle - drive.start) / drive.speed
+        # a turn comes round again at any time, but beyond the run a guide's linkage may not even close
+        return time if not scene.slides(name) or 0.0 <= time <= scene.horizon else 0.0
     times = np.linspace(0.0, scene.horizon, 4001)
     ahead = motion.at(times)[f"{name}.angle"] - options.mode_angle
     crossings = np.flatnonzero(ahead[:-1] * ahead[1:] <= 0.0)

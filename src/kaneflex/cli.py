@@ -151,7 +151,7 @@ def _report(summary: Summary, folder: Path) -> None:
 @scene_options
 @click.option(
     "--at", metavar="DRIVE=ANGLE",
-    help="Configuration, like main=90deg; a plain number is in rad. [default: solve.mode_angle of the scene]",
+    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
 )  # fmt: skip
 @click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
@@ -198,9 +198,14 @@ def _mode_count(model: Model, count: int | None) -> int:
 
 def _modes_as_data(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> dict[str, object]:
     drive = next(iter(model.scene.drives), None)
+    at = {"at_deg": {}}
+    if drive is not None and model.scene.slides(drive):
+        at = {"at_m": {drive: model.reference_coordinate}}
+    elif drive is not None:
+        at = {"at_deg": {drive: round(math.degrees(model.options.mode_angle), 12)}}
     return {
         "scene": model.scene.name,
-        "at_deg": {} if drive is None else {drive: round(math.degrees(model.options.mode_angle), 12)},
+        **at,
         "coordinates": list(model.coordinates),
         "frequencies_hz": hertz.tolist(),
         "mode_shapes": shapes.tolist(),

@@ -28,7 +28,7 @@ set_option = click.option(
 )  # fmt: skip
 @click.option(
     "--at", "places", multiple=True, metavar="DRIVE=ANGLE",
-    help="Configuration, like main=30deg; a plain number is in rad. Can be repeated. [default: as the run starts]",
+    help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
 )  # fmt: skip
 @force_option
 def show(
@@ -85,7 +85,7 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
 @set_option
 @click.option(
     "--at", metavar="DRIVE=ANGLE",
-    help="Configuration, like main=90deg; a plain number is in rad. [default: solve.mode_angle of the scene]",
+    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
 )  # fmt: skip
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
 @click.option(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -49,26 +48,28 @@ def read(name: str, settings: list[str]) -> Scene:
 
 
 def configuration(scene: Scene, at: str) -> tuple[str, float]:
-    """Drive and coordinate [rad] of "DRIVE=ANGLE", like main=90deg; a plain number is in rad."""
+    """Drive and coordinate [rad or m] of "DRIVE=ANGLE", like main=90deg; a guide's like bore=20mm; plain numbers SI."""
     from kaneflex.errors import Fault
-    from kaneflex.units import ANGLE, to_si
+    from kaneflex.units import ANGLE, LENGTH, to_si
 
     drive, equals, angle = at.partition("=")
     if not equals:
         raise SceneError("--at", at, "not of the form DRIVE=ANGLE", "Write like --at main=90deg")
     if drive not in scene.drives:
         raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
+    dimension = LENGTH if scene.slides(drive) else ANGLE
     try:
-        coordinate = to_si(float(angle) if _is_number(angle) else angle, ANGLE)
+        coordinate = to_si(float(angle) if _is_number(angle) else angle, dimension)
     except Fault as fault:
         raise SceneError("--at", at, fault.reason, fault.cure) from None
     if _is_number(angle) and coordinate:
-        click.echo(f"--at {at}: a plain number is in rad, so {math.degrees(coordinate):.6g} deg", err=True)
+        read = scene.written_coordinate(drive, coordinate)
+        click.echo(f"--at {at}: a plain number is in {dimension.unit}, so {read}", err=True)
     return drive, coordinate
 
 
 def mode_angle(scene: Scene, at: str) -> float:
-    """The angle [rad] of "DRIVE=ANGLE", where DRIVE is the scene's first drive."""
+    """The coordinate [rad or m] of "DRIVE=ANGLE", where DRIVE is the scene's first drive."""
     drive, angle = configuration(scene, at)
     first = next(iter(scene.drives))
     if drive != first:

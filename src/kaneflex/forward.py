@@ -45,7 +45,7 @@ def integrate_free_joints(
 
     free = module.FREE
     start = np.array(
-        [scene.drives[name].angle for name in free] + [scene.drives[name].initial_speed for name in free]
+        [scene.drives[name].start for name in free] + [scene.drives[name].initial_speed for name in free]
     )
 
     def rates(t: float, state: np.ndarray) -> np.ndarray:
@@ -72,7 +72,7 @@ def integrate_free_joints(
 def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
     """``parameters`` with free joints that keep their initial speeds over ``duration`` [s]."""
     times = np.array([0.0, duration / 2, duration])
-    start = np.array([scene.drives[name].angle for name in module.FREE])[:, None]
+    start = np.array([scene.drives[name].start for name in module.FREE])[:, None]
     speed = np.array([scene.drives[name].initial_speed for name in module.FREE])[:, None]
     states = np.concatenate([start + speed * times, np.broadcast_to(speed, (len(module.FREE), 3))])
     return with_courses(module, parameters, times, states, np.zeros((len(module.FREE), 3)))

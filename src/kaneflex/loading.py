@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -116,9 +115,9 @@ def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
             continue
         index = int(np.argmax(~(margin > 0.0)))
         drive = next(iter(scene.drives))
-        angle = math.degrees(float(rigid[f"{drive}.angle"][index]))
+        at = scene.written_coordinate(drive, float(rigid[f"{drive}.angle"][index]))
         raise SceneError(
             f"joints.{joint}", scene.joints[joint].branch,
-            f"the loop can't close: at {drive} = {angle:.6g} deg the rod does not reach the guide",
+            f"the loop can't close: at {drive} = {at} the rod does not reach the guide",
             "Lengthen the rod or shorten the crank, or limit the drive's range",
         )  # fmt: skip

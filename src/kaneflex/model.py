@@ -23,6 +23,9 @@ from kaneflex.scene import Scene
 if TYPE_CHECKING:
     from kaneflex.coupled.system import CoupledSystem
 
+REACHED = {"rad": 1e-3, "m": 1e-5}
+"""Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -141,6 +144,15 @@ class Model:
     def in_short(self) -> str:
         """Name, preset and degrees of freedom."""
         return f"{self.scene.name}, {self.options.preset}, {self.equations.size} degrees of freedom"
+
+    @property
+    def reference_coordinate(self) -> float:
+        """Coordinate of the first drive at ``reference_time`` [rad or m]: a guide may never stand where it is asked."""
+        asked, drive = self.options.mode_angle, next(iter(self.scene.drives))
+        if not self.scene.slides(drive):
+            return asked
+        stands = float(self.motion.at(self.reference_time)[f"{drive}.angle"][0])
+        return asked if abs(stands - asked) < REACHED["m"] else stands
 
     @property
     def module(self) -> ModuleType:

@@ -154,8 +154,9 @@ def _truncates(modes: int | str, dynamics: str) -> bool:
 
 
 def default_steps(scene: Scene, duration: float) -> int:
-    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all; 2000 where no drive has a speed."""
-    fastest = max((abs(drive.speed or 0.0) for drive in scene.drives.values()), default=0.0)
+    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all; 2000 where no drive turns at a speed."""
+    speeds = (abs(drive.speed or 0.0) for name, drive in scene.drives.items() if not scene.slides(name))
+    fastest = max(speeds, default=0.0)
     turns = fastest * duration / (2 * math.pi)
     if not fastest:
         return 2000

@@ -77,7 +77,7 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
 
 
 def start_coordinate(scene: Scene, name: str) -> float:
-    """Coordinate of a drive at t = 0 [rad]."""
+    """Coordinate of a drive at t = 0 [rad or m]."""
     drive = scene.drives[name]
     if drive.kind == "law":
         functions = {key: getattr(math, key) for key in FUNCTIONS if key != "abs"} | {"abs": abs}
@@ -86,7 +86,7 @@ def start_coordinate(scene: Scene, name: str) -> float:
         from kaneflex.tables import evaluate_block
 
         return float(evaluate_block(drive.read_table().coefficients(drive.period), 0.0))
-    return drive.angle
+    return drive.start
 
 
 def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
@@ -160,7 +160,7 @@ def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.nd
         if _on_branch(scene, poses, closed, group, joints):
             return {name: closed[name] for name in group}
     closing = next((name for name in joints if name in scene.loop_joints()), joints[-1])
-    at = ", ".join(f"{name} = {math.degrees(value):.6g} deg" for name, value in rows.drives.items())
+    at = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in rows.drives.items())
     raise SceneError(
         f"joints.{closing}", scene.joints[closing].branch, f"the linkage can't close at {at}: {', '.join(group)}",
         "Change the lengths, or show another configuration",

@@ -179,7 +179,9 @@ def _time(seconds: float) -> str:
 def at_drive(model: Model) -> str:
     """The configuration of the reference modes, "main = 90 deg"; empty without a drive."""
     drive = next(iter(model.scene.drives), None)
-    return "" if drive is None else f"{drive} = {math.degrees(model.options.mode_angle):.6g} deg"
+    if drive is None:
+        return ""
+    return f"{drive} = {model.scene.written_coordinate(drive, model.reference_coordinate)}"
 
 
 def parts(scene: Scene) -> str:
@@ -249,14 +251,19 @@ def _load(scene: Scene, name: str) -> str:
 
 def _drive(scene: Scene, name: str) -> str:
     drive = scene.drives[name]
+    start = scene.written_coordinate(name, drive.start)
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
     if drive.kind in ("law", "table"):
         return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
     if drive.kind == "free":
-        return f"free, from {math.degrees(drive.angle):.6g} deg at {drive.initial_speed * 30.0 / math.pi:.6g} rpm"
+        return f"free, from {start} at {_speed(scene, name, drive.initial_speed)}"
     if drive.kind == "spin up":
         cycle = f", reached in {drive.spin_up:.6g} s"
-    return f"{drive.speed * 30.0 / math.pi:.6g} rpm from {math.degrees(drive.angle):.6g} deg{cycle}"
+    return f"{_speed(scene, name, drive.speed)} from {start}{cycle}"
+
+
+def _speed(scene: Scene, drive: str, speed: float) -> str:
+    return f"{speed:.6g} m/s" if scene.slides(drive) else f"{speed * 30.0 / math.pi:.6g} rpm"
 
 
 def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:

@@ -24,7 +24,8 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
     -------
     xarray.Dataset
         Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, counted on from cycle to
-        cycle; a variable for each sensor, and ``NAME_rigid`` beside the forces, with CF ``units`` and ``long_name``.
+        cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
+        forces, with CF ``units`` and ``long_name``.
         Attributes say what was solved and how it ended; none depends on the machine or the clock.
     """
     import xarray
@@ -34,6 +35,10 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
     model = solution.model
     coordinates = {"time": ("time", solution.times, {"units": "s", "long_name": "time", "axis": "T"})}
     for drive, angle in solution.drive_angles.items():
+        if model.scene.slides(drive):
+            attributes = {"units": "m", "long_name": f"position of the drive {drive}"}
+            coordinates[f"drive_position_{drive}"] = ("time", angle, attributes)
+            continue
         attributes = {"units": "degree", "long_name": f"angle of the drive {drive}"}
         coordinates[f"drive_angle_{drive}"] = ("time", np.degrees(angle), attributes)
     variables = {

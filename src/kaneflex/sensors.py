@@ -14,7 +14,7 @@ from kaneflex.model import RigidMotion
 from kaneflex.reactions import consistent_reactions
 from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import RIGID_COMPANIONS, Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, Sensor
 
 if TYPE_CHECKING:
     from kaneflex.solution import Solution
@@ -84,7 +84,7 @@ class _Reader:
     def read(self, sensor: Sensor) -> np.ndarray:
         if self.steps == 0:  # a run that stopped before its first instant
             return np.zeros(0)
-        if sensor.kind in ("joint_force", "drive_torque") and not self.model.balances:
+        if sensor.kind in ("joint_force", *DRIVE_KINDS) and not self.model.balances:
             return self.read_rigid(sensor)
         return getattr(self, f"_{sensor.kind}")(sensor)
 
@@ -92,7 +92,7 @@ class _Reader:
         """The value of the rigid mechanism."""
         if sensor.kind == "axial_force":
             return self._rigid_section(sensor.target)[0]
-        if sensor.kind == "drive_torque":
+        if sensor.kind in DRIVE_KINDS:
             return self.rigid[f"{sensor.target}.drive"]
         return self._joint_component(sensor, lambda name: self.rigid[name])
 
@@ -323,6 +323,8 @@ class _Reader:
 
     def _drive_torque(self, sensor: Sensor) -> np.ndarray:
         return self.reactions[f"{sensor.target}.drive"]
+
+    _drive_force = _drive_torque
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""

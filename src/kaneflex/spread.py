@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.model import Model
+from kaneflex.scene.sensors import DRIVE_KINDS
 
 ANGLES = 12
 """Crank angles, equally spaced over a turn, at which the model is frozen."""
-_RIGID_KINDS = ("joint_force", "drive_torque")
+_RIGID_KINDS = ("joint_force", *DRIVE_KINDS)
 
 
 def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, tuple[float, float]]:

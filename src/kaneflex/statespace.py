@@ -19,12 +19,12 @@ import numpy as np
 
 from kaneflex.affine import Affine
 from kaneflex.errors import OutputError, SceneError, nearest
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import REACHED, Model, RigidMotion
 from kaneflex.placing import Placement, drive_rates
-from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.writing import write_bytes
 
-FORCES = ("joint_force", "drive_torque")
+FORCES = ("joint_force", *DRIVE_KINDS)
 """Sensors that need equations which balance at every instant: those of a frozen model don't."""
 
 
@@ -45,7 +45,7 @@ class StateSpace:
     t : float
         The instant [s].
     drives : mapping of str to float
-        Coordinate of each drive at the instant [rad].
+        Coordinate of each drive at the instant [rad or m].
     """
 
     M: np.ndarray
@@ -104,9 +104,10 @@ def check_reached(model: Model) -> None:
     """Raise SceneError if the first drive never stands at ``solve.mode_angle``: then there is no such instant."""
     drive = next(iter(model.scene.drives))
     angle = float(model.motion.at(model.reference_time)[f"{drive}.angle"][0])
-    if abs(angle - model.options.mode_angle) > _REACHED:
-        wanted = f"{np.degrees(model.options.mode_angle):.6g} deg"
-        raise SceneError("--at", wanted, f"{drive} never stands there", "Choose an angle within the drive's range")
+    slides = model.scene.slides(drive)
+    if abs(angle - model.options.mode_angle) > REACHED["m" if slides else "rad"]:
+        wanted = model.scene.written_coordinate(drive, model.options.mode_angle)
+        raise SceneError("--at", wanted, f"{drive} never stands there", "Choose a place within the drive's range")
 
 
 def _undated(mat: bytes) -> bytes:
@@ -185,9 +186,6 @@ def _chosen(model: Model, names: Sequence[str] | None) -> dict[str, Sensor]:
             raise SceneError("sensors", name, reason, "Leave it out, or use preset linear or stiffened")
     return {name: available[name] for name in names}
 
-
-_REACHED = 1e-3
-"""Largest distance [rad] from the angle that was asked for."""
 
 Shift = dict[str, float]
 """Scalar of the motion -> what one unit of an input adds to it."""

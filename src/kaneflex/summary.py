@@ -31,7 +31,7 @@ class Instant(_Table):
 
     time_s: float = Field(description="time, s")
     drive_deg: float | None = Field(
-        description="angle of the first drive, degrees: within its cycle where it has one; null without a drive"
+        description="angle of the first drive that turns, degrees: within its cycle where it has one; null without"
     )
 
 
@@ -202,8 +202,10 @@ def _mean(values: np.ndarray, times: np.ndarray) -> float:
 
 
 def drive_degrees(solution: Solution) -> np.ndarray | None:
-    """Angle of the first drive in degrees, within its cycle where it has one; None without a drive."""
+    """Angle of the first drive that turns in degrees, within its cycle where it has one; None where none does."""
     for name, drive in solution.model.scene.drives.items():
+        if solution.model.scene.slides(name):
+            continue
         degrees = np.degrees(solution.drive_angles[name])
         if drive.cycle is None:
             return degrees

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.coupled.motion import CoupledMotion
+from kaneflex.coupled.motion import CoupledMotion, Rates
 from kaneflex.coupled.run import CoupledTrajectory, integrate, rigid_state
 from kaneflex.coupled.system import BODY, CoupledSystem
 from kaneflex.errors import SceneError
@@ -17,6 +17,7 @@ from kaneflex.forward import with_courses
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model, Motion, RigidMotion
 from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
 from kaneflex.solution import Solution
 
 _CYCLES = 100
@@ -63,18 +64,33 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
     return Solution(model, plain, seconds, motion)
 
 
-def _coordinate(motion: CoupledMotion, drive: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinate [rad] of a revolute drive between the deformed bodies, with its rates."""
-    sides = []
-    for address in motion.model.scene.joints[drive].addresses:
-        if address.body == "ground":
-            sides.append((0.0, 0.0, 0.0))
-            continue
-        link = motion.system.links.get(address.body)
-        at = motion.model.scene.point(address)
-        node = link.node_at(at[0]) if link is not None else None
-        sides.append(tuple(part[2] for part in motion.place(address.body, at, node)))
-    return tuple(second - first for first, second in zip(*sides, strict=True))
+def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
+    """Coordinate of a drive between the deformed bodies [rad, or m along its guide], with its rates."""
+    joint = motion.model.scene.joints[drive]
+    first, second = (_side(motion, address) for address in joint.addresses)
+    gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
+    if joint.kind != "prismatic":
+        return gap[2], gap_rate[2], gap_accel[2]
+    (angle, omega, epsilon), (t_x, t_y) = (part[2] for part in first), joint.direction
+    t = np.array([np.cos(angle) * t_x - np.sin(angle) * t_y, np.sin(angle) * t_x + np.cos(angle) * t_y])
+    n = np.array([-t[1], t[0]])
+
+    def dot(direction: np.ndarray, vector: np.ndarray) -> np.ndarray:
+        return (direction * vector[:2]).sum(axis=0)
+
+    along, across = dot(t, gap), dot(n, gap)
+    accel = dot(t, gap_accel) + 2 * omega * dot(n, gap_rate) + epsilon * across - omega**2 * along
+    return along, dot(t, gap_rate) + omega * across, accel
+
+
+def _side(motion: CoupledMotion, address: Address) -> Rates:
+    """Place and section angle of a joint's point on one of its bodies, (3, n_times), with rates."""
+    at = motion.model.scene.point(address)
+    if address.body == "ground":
+        still = np.zeros((3, len(motion.trajectory.times)))
+        return still + np.array([[at[0]], [at[1]], [0.0]]), still, still
+    link = motion.system.links.get(address.body)
+    return motion.place(address.body, at, link.node_at(at[0]) if link is not None else None)
 
 
 def _length(scene: Scene) -> float:
@@ -88,7 +104,8 @@ def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMo
     q, counted = q.copy(), {"ground"}
     angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
-    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives if name not in turns}
+    pins = [name for name in scene.drives if scene.joints[name].kind == "revolute"]
+    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in pins}
     while len(counted) < len(angle):
         near = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
         if not near:  # no joint prescribes the turn of what is left against what is counted

@@ -86,4 +86,6 @@ def _caption(shown: View, k: int) -> str:
     time = f"t = {1e3 * shown.times[k]:.2f} ms" if shown.times[-1] < 0.5 else f"t = {shown.times[k]:.2f} s"
     if drive is None:
         return time
-    return f"{angle_name(shown.solution, drive)} {math.degrees(shown.rigid[f'{drive}.angle'][k]):.0f} deg, {time}"
+    scene, coordinate = shown.solution.model.scene, float(shown.rigid[f"{drive}.angle"][k])
+    at = f"{1e3 * coordinate:.1f} mm" if scene.slides(drive) else f"{math.degrees(coordinate):.0f} deg"
+    return f"{angle_name(shown.solution, drive)} {at}, {time}"

@@ -85,7 +85,9 @@ def _panels(count: int, size: float, outlines: tuple[Outline, ...], fixed) -> tu
 def _title(solution: Solution) -> str:
     model = solution.model
     drive = next(iter(model.scene.drives), None)
-    at = f" at {angle_name(solution, drive)} {math.degrees(model.options.mode_angle):g} deg" if drive else ""
+    at = ""
+    if drive:
+        at = f" at {angle_name(solution, drive)} {model.scene.written_coordinate(drive, model.reference_coordinate)}"
     return f"Mode shapes{at}, undamped"
 
 

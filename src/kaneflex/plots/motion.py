@@ -93,9 +93,13 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
 
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
     """What each drive must apply to hold its speed."""
-    names = [name for name in shown.solution.model.scene.drives if f"{name}.drive" in shown.rigid]
-    curves = [(name, shown.rigid[f"{name}.drive"]) for name in names]
-    return [("Torque that holds the speed", "torque", "N m", curves)] if curves else []
+    scene, found = shown.solution.model.scene, []
+    for quantity, unit, slides in (("torque", "N m", False), ("force", "N", True)):
+        names = [name for name in scene.drives if scene.slides(name) == slides and f"{name}.drive" in shown.rigid]
+        if names:
+            curves = [(name, shown.rigid[f"{name}.drive"]) for name in names]
+            found.append((f"{quantity.capitalize()} that holds the speed", quantity, unit, curves))
+    return found
 
 
 def _with_means(axes: Axes, shown: View, curves: Curves, unit: str, title: str, quantity: str) -> None:

@@ -53,7 +53,7 @@ def scheme(scene: Scene, placement: Placement) -> Figure:
     title = f"{scene.name}: {scene.description}" if scene.description else scene.name
     sensors = _sensors_by_place(scene, placement)
     _arrange(figure, axes, shape, title, _listed(sensors))
-    axes.set_title(_configuration(placement))
+    axes.set_title(_configuration(scene, placement))
     draw_scenery(axes, fixed)
     grounded = {name: scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
     draw_guides(axes, fixed, grounded, drawn)
@@ -82,8 +82,8 @@ def _arrange(figure: Figure, axes: Axes, shape: np.ndarray, title: str, listed: 
     figure.text((_LEFT + width + 0.2) / total[0], top, listed, **style)
 
 
-def _configuration(placement: Placement) -> str:
-    angles = ", ".join(f"{name} = {math.degrees(value):.6g} deg" for name, value in placement.drives.items())
+def _configuration(scene: Scene, placement: Placement) -> str:
+    angles = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in placement.drives.items())
     return f"at {angles}" if angles else ""
 
 
@@ -160,8 +160,24 @@ class _Parts:
         drive = self.scene.drives[name]
         text = {"free": "free", "law": "law", "table": "table"}.get(drive.kind)
         if text is None:
-            text = f"{drive.speed * 30.0 / math.pi:.4g} rpm"
+            slides = self.scene.slides(name)
+            text = f"{drive.speed:.4g} m/s" if slides else f"{drive.speed * 30.0 / math.pi:.4g} rpm"
+        if self.scene.slides(name):
+            self._sliding(name, text, back=(drive.speed or 0.0) < 0.0, dashed=drive.kind == "free")
+            return
         self._turning(name, DRIVE, text, clockwise=(drive.speed or 0.0) < 0.0, dashed=drive.kind == "free")
+
+    def _sliding(self, joint: str, text: str, back: bool, dashed: bool) -> None:
+        """An arrow along a driven guide, from the point that slides."""
+        first, second = self.scene.joints[joint].addresses
+        start, along = self.at(second), np.array(self.scene.joints[joint].direction)
+        if first.body != "ground":
+            angle = self.placement.poses[first.body][2]
+            along = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ along
+        end = start + (-1.0 if back else 1.0) * 2.0 * _ARC * self.size * along
+        self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle="--" if dashed else "-", zorder=4.6)
+        self._arrow(end - 1e-3 * (end - start), end, DRIVE)
+        self.labels.add(text, end, DRIVE, size=8)
 
     def _turning(
         self, joint: str, colour: str, text: str, radius: float = _ARC, clockwise: bool = False, dashed: bool = False

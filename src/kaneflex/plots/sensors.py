@@ -19,7 +19,7 @@ _ONE_COLUMN = 4
 _QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
-    "joint_force": "force", "drive_torque": "torque",
+    "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
 }  # fmt: skip
 
 

@@ -72,10 +72,11 @@ class View:
 
     @cached_property
     def drive(self) -> str | None:
-        """The drive whose angle is the abscissa: the one with the cycle that the run covers."""
+        """The drive whose angle is the abscissa: the one with the cycle that the run covers, where it turns."""
+        scene = self.solution.model.scene
         if not self.solution.model.options.cycles:
             return None
-        return next((name for name, drive in self.solution.model.scene.drives.items() if drive.period), None)
+        return next((name for name, drive in scene.drives.items() if drive.period and not scene.slides(name)), None)
 
     @cached_property
     def _time(self) -> tuple[float, str]:
@@ -108,6 +109,7 @@ def view(solution: Solution) -> View:
 
 
 def angle_name(solution: Solution, drive: str) -> str:
-    """A drive's angle, named by the body that it turns."""
+    """A drive's angle or position, named by the body that it moves."""
     first, second = (address.body for address in solution.model.scene.joints[drive].addresses)
-    return f"{second if second != 'ground' else first} angle"
+    kind = "position" if solution.model.scene.slides(drive) else "angle"
+    return f"{second if second != 'ground' else first} {kind}"

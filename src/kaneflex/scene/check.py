@@ -8,9 +8,10 @@ from collections.abc import Iterator
 
 from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.laws import parse_law
+from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, written
-from kaneflex.scene.sensors import MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
 
 
 def problems_of(scene: Scene) -> list[Problem]:
@@ -21,7 +22,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_joints(scene),
         *_masses(scene),
         *_poses(scene),
-        *_drives(scene),
+        *drive_problems(scene),
         *_loads(scene),
         *_sensors(scene),
         *_horizon(scene),
@@ -124,29 +125,6 @@ def _poses(scene: Scene) -> Iterator[Problem]:
         yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
 
 
-def _drives(scene: Scene) -> Iterator[Problem]:
-    for name in scene.drives:
-        if name not in scene.joints:
-            yield Problem(
-                f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
-            )
-        elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
-            reason = "in a law this is the speed of another drive"
-            yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
-        elif scene.joints[name].kind != "revolute":
-            reason = f"a {scene.joints[name].kind} joint cannot be driven in this version"
-            yield Problem(f"drives.{name}", None, reason, "Drive a revolute joint")
-        drive = scene.drives[name]
-        try:
-            if drive.kind == "law":
-                parse_law(drive.law, ("t",))
-            elif drive.kind == "table":
-                drive.read_table()
-        except Fault as fault:
-            field = fault.below or drive.kind
-            yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
-
-
 def _masses(scene: Scene) -> Iterator[Problem]:
     for name, mass in scene.masses.items():
         yield from _address(scene, f"masses.{name}.at", mass.at, ground=False)
@@ -163,6 +141,11 @@ def _loads(scene: Scene) -> Iterator[Problem]:
             kind = scene.joints[load.torque_at].kind
             reason = f"a {kind} joint does not turn"
             yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, "Name a revolute joint")
+        if load.against in scene.drives and load.against in scene.joints and scene.slides(load.against):
+            reason = "a load's table is read against an angle or the time; this drive slides"
+            cure = f"Write a law in {load.against}, which is in m, or a table against t"
+            yield Problem(f"loads.{name}.against", load.against, reason, cure)
+            continue
         if load.against not in (None, "t", *scene.drives):
             cure = nearest(load.against, ["t", *scene.drives])
             yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)
@@ -182,9 +165,8 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         key = f"sensors.{name}"
         if sensor.kind in POINT_KINDS:
             yield from _point_sensor(scene, key, sensor)
-        elif sensor.kind == "drive_torque" and sensor.target not in scene.drives:
-            cure = nearest(sensor.target, scene.drives)
-            yield Problem(f"{key}.drive_torque", sensor.target, "no drive of that name", cure)
+        elif sensor.kind in DRIVE_KINDS:
+            yield from _drive_sensor(scene, key, sensor)
         elif sensor.kind == "joint_force":
             yield from _joint_sensor(scene, key, sensor)
         base = name.removesuffix("_rigid")
@@ -213,6 +195,18 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         yield Problem(
             f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"
         )
+
+
+def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    if sensor.target not in scene.drives:
+        cure = nearest(sensor.target, scene.drives)
+        yield Problem(f"{key}.{sensor.kind}", sensor.target, "no drive of that name", cure)
+    elif sensor.target in scene.joints:
+        slides = scene.slides(sensor.target)
+        right = "drive_force" if slides else "drive_torque"
+        if sensor.kind != right:
+            kind = "slides" if slides else "turns"
+            yield Problem(f"{key}.{sensor.kind}", sensor.target, f"that drive {kind}", f"Write {right}")
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -7,10 +7,10 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
-from kaneflex.scene.quantities import Angle, AngularSpeed, NonNegativeRatio, PositiveAngle, PositiveTime
+from kaneflex.scene.quantities import Angle, DriveSpeed, Length, NonNegativeRatio, PositiveAngle, PositiveTime
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.tables import Table, read_table
-from kaneflex.units import ANGLE
+from kaneflex.units import ANGLE, LENGTH, Dimension, unit_factor
 
 _KINDS = ("speed", "law", "table", "free")
 _BELONGS_TO = {
@@ -31,15 +31,17 @@ class Drive(SceneTable):
     `unit`, against time in s. `cycle` (rad) is the angle of a constant speed, `period` (s) the time of a law or table,
     in which everything repeats. A `free` joint follows the forces (forward dynamics), from `angle` and `initial_speed`
     (rad/s) at t = 0; its motor is a load. `rotation` is the elastic rotation at the driven joint: held by the drive, or
-    free.
+    free. A guide's drive prescribes its coordinate in m: `position` (m) stands in the place of `angle`, speeds are in
+    m/s, a table's `unit` is one of length, and there is no `cycle`.
     """
 
-    speed: AngularSpeed | None = None
+    speed: DriveSpeed | None = None
     law: str | None = None
     table: str | None = None
     free: Literal[True] | None = None
-    initial_speed: AngularSpeed = 0.0
+    initial_speed: DriveSpeed = 0.0
     angle: Angle = 0.0
+    position: Length | None = None
     spin_up: PositiveTime | None = None
     cycle: PositiveAngle | None = None
     column: str | None = None
@@ -51,8 +53,9 @@ class Drive(SceneTable):
     @model_validator(mode="after")
     def _consistent(self) -> Drive:
         given = the_one_given(self, _KINDS)
-        if "angle" in self.model_fields_set and given not in ("speed", "free"):
-            raise Fault(f"a {given} says where the joint starts", "Leave it out", below="angle")
+        for field in ("angle", "position"):
+            if field in self.model_fields_set and given not in ("speed", "free"):
+                raise Fault(f"a {given} says where the joint starts", "Leave it out", below=field)
         for field, owner in _BELONGS_TO.items():
             if field in self.model_fields_set and given != owner:
                 raise Fault(f"belongs to a {owner}; this drive has a {given}", "Leave it out", below=field)
@@ -77,9 +80,23 @@ class Drive(SceneTable):
             return self.repeat
         return self.cycle / abs(self.speed) if self.cycle is not None and self.speed else None
 
+    @property
+    def start(self) -> float:
+        """Coordinate at t = 0 of a joint with a speed or a free one, in rad, or in m where it slides."""
+        return self.angle if self.position is None else self.position
+
+    @property
+    def table_dimension(self) -> Dimension:
+        """What the table's `unit` measures: a length, or else an angle."""
+        try:
+            unit_factor(self.unit, LENGTH)
+        except Fault:
+            return ANGLE
+        return LENGTH
+
     def read_table(self) -> Table:
-        """The drive's table, in rad over s. Raises Fault as `kaneflex.tables.read_table` does."""
-        table = read_table(self.table, self.column, self.unit, "s", ANGLE)
+        """The drive's table, in rad or m over s. Raises Fault as `kaneflex.tables.read_table` does."""
+        table = read_table(self.table, self.column, self.unit, "s", self.table_dimension)
         if self.repeat is not None:
             table.check_period(self.repeat, self.closing)
         return table

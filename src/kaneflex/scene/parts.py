@@ -15,6 +15,7 @@ from kaneflex.scene.quantities import (
     AngleOrTime,
     CountOrAll,
     Direction,
+    DriveCoordinate,
     ForceOrTorque,
     FrequencyPair,
     Inertia,
@@ -203,7 +204,7 @@ class Solve(SceneTable):
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
-    mode_angle: Angle = 0.0
+    mode_angle: DriveCoordinate = 0.0
     terms: dict[str, bool] = Field(default={})
     tolerance: PositiveRatio = Field(
         default=1e-8, description="preset coupled: error of a step, as a share of the longest body, and in rad"

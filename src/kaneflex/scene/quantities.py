@@ -56,6 +56,23 @@ def _positive(dimension: Dimension) -> Any:
     return _quantity(dimension, lowest=0.0, zero=False)
 
 
+def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
+    """A quantity of a joint that turns or slides; which of them it must be, the scene's check knows."""
+
+    def convert(value: object) -> float:
+        try:
+            return to_si(value, turning)
+        except Fault as fault:
+            try:
+                return to_si(value, sliding)
+            except Fault:
+                raise fault from None
+
+    written = f"{turning.name}, {turning.unit}; of a guide {sliding.name}, {sliding.unit}; or a string with a unit"
+    schema = {"type": ["number", "string"], "description": written}
+    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema)]
+
+
 def _vector(dimension: Dimension) -> Any:
     def convert(value: object) -> tuple[float, float]:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
@@ -151,7 +168,8 @@ PositiveModulus = _positive(units.MODULUS)
 PositiveDensity = _positive(units.DENSITY)
 Angle = _quantity(units.ANGLE)
 PositiveAngle = _positive(units.ANGLE)
-AngularSpeed = _quantity(units.ANGULAR_SPEED)
+DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
+DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -101,13 +102,21 @@ class Scene(SceneTable):
         """Loads that turn two bodies against each other at a joint."""
         return {name: load for name, load in self.loads.items() if load.torque_at is not None}
 
+    def slides(self, drive: str) -> bool:
+        """Whether a drive's coordinate is that of a guide [m], and no angle [rad]."""
+        return self.joints[drive].kind == "prismatic"
+
+    def written_coordinate(self, drive: str, value: float) -> str:
+        """A drive's coordinate [rad or m] for messages and tables, like "90 deg" or "12.5 mm"."""
+        return f"{1e3 * value:.6g} mm" if self.slides(drive) else f"{math.degrees(value):.6g} deg"
+
     @property
     def is_frame(self) -> bool:
         """Whether this is a structure that doesn't move: its bodies have poses and nothing is driven."""
         return any(body.pose is not None for body in self.bodies.values())
 
     def law_names(self) -> tuple[str, ...]:
-        """Names that a law may use beside pi: t, each drive's angle (rad) and speed (rad/s)."""
+        """Names that a law may use beside pi: t, each drive's angle (rad; of a guide m) and speed (rad/s; m/s)."""
         return ("t", *self.drives, *(f"{name}_speed" for name in self.drives))
 
     def structure(self) -> dict[str, Any]:

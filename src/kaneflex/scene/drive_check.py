@@ -1,0 +1,66 @@
+"""What a scene's drives must satisfy: joints that move, and quantities of joints that turn or slide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kaneflex.errors import Fault, Problem, nearest
+from kaneflex.laws import parse_law
+from kaneflex.scene.scene import Scene, written
+from kaneflex.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
+
+
+def drive_problems(scene: Scene) -> Iterator[Problem]:
+    """What is wrong with the drives: their joints, and quantities that are not those of their joints."""
+    for name in scene.drives:
+        if name not in scene.joints:
+            yield Problem(
+                f"drives.{name}", None, "no joint of that name to drive", nearest(name, scene.joints)
+            )
+        elif name.removesuffix("_speed") in scene.drives and name.endswith("_speed"):
+            reason = "in a law this is the speed of another drive"
+            yield Problem(f"drives.{name}", None, reason, "Choose another name for the joint")
+        elif scene.joints[name].kind == "weld":
+            yield Problem(f"drives.{name}", None, "a weld does not move", "Drive a revolute or a prismatic joint")
+        else:
+            yield from _drive_quantities(scene, name)
+        drive = scene.drives[name]
+        try:
+            if drive.kind == "law":
+                parse_law(drive.law, ("t",))
+            elif drive.kind == "table":
+                drive.read_table()
+        except Fault as fault:
+            field = fault.below or drive.kind
+            yield Problem(f"drives.{name}.{field}", getattr(drive, field), fault.reason, fault.cure)
+
+
+def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
+    """A drive's quantities must be those of its joint, which turns or slides."""
+    drive, slides = scene.drives[name], scene.slides(name)
+    wrong, right = ("angle", "position") if slides else ("position", "angle")
+    kind = "a guide slides" if slides else "a revolute joint turns"
+    if wrong in drive.model_fields_set:
+        wrote = written(scene.raw, ("drives", name, wrong))
+        yield Problem(f"drives.{name}.{wrong}", wrote, kind, f"Give {right}")
+    if slides and drive.cycle is not None:
+        wrote = written(scene.raw, ("drives", name, "cycle"))
+        reason = "a guide at constant speed never comes back"
+        yield Problem(f"drives.{name}.cycle", wrote, reason, "Leave it out, or give a law with its period")
+    if drive.kind == "table" and (drive.table_dimension is LENGTH) != slides:
+        cure = "Give a unit of length, like unit = 'mm'" if slides else "Give a unit of angle, like unit = 'deg'"
+        yield Problem(f"drives.{name}.unit", drive.unit, kind, cure)
+    for field in ("speed", "initial_speed"):
+        yield from _of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
+    if name == next(iter(scene.drives)):
+        yield from _of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
+
+
+def _of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
+    """A quantity that fits a joint that turns and one that slides, now that its joint is known."""
+    wrote = written(scene.raw, path)
+    try:
+        if wrote is not None:
+            to_si(wrote, dimension)
+    except Fault as fault:
+        yield Problem(".".join(path), wrote, f"{kind}; {fault.reason}", fault.cure)
