@@ -143,6 +143,8 @@ def _number(scene: Scene, owner: str, name: str) -> float:
         return scene.ground[point]["xy".index(axis)]
     if owner in scene.drives and name in ("speed", "angle", "spin_up"):
         return getattr(scene.drives[owner], name)
+    if owner in scene.springs:
+        return getattr(scene.springs[owner], name)
     if owner in scene.joints and name == "branch":
         return 1.0 if scene.joints[owner].branch == "+" else -1.0
     if owner in scene.masses:

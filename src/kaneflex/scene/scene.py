@@ -12,6 +12,7 @@ from kaneflex.scene.drives import Drive
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
 
 
@@ -47,6 +48,7 @@ class Scene(SceneTable):
     masses: dict[str, Mass] = Field(default={})
     drives: dict[str, Drive] = Field(default={})
     loads: dict[str, Load] = Field(default={})
+    springs: dict[str, Spring] = Field(default={})
     damping: Damping | None = None
     sensors: dict[str, Sensor] = Field(default={})
     solve: Solve = Solve()
