@@ -11,7 +11,7 @@ from kaneflex.model import Model
 
 ANGLES = 12
 """Crank angles, equally spaced over a turn, at which the model is frozen."""
-_RIGID_KINDS = ("joint_force", "drive_torque")
+_RIGID_KINDS = ("joint_force", "drive_torque", "spring_force", "spring_torque")
 
 
 def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, tuple[float, float]]:

@@ -104,6 +104,13 @@ class Scene(SceneTable):
         return {name: load for name, load in self.loads.items() if load.torque_at is not None}
 
     @property
+    def joint_torques(self) -> dict[str, tuple[str, float]]:
+        """Scalars of the motion that are torques at joints: name -> joint, sign on the joint's second body."""
+        loads = {name: (load.torque_at, 1.0) for name, load in self.torques.items()}
+        at = {name: spring.torsional_at for name, spring in self.springs.items()}
+        return loads | {f"{name}.torque": (joint, -1.0) for name, joint in at.items() if joint is not None}
+
+    @property
     def is_frame(self) -> bool:
         """Whether this is a structure that doesn't move: its bodies have poses and nothing is driven."""
         return any(body.pose is not None for body in self.bodies.values())
