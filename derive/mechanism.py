@@ -92,6 +92,22 @@ class LoadModel:
     law: str | None
 
 
+@dataclass(frozen=True)
+class SpringModel:
+    """A spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
+
+    ``free`` is the free length [m], or the free angle [rad] of the joint's second body against the first.
+    """
+
+    name: str
+    first: BodyPoint
+    second: BodyPoint
+    joint: str | None
+    stiffness: sm.Expr
+    damping: sm.Expr
+    free: sm.Expr
+
+
 @dataclass
 class _Parameters:
     """Parameters in the order in which they are first used."""
@@ -117,6 +133,7 @@ class Mechanism:
     masses: dict[str, MassModel]
     drives: dict[str, DriveModel]
     loads: dict[str, LoadModel]
+    springs: dict[str, SpringModel]
     gravity: Vector
     frame: bool
     viscous: bool
@@ -196,6 +213,18 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
         elif load["kind"] == "table":
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")
+    springs = {}
+    for name, spring in structure.get("springs", {}).items():
+        joint = spring.get("torsional_at")
+        if joint is None:
+            first, second = (point(address) for address in spring["between"])
+            free, unit = pattern(spring["length"], f"{name}.length", "m"), "N{}/m"
+        else:
+            first, second = joints[joint].first, joints[joint].second
+            free, unit = pattern(spring["angle"], f"{name}.angle", "rad"), "N m{}/rad"
+        stiffness = pattern(spring["stiffness"], f"{name}.stiffness", unit.format(""))
+        damping = pattern(spring["damping"], f"{name}.damping", unit.format(" s"))
+        springs[name] = SpringModel(name, first, second, joint, stiffness, damping, free)
     gravity = tuple(pattern(structure["gravity"][k], f"gravity_{'xy'[k]}", "m/s^2") for k in range(2))
     switches = structure["frame"], structure["viscous"]
-    return Mechanism(bodies, joints, masses, drives, loads, gravity, *switches, number.entries)
+    return Mechanism(bodies, joints, masses, drives, loads, springs, gravity, *switches, number.entries)

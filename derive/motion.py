@@ -22,6 +22,7 @@ from kaneflex.derive.mechanism import BodyPoint, Mechanism, Vector
 from kaneflex.derive.program import Program
 from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
 from kaneflex.derive.scalars import Scalar
+from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
 
 
@@ -85,7 +86,7 @@ def derive_motion(mechanism: Mechanism) -> Motion:
     for constraint in equations.constraints:
         value = solved.reactions[constraint.multiplier]
         scalars.append(Scalar(constraint.name, constraint.unit, constraint.meaning, value))
-    scalars += _load_scalars(mechanism, solved.loads)
+    scalars += [*_load_scalars(mechanism, solved.loads), *solved.springs]
     for name, margin in solved.margins.items():
         scalars.append(Scalar(f"{name}.closure", "1", "margin of the loop: it can't close below zero", margin))
     elastic = [name for name, body in mechanism.bodies.items() if body.elastic]
@@ -126,11 +127,12 @@ def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
 
 @dataclass(frozen=True)
 class Solved:
-    """The rigid motion in symbols: drives, rates, loads, reactions by multiplier, margins of the loops."""
+    """The rigid motion in symbols: drives, rates, loads, springs, reactions by multiplier, margins of the loops."""
 
     drives: dict[str, Drive]
     rates: Rates
     loads: dict[str, sm.Expr]
+    springs: list[Scalar]
     reactions: dict[sm.Symbol, sm.Expr]
     margins: dict[str, sm.Expr]
 
@@ -139,7 +141,10 @@ def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Dr
     closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
     rates = Rates(mechanism, equations, drives, closure.poses, steps)
     loads = _loads(mechanism, drives, steps)
-    return Solved(drives, rates, loads, _reactions(equations, rates, loads, steps), closure.margins)
+    springs = spring_scalars(mechanism, {name: drive.angle for name, drive in drives.items()}, rates, steps)
+    pushes = loads | {scalar.name: scalar.value for scalar in springs}
+    reactions = _reactions(equations, rates, pushes, steps)
+    return Solved(drives, rates, loads, springs, reactions, closure.margins)
 
 
 def _still(mechanism: Mechanism) -> Motion:
@@ -313,10 +318,10 @@ def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scal
 
 
 def _reactions(
-    equations: RigidEquations, rates: Rates, loads: dict[str, sm.Expr], steps: Steps
+    equations: RigidEquations, rates: Rates, pushes: dict[str, sm.Expr], steps: Steps
 ) -> dict[sm.Symbol, sm.Expr]:
     """Joint reactions and drive torques: fr + fr* + J^T lambda = 0, one row per free coordinate of a body."""
-    magnitude = {equations.magnitude[name]: value for name, value in loads.items()}
+    magnitude = {symbol: pushes[name] for name, symbol in equations.magnitude.items()}
     rows = []
     row_names = iter(equations.balance)
     for name in equations.speeds:

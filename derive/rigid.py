@@ -24,7 +24,7 @@ from sympy.physics.mechanics import (
     inertia,
 )
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
+from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, SpringModel, Vector
 
 TIME = dynamicsymbols._t
 
@@ -76,7 +76,7 @@ class RigidEquations:
     drive_coordinate : dict
         Drive -> its coordinate as a function of time.
     magnitude : dict
-        Load -> symbol of its magnitude [N].
+        Load -> symbol of its magnitude [N]; likewise the components of springs' forces and their torques.
     """
 
     coordinates: dict[str, Coordinates]
@@ -120,6 +120,8 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         point.v2pt_theory(start, system.frame, frame)
         axes = system.frame if load.axes == "global" else frame
         system.add_loads(Force(point, magnitude[name] * (load.direction[0] * axes.x + load.direction[1] * axes.y)))
+    for spring in mechanism.springs.values():
+        magnitude |= _add_spring(system, mechanism, spring, points)
     # Every coordinate free: the constraints enter by their multipliers, not by dependent speeds.
     kane = KanesMethod(system.frame, q_ind=list(system.q), u_ind=list(system.u), kd_eqs=list(system.kdes))
     fr, fr_star = kane.kanes_equations(list(system.bodies), list(system.loads))
@@ -132,11 +134,27 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
     return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
 
 
-def _add_torque(system: System, joint: JointModel, torque: sm.Symbol, points) -> None:
+def _add_torque(system: System, joint: JointModel, torque: sm.Expr, points) -> None:
     """A torque on the second body of a joint, and its opposite on the first."""
     for side, sign in ((joint.second, 1), (joint.first, -1)):
         if side.body != GROUND:
             system.add_loads(Torque(points[side.body][0], sign * torque * system.frame.z))
+
+
+def _add_spring(system: System, mechanism: Mechanism, spring: SpringModel, points) -> dict[str, sm.Symbol]:
+    """A spring's force on its second point and the opposite on the first, or its torque, by their symbols."""
+    if spring.joint is not None:
+        torque = sm.Symbol(f"{spring.name}.torque")
+        _add_torque(system, mechanism.joints[spring.joint], -torque, points)  # a positive torque turns back
+        return {torque.name: torque}
+    force = [sm.Symbol(f"{spring.name}.force_{axis}") for axis in "xy"]
+    for side, sign in ((spring.second, 1), (spring.first, -1)):
+        if side.body != GROUND:
+            frame, start = points[side.body]
+            point = start.locatenew(f"{spring.name}_{side.body}", side.at[0] * frame.x + side.at[1] * frame.y)
+            point.v2pt_theory(start, system.frame, frame)
+            system.add_loads(Force(point, sign * (force[0] * system.x + force[1] * system.y)))
+    return {symbol.name: symbol for symbol in force}
 
 
 def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):

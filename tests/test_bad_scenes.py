@@ -281,6 +281,47 @@ BAD = {
     "name of a rigid companion": (
         "[sensors]", '[sensors]\ncrank_torque_rigid = {position = "rod"}',
         "sensors.crank_torque_rigid: the rigid value of crank_torque has this name. Choose another name."),
+    "spring without stiffness": (
+        "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"]}\n[sensors]',
+        "springs.band: neither stiffness nor damping. Give at least one of them."),
+    "spring on one body": (
+        "[sensors]", '[springs]\nband = {between = ["crank.start", "crank.end"], stiffness = 1}\n[sensors]',
+        "springs.band.between = ['crank.start', 'crank.end']: both ends are on the same body. "
+        "Name points of two bodies."),
+    "spring to nowhere": (
+        "[sensors]", '[springs]\nband = {between = ["ground", "crank.ende"], stiffness = 1}\n[sensors]',
+        "springs.band.between = 'crank.ende': crank has no point 'ende'. The nearest known one is 'end'."),
+    "spring on a beam": (
+        "[sensors]", '[springs]\nband = {between = ["ground", "rod.mid"], stiffness = 1}\n[sensors]',
+        "springs.band.between = 'rod.mid': rod has a beam: a spring on elastic bodies is not available in this "
+        "version. Attach it to a rigid body or to the ground."),
+    "negative stiffness": (
+        "[sensors]", '[springs]\nband = {between = ["ground", "crank"], stiffness = "-1 N/m"}\n[sensors]',
+        "springs.band.stiffness = '-1 N/m': a stiffness must not be negative. Write one like '20 kN/m'."),
+    "torsional spring in N/m": (
+        "[sensors]", '[springs]\nband = {torsional_at = "main", stiffness = "1 N/m"}\n[sensors]',
+        "springs.band.stiffness = '1 N/m': 'N/m' is not a unit of torsional stiffness. "
+        "Write a torsional stiffness like '12 N m/rad', or a plain number in N m/rad."),
+    "free length of a torsional spring": (
+        "[sensors]", '[springs]\nband = {torsional_at = "main", stiffness = 1, length = 1}\n[sensors]',
+        "springs.band.length = 1: has no meaning for torsional_at. Leave it out."),
+    "torsional spring at no joint": (
+        "[sensors]", '[springs]\nband = {torsional_at = "maim", stiffness = 1}\n[sensors]',
+        "springs.band.torsional_at = 'maim': no joint of that name. The nearest known one is 'main'."),
+    "torsional spring on a guide": (
+        "[sensors]", '[springs]\nband = {torsional_at = "bore", stiffness = 1}\n[sensors]',
+        "springs.band.torsional_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
+    "spring with a joint's name": (
+        "[sensors]", '[springs]\nmain = {torsional_at = "main", stiffness = 1}\n[sensors]',
+        "springs.main: it stands in joints already. Choose another name."),
+    "torque of a straight spring": (
+        "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
+        '\n[sensors]\nm = {spring_torque = "band"}',
+        "sensors.m.spring_torque = 'band': the other kind of spring. Measure its spring_force."),
+    "force of no spring": (
+        "[sensors]", '[springs]\nband = {between = ["ground", "crank.end"], stiffness = 1}'
+        '\n[sensors]\nm = {spring_force = "bnd"}',
+        "sensors.m.spring_force = 'bnd': no spring of that name. The nearest known one is 'band'."),
     "unknown preset": (
         '"stiffened"', '"stiffend"',
         "solve.preset = 'stiffend': unknown preset. The nearest known one is 'stiffened'."),

@@ -177,6 +177,14 @@ def test_starts():
     assert ringing["quasistatic"] < ringing["zero"]
 
 
+def test_springs_are_refused(tmp_path):
+    (tmp_path / "cart.toml").write_text(
+        CART + '[springs]\nback = {between = ["ground", "cart"], stiffness = "1 kN/m", length = "1 m"}\n'
+    )
+    with pytest.raises(SceneError, match="preset coupled has no springs between bodies yet"):
+        kaneflex.load(read_scene(tmp_path / "cart.toml"))
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "message"),
     [

@@ -27,7 +27,7 @@ HEADING_OF = {
     "Segment": "Segments",
     "Pose": "Poses",  # table of the scene file -> the heading under which its keys stand
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
-    "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
+    "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
     "Viscous": "Viscous damping", "Sensor": "Sensors", "Solve": "Solve",
 }  # fmt: skip
 SCHEMA = Scene.model_json_schema(by_alias=True)

@@ -173,6 +173,8 @@ def _number(scene: Scene, owner: str, name: str) -> float:
         return scene.drives[owner].start
     if owner in scene.drives and name in ("speed", "spin_up"):
         return getattr(scene.drives[owner], name)
+    if owner in scene.springs:
+        return getattr(scene.springs[owner], name)
     if owner in scene.joints and name == "branch":
         return 1.0 if scene.joints[owner].branch == "+" else -1.0
     if owner in scene.masses:

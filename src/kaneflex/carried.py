@@ -107,7 +107,23 @@ def check_elastic(scene: Scene) -> None:
     A guide must hold a rigid body: an elastic one would slide through its own deformation. Loads and lumped masses on
     a link lie on its axis, where its nodes are.
     """
-    carried_bodies(scene)
+    carried = carried_bodies(scene)
+    for name, spring in scene.springs.items():
+        bodies = [end.body for end in spring.ends]
+        if spring.torsional_at is not None:
+            bodies = [address.body for address in scene.joints[spring.torsional_at].addresses]
+            if scene.solve.preset == "paper" and any(scene.bodies[b].elastic for b in bodies if b != "ground"):
+                raise SceneError(
+                    f"springs.{name}", spring.torsional_at, "preset paper lets elastic bodies turn at a drive",
+                    "Use another preset, or leave the spring out",
+                )  # fmt: skip
+            bodies = [] if spring.torsional_at in scene.drives else bodies
+        for body in bodies:
+            if body in carried:
+                raise SceneError(
+                    f"springs.{name}", body, "a spring on a body that elastic links carry is not available yet",
+                    "Use preset rigid, or attach the spring to driven bodies and the ground",
+                )  # fmt: skip
     points = {f"loads.{name}.force_on": load.force_on for name, load in scene.forces.items()}
     points |= {f"masses.{name}.at": mass.at for name, mass in scene.masses.items()}
     for key, address in points.items():

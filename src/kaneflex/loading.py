@@ -17,12 +17,15 @@ from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, resolve_options
 from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
 
 Progress = Callable[[str], None]
 ONE_WAY = (
     "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
 )
 """Said of every run with free joints."""
+_MEETING = 1e-3
+"""Share of a spring's greatest length under which it has no direction."""
 _SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 
@@ -71,6 +74,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         p = integrate_free_joints(scene, module, motion.parameters, options.duration)
         motion, warnings = Motion(module, p), (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
+    check_springs(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
         "derive": derived,
@@ -120,4 +124,38 @@ def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
             f"joints.{joint}", scene.joints[joint].branch,
             f"the loop can't close: at {drive} = {at} the rod does not reach the guide",
             "Lengthen the rod or shorten the crank, or limit the drive's range",
+        )  # fmt: skip
+
+
+def check_springs(scene: Scene, motion: Motion, options: Options) -> None:
+    """Sweep as for the loops: a free length or a damper needs a direction, which points that meet don't have."""
+    directed = {name: s for name, s in scene.springs.items() if s.ends and (s.length or s.damping)}
+    if not directed:
+        return
+    rigid = motion.at(np.linspace(0.0, scene.period if options.cycles else options.duration, _SWEEP + 1))
+
+    def place(address: Address) -> np.ndarray:
+        x, y = scene.point(address)
+        if address.body == "ground":
+            return np.tile([[x], [y]], _SWEEP + 1)
+        c, s, x_0, y_0 = (rigid[f"{address.body}.{key}"] for key in ("c", "s", "x", "y"))
+        return np.array([x_0 + c * x - s * y, y_0 + s * x + c * y])
+
+    for name, spring in directed.items():
+        d = place(spring.between[1]) - place(spring.between[0])
+        step = np.diff(d)
+        # The closest approach may lie between two samples: on the straight line from one to the other.
+        share = np.clip(-(d[:, :-1] * step).sum(0) / np.maximum((step**2).sum(0), 1e-300), 0.0, 1.0)
+        nearest = np.hypot(*(d[:, :-1] + share * step))
+        if (nearest > _MEETING * np.hypot(*d).max()).all():
+            continue
+        index = int(np.argmin(nearest))
+        drive = next(iter(scene.drives), None)
+        at = ""
+        if drive is not None:
+            at = f" at {drive} = {scene.written_coordinate(drive, float(rigid[f'{drive}.angle'][index]))}"
+        raise SceneError(
+            f"springs.{name}.between", " and ".join(map(str, spring.between)),
+            f"its points meet{at}, where length and damping have no direction",
+            "Move one of the points, or give stiffness alone",
         )  # fmt: skip

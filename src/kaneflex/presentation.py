@@ -195,6 +195,7 @@ def parts(scene: Scene) -> str:
         block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
         block("drives", {name: _drive(scene, name) for name in scene.drives}),
         block("loads", {name: _load(scene, name) for name in scene.loads}),
+        block("springs", {name: _spring(scene, name) for name in scene.springs}),
         block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
     ]
     return "\n".join(filter(None, blocks))
@@ -247,6 +248,14 @@ def _joint(scene: Scene, name: str) -> str:
 def _load(scene: Scene, name: str) -> str:
     load = scene.loads[name]
     return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind} at {load.torque_at}"
+
+
+def _spring(scene: Scene, name: str) -> str:
+    spring = scene.springs[name]
+    per, where = ("N m{}/rad", f"at {spring.torsional_at}")
+    if spring.ends:
+        per, where = ("N{}/m", f"{spring.ends[0]} to {spring.ends[1]}, free length {1e3 * spring.length:.6g} mm")
+    return f"{spring.stiffness:.6g} {per.format('')}, {spring.damping:.6g} {per.format(' s')}, {where}"
 
 
 def _drive(scene: Scene, name: str) -> str:

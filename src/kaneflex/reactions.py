@@ -196,6 +196,12 @@ class _Balances:
                 push, arm = self._load(name, load), self._turn(body, scene.point(load.force_on))
                 total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
                 work += arm[0] * push[0] + arm[1] * push[1]
+        for name, spring in scene.springs.items():
+            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
+                if end.body == body:
+                    push = sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
+                    arm = self._turn(body, scene.point(end))
+                    total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
         total[2] -= self._torque(body, None)
         if carried and self.model.options.geometric:
             turn = self.rigid.apply(frame.bodies[body], self.coordinates[0])[2]
@@ -203,10 +209,11 @@ class _Balances:
         return total
 
     def _torque(self, body: str, node: int | None) -> np.ndarray:
-        """Sum of the torques that loads exert on a rigid body, or on a node of a link."""
+        """Sum of the torques that loads and springs exert on a rigid body, or on a node of a link."""
         total = np.zeros(self.steps)
-        for name, load in self.model.scene.torques.items():
-            for address, sign in zip(self.model.scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+        scene = self.model.scene
+        for name, (joint, on_second) in scene.joint_torques.items():
+            for address, sign in zip(scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if address.body == body and (node is None or self._node(address) == node):
                     total += sign * self.rigid[name]
         return total

@@ -264,8 +264,8 @@ class _Reader:
             if load.force_on == address:
                 direction = np.outer(load.direction, np.ones(self.steps))
                 force += self.rigid[name] * (direction if load.axes == "global" else self._turn(link, load.direction))
-        for name, load in self.scene.torques.items():
-            for side, sign in zip(self.scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+        for name, (joint, on_second) in self.scene.joint_torques.items():
+            for side, sign in zip(self.scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if side == address:
                     moment += sign * self.rigid[name]
         for mass in self.scene.masses.values():
@@ -325,6 +325,12 @@ class _Reader:
         return self.reactions[f"{sensor.target}.drive"]
 
     _drive_force = _drive_torque
+
+    def _spring_force(self, sensor: Sensor) -> np.ndarray:
+        return self.rigid[f"{sensor.target}.tension"]
+
+    def _spring_torque(self, sensor: Sensor) -> np.ndarray:
+        return self.rigid[f"{sensor.target}.torque"]
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""

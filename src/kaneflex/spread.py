@@ -12,7 +12,7 @@ from kaneflex.scene.sensors import DRIVE_KINDS
 
 ANGLES = 12
 """Crank angles, equally spaced over a turn, at which the model is frozen."""
-_RIGID_KINDS = ("joint_force", *DRIVE_KINDS)
+_RIGID_KINDS = ("joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
 
 
 def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, tuple[float, float]]:

@@ -43,6 +43,10 @@ FREQUENCY = Dimension("a frequency", "Hz", "3039 Hz")
 FORCE = Dimension("a force", "N", "1.2 kN")
 TORQUE = Dimension("a torque", "N m", "170 N m")
 VISCOSITY = Dimension("a force per length and velocity", "N s/m^2", "12 N s/m^2")
+STIFFNESS = Dimension("a stiffness", "N/m", "20 kN/m")
+TORSIONAL_STIFFNESS = Dimension("a torsional stiffness", "N m/rad", "12 N m/rad")
+DAMPING = Dimension("a damping", "N s/m", "5 N s/m")
+TORSIONAL_DAMPING = Dimension("a torsional damping", "N m s/rad", "0.1 N m s/rad")
 RATIO = Dimension("a ratio", "", "0.02")
 
 _SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciprocals of exact numbers

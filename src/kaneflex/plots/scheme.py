@@ -125,6 +125,8 @@ class _Parts:
             self._drive(name)
         for name in self.scene.forces:
             self._force(name)
+        for name in self.scene.springs:
+            self._spring(name)
         for name, load in self.scene.torques.items():
             self._turning(load.torque_at, LOAD, name, radius=1.5 * _ARC)
         if self.scene.gravity != (0.0, 0.0):
@@ -205,6 +207,26 @@ class _Parts:
         self.labels.block(np.linspace(tail, head, 12))
         self.labels.add(name, tail, LOAD, size=8)
 
+    def _spring(self, name: str) -> None:
+        """A zigzag between two points, or a spiral around a joint."""
+        spring = self.scene.springs[name]
+        if spring.ends:
+            start, end = (self.at(address) for address in spring.ends)
+            along = end - start
+            length = np.hypot(*along)
+            across = np.array([-along[1], along[0]]) / length if length else np.zeros(2)
+            share = np.concatenate([[0.0, 0.2], np.linspace(0.225, 0.775, 12), [0.8, 1.0]])
+            swing = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], 6), [0.0, 0.0]])
+            line = start + np.outer(share, along) + 0.02 * self.size * np.outer(swing, across)
+        else:
+            turn = np.linspace(0.0, 5.0 * np.pi, 90)
+            around = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+            centre = self.at(self.scene.joints[spring.torsional_at].addresses[0])
+            line = centre + 1.2 * _ARC * self.size * (turn / turn[-1])[:, None] * around
+        self.axes.plot(*line.T, color="#555555", linewidth=1.2, zorder=3.8)
+        self.labels.block(line)
+        self.labels.add(name, line[len(line) // 2], "#555555", size=8)
+
     def _gravity(self) -> None:
         g = np.array(self.scene.gravity)
         (left, _), (_, top) = self.axes.get_xlim(), self.axes.get_ylim()
@@ -225,6 +247,12 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
     found: dict[str, tuple[np.ndarray, list[str]]] = {}
     for name, sensor in scene.sensors.items():
         target = sensor.target
+        if sensor.kind in ("spring_force", "spring_torque"):
+            spring = scene.springs[target]
+            ends = spring.ends or scene.joints[spring.torsional_at].addresses
+            middle = 0.5 * sum(place_of(scene, placement.poses, end) for end in ends)
+            found.setdefault(f"spring {target}", (MM * middle, []))[1].append(name)
+            continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
         address = scene.joints[joint].addresses[1] if joint is not None else target
         key = joint if joint is not None else str(target)

@@ -24,6 +24,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_poses(scene),
         *drive_problems(scene),
         *_loads(scene),
+        *_springs(scene),
         *_sensors(scene),
         *_horizon(scene),
     ]
@@ -31,7 +32,7 @@ def problems_of(scene: Scene) -> list[Problem]:
 
 
 def _names(scene: Scene) -> Iterator[Problem]:
-    for table in ("ground", "bodies", "joints", "masses", "drives", "loads", "sensors"):
+    for table in ("ground", "bodies", "joints", "masses", "drives", "loads", "springs", "sensors"):
         for name in getattr(scene, table):
             key = f"{table}.{name}"
             if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
@@ -42,6 +43,11 @@ def _names(scene: Scene) -> Iterator[Problem]:
     for name in scene.joints:
         if name in scene.bodies:
             yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
+    for name in scene.springs:
+        for table in ("bodies", "joints", "masses", "loads"):
+            if name in getattr(scene, table):
+                reason = f"it stands in {table} already"
+                yield Problem(f"springs.{name}", None, reason, "Choose another name")
     for name, body in scene.bodies.items():
         for point in body.points:
             if not point.isidentifier():
@@ -160,6 +166,35 @@ def _loads(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
 
 
+def _springs(scene: Scene) -> Iterator[Problem]:
+    for name, spring in scene.springs.items():
+        key = f"springs.{name}"
+        if scene.is_frame:
+            cure = "Leave the spring out"
+            yield Problem(key, None, "a spring between bodies with poses is not available in this version", cure)
+        for end in spring.ends:
+            yield from _address(scene, f"{key}.between", end, ground=True)
+            if end.body in scene.bodies and scene.bodies[end.body].elastic:
+                reason = f"{end.body} has a beam: a spring on elastic bodies is not available in this version"
+                yield Problem(f"{key}.between", str(end), reason, "Attach it to a rigid body or to the ground")
+        if spring.torsional_at is not None:
+            yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
+
+
+def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
+    """Where elastic bodies meet without a drive, their rotations would stretch the spring."""
+    if name not in scene.joints:
+        yield Problem(key, name, "no joint of that name", nearest(name, scene.joints))
+        return
+    joint = scene.joints[name]
+    beams = [side.body for side in joint.addresses if side.body in scene.bodies and scene.bodies[side.body].elastic]
+    if joint.kind != "revolute":
+        yield Problem(key, name, f"a {joint.kind} joint does not turn", "Name a revolute joint")
+    elif beams and (name not in scene.drives or scene.drives[name].rotation != "held"):
+        reason = f"{beams[0]} has a beam: in this version a drive must hold the joint of an elastic body at a spring"
+        yield Problem(key, name, reason, f"Give drives.{name}, like {{free = true}}, or leave the beam out")
+
+
 def _sensors(scene: Scene) -> Iterator[Problem]:
     for name, sensor in scene.sensors.items():
         key = f"sensors.{name}"
@@ -167,6 +202,8 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield from _point_sensor(scene, key, sensor)
         elif sensor.kind in DRIVE_KINDS:
             yield from _drive_sensor(scene, key, sensor)
+        elif sensor.kind in ("spring_force", "spring_torque"):
+            yield from _spring_sensor(scene, key, sensor)
         elif sensor.kind == "joint_force":
             yield from _joint_sensor(scene, key, sensor)
         base = name.removesuffix("_rigid")
@@ -207,6 +244,20 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         if sensor.kind != right:
             kind = "slides" if slides else "turns"
             yield Problem(f"{key}.{sensor.kind}", sensor.target, f"that drive {kind}", f"Write {right}")
+
+
+def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    springs = {
+        name: "spring_force" if spring.torsional_at is None else "spring_torque"
+        for name, spring in scene.springs.items()
+    }
+    if sensor.target not in springs:
+        cure = nearest(sensor.target, springs)
+        yield Problem(f"{key}.{sensor.kind}", sensor.target, "no spring of that name", cure)
+    elif springs[sensor.target] != sensor.kind:
+        yield Problem(
+            f"{key}.{sensor.kind}", sensor.target, "the other kind of spring", f"Measure its {springs[sensor.target]}"
+        )
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -159,6 +159,7 @@ def _list_schema(item: list[str] | str, count: int, description: str) -> WithJso
 
 PositiveLength = _positive(units.LENGTH)
 Length = _quantity(units.LENGTH)
+NonNegativeLength = _quantity(units.LENGTH, lowest=0.0)
 PositiveMass = _positive(units.MASS)
 NonNegativeMass = _quantity(units.MASS, lowest=0.0)
 Inertia = _quantity(units.INERTIA, lowest=0.0)

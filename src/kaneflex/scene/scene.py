@@ -13,6 +13,7 @@ from kaneflex.scene.drives import Drive
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
 
 
@@ -48,6 +49,7 @@ class Scene(SceneTable):
     masses: dict[str, Mass] = Field(default={})
     drives: dict[str, Drive] = Field(default={})
     loads: dict[str, Load] = Field(default={})
+    springs: dict[str, Spring] = Field(default={})
     damping: Damping | None = None
     sensors: dict[str, Sensor] = Field(default={})
     solve: Solve = Solve()
@@ -109,6 +111,13 @@ class Scene(SceneTable):
     def written_coordinate(self, drive: str, value: float) -> str:
         """A drive's coordinate [rad or m] for messages and tables, like "90 deg" or "12.5 mm"."""
         return f"{1e3 * value:.6g} mm" if self.slides(drive) else f"{math.degrees(value):.6g} deg"
+
+    @property
+    def joint_torques(self) -> dict[str, tuple[str, float]]:
+        """Scalars of the motion that are torques at joints: name -> joint, sign on the joint's second body."""
+        loads = {name: (load.torque_at, 1.0) for name, load in self.torques.items()}
+        at = {name: spring.torsional_at for name, spring in self.springs.items()}
+        return loads | {f"{name}.torque": (joint, -1.0) for name, joint in at.items() if joint is not None}
 
     @property
     def is_frame(self) -> bool:

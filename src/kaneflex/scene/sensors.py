@@ -14,7 +14,7 @@ MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
 SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
 POINT_KINDS = MOTION_KINDS + SECTION_KINDS
 DRIVE_KINDS = ("drive_torque", "drive_force")
-KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS)
+KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
 RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS)
 """Kinds whose rigid value stands beside them under NAME_rigid."""
 
@@ -22,6 +22,7 @@ _UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
     "bending_moment": "N m", "shear_force": "N", "strain": "1", "joint_force": "N", "drive_torque": "N m",
     "drive_force": "N",
+    "spring_force": "N", "spring_torque": "N m",
 }  # fmt: skip
 _UNITS_OF_ANGLE = {
     "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad",
@@ -48,6 +49,8 @@ class Sensor(SceneTable):
     name a joint: its coordinate. axial_force (tension positive), bending_moment, shear_force, strain (at the
     height `fibre` above the axis). joint_force: the force (component angle: moment) of a joint on `body`, by
     default the joint's second one. drive_torque: what a drive must apply; drive_force: that of a guide's drive.
+    spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
+    turning.
     """
 
     displacement: AddressField | None = None
@@ -61,6 +64,8 @@ class Sensor(SceneTable):
     joint_force: str | None = None
     drive_torque: str | None = None
     drive_force: str | None = None
+    spring_force: str | None = None
+    spring_torque: str | None = None
     relative_to: Literal["frame", "chord", "start"] = "frame"
     component: Literal["x", "y", "angle"] = "x"
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)

@@ -25,7 +25,8 @@ def structure(scene: Scene) -> dict[str, Any]:
 
     Numbers stand as 0, in directions also as 1 and -1, where they are exactly that, else as "*".
     """
-    return {
+    springs = {"springs": {name: _spring(scene, name) for name in sorted(scene.springs)}} if scene.springs else {}
+    return springs | {
         "bodies": {name: _body(scene, name) for name in sorted(scene.bodies)},
         "points": _points(scene),
         "joints": {name: _joint(scene, name) for name in sorted(scene.joints)},
@@ -64,6 +65,7 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
     used = {address for joint in scene.joints.values() for address in joint.addresses}
+    used |= {address for spring in scene.springs.values() for address in spring.ends}
     used |= {load.force_on for load in scene.forces.values()} | {mass.at for mass in scene.masses.values()}
     return {
         str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)
@@ -109,6 +111,15 @@ def _load(scene: Scene, name: str) -> dict[str, Any]:
     if load.kind == "law":
         return entry | {"kind": "law", "law": parse_law(load.law, scene.law_names()).text}
     return entry | {"kind": "constant"}
+
+
+def _spring(scene: Scene, name: str) -> dict[str, Any]:
+    spring = scene.springs[name]
+    stiffness, damping = _zeros((spring.stiffness, spring.damping))
+    entry = {"stiffness": stiffness, "damping": damping}
+    if spring.torsional_at is not None:
+        return entry | {"torsional_at": spring.torsional_at, "angle": _zeros((spring.angle,))[0]}
+    return entry | {"between": [str(end) for end in spring.ends], "length": _zeros((spring.length,))[0]}
 
 
 def _zeros(numbers: tuple[float, ...]) -> list[Any]:

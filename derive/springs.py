@@ -1,0 +1,89 @@
+"""Forces of springs and dampers in the rigid motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import sympy as sm
+
+from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, SpringModel, Vector
+from kaneflex.derive.scalars import Scalar
+from kaneflex.derive.steps import Steps
+
+if TYPE_CHECKING:
+    from kaneflex.derive.motion import Rates
+
+
+def spring_scalars(
+    mechanism: Mechanism, drive_angle: dict[str, sm.Expr], rates: Rates, steps: Steps
+) -> list[Scalar]:
+    """Stretch and force of every spring, from the poses and velocities of the bodies."""
+    found = []
+    for spring in mechanism.springs.values():
+        if spring.joint is None:
+            found += _between_points(spring, rates, steps)
+        else:
+            found += _at_joint(spring, drive_angle, rates, steps)
+    return found
+
+
+def _between_points(spring: SpringModel, rates: Rates, steps: Steps) -> list[Scalar]:
+    """T = k (L - L0) + c L' along d, from the first point to the second: L = |d|, L' = d . d' / L.
+
+    With L0 = 0 and c = 0 the force is k d, which needs no direction and is regular also where the points meet.
+    """
+    name = spring.name
+    starts, rates_of = zip(*(_point(point, rates) for point in (spring.first, spring.second)), strict=True)
+    d = [steps.assign(sm.Symbol(f"{name}_d_{axis}"), b - a) for axis, a, b in zip("xy", *starts, strict=True)]
+    length = steps.assign(sm.Symbol(f"{name}_now"), sm.sqrt(d[0] ** 2 + d[1] ** 2))
+    if spring.free == 0 and spring.damping == 0:
+        tension = spring.stiffness * length
+        force = [-spring.stiffness * component for component in d]
+    else:
+        d_rate = [b - a for a, b in zip(*rates_of, strict=True)]
+        rate = (d[0] * d_rate[0] + d[1] * d_rate[1]) / length
+        tension = steps.assign(
+            sm.Symbol(f"{name}_pull"), spring.stiffness * (length - spring.free) + spring.damping * rate
+        )
+        force = [-tension * component / length for component in d]
+    force = [steps.assign(sm.Symbol(f"{name}_push_{axis}"), f) for axis, f in zip("xy", force, strict=True)]
+    on = f"force on {spring.second.body} by {spring.first.body}"
+    return [
+        Scalar(f"{name}.length", "m", "length of the spring", length),
+        Scalar(f"{name}.tension", "N", "tension of spring and damper", tension),
+        Scalar(f"{name}.force_x", "N", f"{on}, global x", force[0]),
+        Scalar(f"{name}.force_y", "N", f"{on}, global y", force[1]),
+    ]
+
+
+def _point(point: BodyPoint, rates: Rates) -> tuple[Vector, Vector]:
+    """Global position and velocity of a body-fixed point: r_O + R r, v_O + omega S R r."""
+    place, (x, y) = rates.poses[point.body].place(point), rates.poses[point.body].turn(point.at)
+    if point.body == GROUND:
+        return place, (sm.S.Zero, sm.S.Zero)
+    value = rates.value[point.body]
+    return place, (value["v_x"] - value["omega"] * y, value["v_y"] + value["omega"] * x)
+
+
+def _at_joint(spring: SpringModel, drive_angle: dict[str, sm.Expr], rates: Rates, steps: Steps) -> list[Scalar]:
+    """k (phi - phi_0) + c phi', phi the angle of the second body against the first.
+
+    At a driven joint phi counts whole turns; elsewhere the poses give it, within half a turn of the free angle.
+    """
+    name, first, second = spring.name, spring.first.body, spring.second.body
+    if spring.joint in drive_angle:
+        angle = drive_angle[spring.joint]
+    else:
+        a, b = rates.poses[first], rates.poses[second]
+        c, s = a.c * b.c + a.s * b.s, a.c * b.s - a.s * b.c
+        c_0, s_0 = sm.cos(spring.free), sm.sin(spring.free)
+        angle = steps.assign(
+            sm.Symbol(f"{name}_now"), spring.free + sm.atan2(s * c_0 - c * s_0, c * c_0 + s * s_0)
+        )
+    omega = {body: sm.S.Zero if body == GROUND else rates.value[body]["omega"] for body in (first, second)}
+    torque = spring.stiffness * (angle - spring.free) + spring.damping * (omega[second] - omega[first])
+    torque = steps.assign(sm.Symbol(f"{name}_torque_now"), torque)
+    return [
+        Scalar(f"{name}.angle", "rad", f"angle of {second} against {first} at the spring", angle),
+        Scalar(f"{name}.torque", "N m", f"torque on {first} by the spring, its opposite on {second}", torque),
+    ]
