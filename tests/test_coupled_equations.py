@@ -1,16 +1,22 @@
 """The coupled equations against hand-written forms, their limits and finite differences."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import sympy as sm
+from scipy.linalg import eigvalsh, null_space
 
 import kaneflex
+from kaneflex.building import reference_modes
 from kaneflex.coupled.simulation import simulate_coupled
 from kaneflex.deformation import shape_functions
 from kaneflex.derive.flexible import flexible_body
 from kaneflex.scene import read_scene, with_settings
 
-X, S, C = sm.Symbol("phi"), sm.sin(sm.Symbol("phi")), sm.cos(sm.Symbol("phi"))
+DATA = Path(__file__).parent / "data"
+S, C = sm.sin(sm.Symbol("phi")), sm.cos(sm.Symbol("phi"))
 
 
 def symbols(text):
@@ -172,3 +178,43 @@ def test_stiffness_at_speed_is_that_of_the_stiffened_model():
     expected = Phi.T @ total @ Phi
     rows = system.modal("beam")
     assert abs(K[rows, rows] - expected).max() < 1e-10 * abs(expected).max()
+
+
+HINGED = """
+schema = 1
+description = "A beam on a hub that turns freely"
+[bodies]
+beam = {{length = "1 m", beam = {{material = "steel", A = "100 mm^2", I = "1000 mm^4", elements = 16}}}}
+[joints]
+hinge = {{revolute = ["ground", "beam.start"]}}
+[masses]
+hub = {{at = "beam.start", inertia = {inertia}}}
+[drives]
+hinge = {{free = true}}
+[solve]
+preset = "coupled"
+modes = 5
+duration = "1 s"
+"""
+
+
+@pytest.mark.parametrize("ratio", ["0.01", "0.1", "0.5"])
+def test_a_free_hub_lets_the_beam_vibrate_as_hinged(tmp_path, ratio):
+    """Hinged-free beam with hub inertia eta rho A L^3 (tests/data/beam_frequency_factors.json); one way clamps it."""
+    table = json.loads((DATA / "beam_frequency_factors.json").read_text())["hub_pinned_free"]["table"][ratio]
+    (tmp_path / "hinged.toml").write_text(HINGED.format(inertia=float(ratio) * 0.785))
+    model = kaneflex.load(read_scene(tmp_path / "hinged.toml"))
+    system = model.coupled
+    n, m = system.size, len(system.constraints)
+    still = np.zeros(n)
+    M, _, _, _, G, _ = evaluate(system, 0.0, still, still)
+    K = np.zeros((n + m, n))
+    system.module.tangent(0.0, still, still, still, np.zeros(m), system.parameters, K, np.zeros_like(K))
+    Z = null_space(G)
+    squares = eigvalsh(Z.T @ K[:n] @ Z, Z.T @ M @ Z)
+    unit = np.sqrt(2.1e11 * 1e-9 / 0.785)
+    assert abs(squares[0]) < 1e-6 * squares[1]  # the turn of the whole
+    for found, row in zip(np.sqrt(squares[1:4]) / unit, table, strict=False):
+        assert found == pytest.approx(float(row["lam_sq"]), rel=1e-4)
+    clamped = reference_modes(model, 1)[0][0] / unit
+    assert clamped == pytest.approx(3.5160, rel=1e-4)
