@@ -17,7 +17,7 @@ import sympy as sm
 
 from kaneflex.derive.flexible import flexible_body
 from kaneflex.derive.laws import law_expression
-from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism
+from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism, SpringModel
 from kaneflex.derive.motion import T, drive_courses, table
 from kaneflex.derive.places import CoupledBody, Numbers, Places
 from kaneflex.derive.program import Program
@@ -50,6 +50,8 @@ class CoupledEquations:
         Joints first, then prescribed drives.
     loads : tuple of (name, Expr)
         Every load with its power.
+    springs : (Expr, Expr)
+        What all springs store, and the power that their dampers dissipate.
     steps : tuple
         What is assigned before all else: the drives' courses and the loads that depend on time alone.
     parameters : dict
@@ -61,6 +63,7 @@ class CoupledEquations:
     rows: tuple[Row, ...]
     forcing: tuple[sm.Expr, ...]
     loads: tuple[tuple[str, sm.Expr], ...]
+    springs: tuple[sm.Expr, sm.Expr]
     steps: tuple[tuple[sm.Symbol, sm.Expr], ...]
     parameters: dict[str, tuple[sm.Symbol, str]]
 
@@ -118,7 +121,13 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
         powers.append((name, size * sum(component * _rate(path, rate) for component, path in work)))
         for k, symbol in enumerate(q):
             total[k] += size * sum(component * path.diff(symbol) for component, path in work)
-    used = _used(bodies, rows, total, powers, steps)
+    springs = [_spring(mechanism, spring, places, rate) for spring in mechanism.springs.values()]
+    for k, symbol in enumerate(q):
+        for potential, drag, path in springs:
+            total[k] -= potential.diff(symbol) + drag * path.diff(symbol)
+    stored = sum((potential for potential, _, _ in springs), sm.S.Zero)
+    lost = sum((drag * _rate(path, rate) for _, drag, path in springs), sm.S.Zero)
+    used = _used(bodies, rows, [*total, stored, lost], powers, steps)
     parameters = {path: entry for path, entry in number.entries.items() if entry[0] in used}
     return CoupledEquations(
         mechanism,
@@ -126,9 +135,26 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
         tuple(rows),
         tuple(total),
         tuple(powers),
+        (stored, lost),
         tuple(steps.assignments),
         parameters,
     )
+
+
+def _spring(mechanism, spring: SpringModel, places: Places, rate) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
+    """Potential of a spring, the force of its damper, and the path along which the damper acts: its length or angle.
+
+    1/2 k (L - L_0)^2 and c L'; without free length and damper 1/2 k d . d, which is regular where the points meet.
+    """
+    if spring.joint is not None:
+        path = places.turn(mechanism.joints[spring.joint])
+        return spring.stiffness * (path - spring.free) ** 2 / 2, spring.damping * _rate(path, rate), path
+    start, end = places.place(spring.first), places.place(spring.second)
+    square = sum((b - a) ** 2 for a, b in zip(start, end, strict=True))
+    if spring.free == 0 and spring.damping == 0:
+        return spring.stiffness * square / 2, sm.S.Zero, sm.S.Zero
+    path = sm.sqrt(square)
+    return spring.stiffness * (path - spring.free) ** 2 / 2, spring.damping * _rate(path, rate), path
 
 
 def _used(bodies, rows, total, powers, steps) -> set[sm.Symbol]:
@@ -272,8 +298,8 @@ def programs(equations: CoupledEquations) -> tuple[Program, ...]:
     tangent = _matrix("K", _gradient(residual, q)) + _matrix("C", _gradient(residual, v))
 
     energies = [sum((body.weight for body in equations.bodies), sm.S.Zero)]
-    energies += [sum((body.strain for body in equations.bodies), sm.S.Zero)]
-    energies += [sum((body.dissipated for body in equations.bodies), sm.S.Zero)]
+    energies += [sum((body.strain for body in equations.bodies), equations.springs[0])]
+    energies += [sum((body.dissipated for body in equations.bodies), equations.springs[1])]
     energies += [power for _, power in equations.loads]
 
     def program(name: str, outputs, more: tuple[sm.Symbol, ...] = ()) -> Program:

@@ -177,12 +177,28 @@ def test_starts():
     assert ringing["quasistatic"] < ringing["zero"]
 
 
-def test_springs_are_refused(tmp_path):
-    (tmp_path / "cart.toml").write_text(
-        CART + '[springs]\nback = {between = ["ground", "cart"], stiffness = "1 kN/m", length = "1 m"}\n'
-    )
-    with pytest.raises(SceneError, match="preset coupled has no springs between bodies yet"):
-        kaneflex.load(read_scene(tmp_path / "cart.toml"))
+SPRINGS = """
+[springs]
+back = {between = ["ground.wall", "cart"], stiffness = "2 kN/m", length = "1 m", damping = "4 N s/m"}
+[ground]
+wall = ["-1 m", 0]
+"""
+
+
+def test_a_spring_and_its_damper_hold_the_cart(tmp_path):
+    """Tension k (L - L_0) + c L' of the cart's own slide, the cart's balance of forces, and that of the energy."""
+    sensors = 'pull = {spring_force = "back"}\n[solve]'
+    (tmp_path / "cart.toml").write_text(CART.replace("[solve]", sensors) + SPRINGS)
+    solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "cart.toml")))
+    motion = solution.coupled
+    slide, speed, accel = (part[0] for part in motion.body("cart"))
+    pull = solution.series["pull"].values
+    assert pull == pytest.approx(2000 * slide + 4 * speed, abs=1e-9)
+    foot = motion.reactions["foot.force_x"]
+    assert 2.0 * accel == pytest.approx(3 * np.sin(20 * solution.times) - pull - foot, abs=1e-7)
+    energy = motion.trajectory.energy
+    assert energy.dissipated[-1] > 1e-3 * energy.strain.max() > 0
+    assert energy.drift < 1e-6
 
 
 @pytest.mark.parametrize(

@@ -243,7 +243,7 @@ def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alo
         (
             'between = ["ground", "piston"], stiffness = 1', "stiffened",
             "springs.spring = 'piston': a spring on a body that elastic links carry is not available yet. "
-            "Use preset rigid, or attach the spring to driven bodies and the ground.",
+            "Use preset rigid or coupled, or attach the spring to driven bodies and the ground.",
         ),
         (
             'torsional_at = "pin", stiffness = 1', "rigid",

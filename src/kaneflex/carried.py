@@ -119,10 +119,10 @@ def check_elastic(scene: Scene) -> None:
                 )  # fmt: skip
             bodies = [] if spring.torsional_at in scene.drives else bodies
         for body in bodies:
-            if body in carried:
+            if body in carried and scene.solve.preset != "coupled":
                 raise SceneError(
                     f"springs.{name}", body, "a spring on a body that elastic links carry is not available yet",
-                    "Use preset rigid, or attach the spring to driven bodies and the ground",
+                    "Use preset rigid or coupled, or attach the spring to driven bodies and the ground",
                 )  # fmt: skip
     points = {f"loads.{name}.force_on": load.force_on for name, load in scene.forces.items()}
     points |= {f"masses.{name}.at": mass.at for name, mass in scene.masses.items()}

@@ -183,11 +183,6 @@ def _check_coupled(scene: Scene) -> None:
             f"{key}.rotation", rotation, "a choice of models with small displacements: here a joint is what it is",
             "Leave rotation out, or take preset stiffened",
         )  # fmt: skip
-    for name in scene.springs:
-        raise SceneError(
-            f"springs.{name}", None, "preset coupled has no springs between bodies yet",
-            "Take preset stiffened, or leave the spring out",
-        )  # fmt: skip
     if scene.is_frame:
         raise SceneError(
             "solve.preset", "coupled", "a structure that stands still has no motion to be coupled with",

@@ -327,10 +327,15 @@ class _Reader:
     _drive_force = _drive_torque
 
     def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        return self.rigid[f"{sensor.target}.tension"]
+        return self._spring(sensor.target, "tension")
 
     def _spring_torque(self, sensor: Sensor) -> np.ndarray:
-        return self.rigid[f"{sensor.target}.torque"]
+        return self._spring(sensor.target, "torque")
+
+    def _spring(self, name: str, kind: str) -> np.ndarray:
+        if self.solution.coupled is not None:
+            return self.solution.coupled.spring(name)
+        return self.rigid[f"{name}.{kind}"]
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""

@@ -18,6 +18,7 @@ from kaneflex.coupled.run import CoupledTrajectory
 from kaneflex.coupled.system import BODY, CoupledSystem
 from kaneflex.deformation import Deformation
 from kaneflex.model import Model, RigidMotion
+from kaneflex.scene.quantities import Address
 
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 """A quantity with its first and second rates, time along the last axis."""
@@ -127,6 +128,28 @@ class CoupledMotion:
             np.vstack([frame_rate[:2] + turned(v), omega + d_rate[2]]),
             np.vstack([frame_accel[:2] + turned(a), epsilon + d_accel[2]]),
         )
+
+    def joined(self, address: Address) -> Rates:
+        """Place and section angle of a point of a body or the ground, (3, n_times)."""
+        at = self.model.scene.point(address)
+        if address.body == "ground":
+            still = np.zeros((3, len(self.trajectory.times)))
+            return still + np.array([[at[0]], [at[1]], [0.0]]), still, still
+        link = self.system.links.get(address.body)
+        return self.place(address.body, at, link.node_at(at[0]) if link is not None else None)
+
+    def spring(self, name: str) -> np.ndarray:
+        """Tension of a spring with its damper [N], or what a torsional one opposes to the joint's turning [N m]."""
+        spring = self.model.scene.springs[name]
+        torsional = spring.torsional_at is not None
+        ends = self.model.scene.joints[spring.torsional_at].addresses if torsional else spring.between
+        first, second = (self.joined(address) for address in ends)
+        gap, gap_rate, _ = (there - here for here, there in zip(first, second, strict=True))
+        if torsional:
+            return spring.stiffness * (gap[2] - spring.angle) + spring.damping * gap_rate[2]
+        length = np.hypot(gap[0], gap[1])
+        tension = spring.stiffness * (length - spring.length)
+        return tension + spring.damping * (gap[:2] * gap_rate[:2]).sum(axis=0) / length if spring.damping else tension
 
     def _rigid_place(self, body: str, at: tuple[float, float]) -> Rates:
         """The same of the rigid mechanism; its angle is that of the coupled one's frame but for a small difference."""

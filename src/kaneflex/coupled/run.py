@@ -126,7 +126,7 @@ class _Run:
 
     def __init__(self, system: CoupledSystem, q, v, times: np.ndarray, tolerance: float, length: float) -> None:
         self.system, self.module, self.times = system, system.module, times
-        self.settle, self.integrate = stepping.compiled()
+        stepping.compile_stepper()
         n, m, count = system.size, len(system.constraints), len(times)
         self.powers = 3 + len(self.module.LOADS)
         units = np.array([unit for _, unit in self.module.COORDINATES])
@@ -135,7 +135,7 @@ class _Run:
         self.multipliers, self.works = np.zeros((count, m)), np.zeros((count, self.powers - 2 + m))
         self.counts, self.filled = np.zeros(5), 0
         self.q[0], self.v[0] = q, v
-        self.settled = self.settle(
+        self.settled = stepping.settle(
             self.module.equations, self.module.constraints, system.parameters, float(times[0]), self.q[0], self.v[0],
             self.a[0], self.multipliers[0], 5, np.zeros(2),
         )  # fmt: skip
@@ -152,7 +152,7 @@ class _Run:
         while self.filled + 1 < len(self.times):
             rows = slice(self.filled, self.filled + 1 + _PIECE)
             state = np.array([self.step, self.longest, 0.0])
-            ended = self.integrate(
+            ended = stepping.integrate(
                 self.module.equations, self.module.constraints, self.module.tangent, self.module.energy,
                 self.system.parameters, self.scale, state, *(table[rows] for table in tables), self.powers, self.counts,
             )  # fmt: skip

@@ -17,7 +17,6 @@ from kaneflex.forward import with_courses
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model, Motion, RigidMotion
 from kaneflex.scene import Scene
-from kaneflex.scene.quantities import Address
 from kaneflex.solution import Solution
 
 _CYCLES = 100
@@ -67,7 +66,7 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
 def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
     """Coordinate of a drive between the deformed bodies [rad, or m along its guide], with its rates."""
     joint = motion.model.scene.joints[drive]
-    first, second = (_side(motion, address) for address in joint.addresses)
+    first, second = (motion.joined(address) for address in joint.addresses)
     gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
     if joint.kind != "prismatic":
         return gap[2], gap_rate[2], gap_accel[2]
@@ -83,16 +82,6 @@ def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
     return along, dot(t, gap_rate) + omega * across, accel
 
 
-def _side(motion: CoupledMotion, address: Address) -> Rates:
-    """Place and section angle of a joint's point on one of its bodies, (3, n_times), with rates."""
-    at = motion.model.scene.point(address)
-    if address.body == "ground":
-        still = np.zeros((3, len(motion.trajectory.times)))
-        return still + np.array([[at[0]], [at[1]], [0.0]]), still, still
-    link = motion.system.links.get(address.body)
-    return motion.place(address.body, at, link.node_at(at[0]) if link is not None else None)
-
-
 def _length(scene: Scene) -> float:
     """The size of the mechanism: its longest body, else the farthest point of the ground [m]."""
     lengths = [body.length for body in scene.bodies.values() if body.length]
@@ -104,6 +93,7 @@ def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMo
     q, counted = q.copy(), {"ground"}
     angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
+    turns |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at not in (None, *turns)}
     pins = [name for name in scene.drives if scene.joints[name].kind == "revolute"]
     turns |= {name: float(rigid[f"{name}.angle"][0]) for name in pins}
     while len(counted) < len(angle):

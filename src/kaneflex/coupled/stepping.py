@@ -9,14 +9,12 @@ Wanner (IV.8.20): what an unresolved stiff mode does is no reason for a short st
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 from numba import njit, types
 from numba.types import FunctionType, float64, int64, void
 
-from kaneflex.coupled.dense import OPTIONS, factorise, saddle, substitute
-
+_OPTIONS = {"cache": True, "error_model": "numpy"}
 _V, _A = float64[::1], float64[:, ::1]
 EQUATIONS = FunctionType(void(float64, _V, _V, _V, _A, _V))
 CONSTRAINTS = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _V))
@@ -52,234 +50,293 @@ _FILTER = 1.0 / 12.0
 """Weight of h^2 K in the filter, as in the denominator 1 - z/2 + z^2/12 of the method's stability function."""
 
 
-@cache
-def compiled():
-    """The compiled functions: (state, integrate). Compiled once per machine; nothing is at import."""
+@njit(**_OPTIONS)
+def factorise(a, pivots):
+    """LU in place with row exchanges; False where a pivot vanishes."""
+    n = a.shape[0]
+    for k in range(n):
+        row, largest = k, abs(a[k, k])
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > largest:
+                row, largest = i, abs(a[i, k])
+        pivots[k] = row
+        if not largest > 0.0 or not largest < 1e300:
+            return False
+        if row != k:
+            for j in range(n):
+                a[k, j], a[row, j] = a[row, j], a[k, j]
+        inverse = 1.0 / a[k, k]
+        for i in range(k + 1, n):
+            if a[i, k] != 0.0:
+                factor = a[i, k] * inverse
+                a[i, k] = factor
+                for j in range(k + 1, n):
+                    a[i, j] -= factor * a[k, j]
+    return True
 
-    @njit(
-        types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1]),
-        **OPTIONS,
-    )
-    def settle(equations, constraints, p, t, q, v, a, multipliers, passes, drift):
-        """Project q and v onto the constraints (least change by mass), then accelerations and multipliers there.
 
-        drift: largest residuals of position and velocity before. False at a singular state.
-        """
-        n, m = q.size, multipliers.size
-        M, f = np.zeros((n, n)), np.zeros(n)
-        G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
-        square, pivots, x = np.zeros((n + m, n + m)), np.zeros(n + m, np.int64), np.zeros(n + m)
-        drift[:] = 0.0
-        for turn in range(passes + 1):
-            M[:, :] = 0.0
-            f[:] = 0.0
-            G[:, :] = 0.0
-            g[:] = 0.0
-            g_t[:] = 0.0
-            gamma[:] = 0.0
-            equations(t, q, v, p, M, f)
-            constraints(t, q, v, p, g, g_t, G, gamma)
-            saddle(M, G, n, m, square)
-            if not factorise(square, pivots):
-                return False
-            if turn < passes:
-                x[:n] = 0.0
-                for i in range(m):
-                    x[n + i] = -g[i]
-                    if turn == 0:
-                        drift[0] = max(drift[0], abs(g[i]))
-                substitute(square, pivots, x)
-                q += x[:n]
-                continue
+@njit(**_OPTIONS)
+def substitute(a, pivots, x):
+    """Solve with the factors of :func:`factorise`, in place."""
+    n = a.shape[0]
+    for k in range(n):
+        row = pivots[k]
+        if row != k:
+            x[k], x[row] = x[row], x[k]
+    for i in range(n):
+        total = x[i]
+        for j in range(i):
+            total -= a[i, j] * x[j]
+        x[i] = total
+    for i in range(n - 1, -1, -1):
+        total = x[i]
+        for j in range(i + 1, n):
+            total -= a[i, j] * x[j]
+        x[i] = total / a[i, i]
+
+
+@njit(**_OPTIONS)
+def saddle(M, G, n, m, out):
+    """[[M, -G^T], [G, 0]]; rows of constraints are scaled by nothing: pivoting takes care of their units."""
+    out[:, :] = 0.0
+    out[:n, :n] = M
+    for i in range(m):
+        for j in range(n):
+            out[n + i, j] = G[i, j]
+            out[j, n + i] = -G[i, j]
+
+
+@njit(**_OPTIONS)
+def settle(equations, constraints, p, t, q, v, a, multipliers, passes, drift):
+    """Project q and v onto the constraints (least change by mass), then accelerations and multipliers there.
+
+    drift: largest residuals of position and velocity before. False at a singular state.
+    """
+    n, m = q.size, multipliers.size
+    M, f = np.zeros((n, n)), np.zeros(n)
+    G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+    square, pivots, x = np.zeros((n + m, n + m)), np.zeros(n + m, np.int64), np.zeros(n + m)
+    drift[:] = 0.0
+    for turn in range(passes + 1):
+        M[:, :] = 0.0
+        f[:] = 0.0
+        G[:, :] = 0.0
+        g[:] = 0.0
+        g_t[:] = 0.0
+        gamma[:] = 0.0
+        equations(t, q, v, p, M, f)
+        constraints(t, q, v, p, g, g_t, G, gamma)
+        saddle(M, G, n, m, square)
+        if not factorise(square, pivots):
+            return False
+        if turn < passes:
             x[:n] = 0.0
             for i in range(m):
-                rate = g_t[i]
-                for j in range(n):
-                    rate += G[i, j] * v[j]
-                x[n + i] = -rate
-                drift[1] = max(drift[1], abs(rate))
+                x[n + i] = -g[i]
+                if turn == 0:
+                    drift[0] = max(drift[0], abs(g[i]))
             substitute(square, pivots, x)
-            v += x[:n]
-            f[:] = 0.0
-            M[:, :] = 0.0
-            g[:] = 0.0
-            g_t[:] = 0.0
-            G[:, :] = 0.0
-            gamma[:] = 0.0
-            equations(t, q, v, p, M, f)
-            constraints(t, q, v, p, g, g_t, G, gamma)
-            x[:n] = f
-            x[n:] = -gamma
-            substitute(square, pivots, x)
-            a[:] = x[:n]
-            multipliers[:] = x[n:]
-        return True
+            q += x[:n]
+            continue
+        x[:n] = 0.0
+        for i in range(m):
+            rate = g_t[i]
+            for j in range(n):
+                rate += G[i, j] * v[j]
+            x[n + i] = -rate
+            drift[1] = max(drift[1], abs(rate))
+        substitute(square, pivots, x)
+        v += x[:n]
+        f[:] = 0.0
+        M[:, :] = 0.0
+        g[:] = 0.0
+        g_t[:] = 0.0
+        G[:, :] = 0.0
+        gamma[:] = 0.0
+        equations(t, q, v, p, M, f)
+        constraints(t, q, v, p, g, g_t, G, gamma)
+        x[:n] = f
+        x[n:] = -gamma
+        substitute(square, pivots, x)
+        a[:] = x[:n]
+        multipliers[:] = x[n:]
+    return True
 
-    @njit(
-        int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V),
-        **OPTIONS,
-    )
-    def integrate(
-        equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts
-    ):
-        """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
 
-        scale: error allowed in each coordinate. state: [next step, longest step, last row filled]. powers: entries of
-        ``energy``. works: time integrals of the powers (dissipation, loads, constraints). counts: accepted and rejected
-        steps, Newton iterations, largest residuals of position and velocity before a projection.
-        """
-        n, m = qs.shape[1], lambdas.shape[1]
-        size = n + m
-        M, f = np.zeros((n, n)), np.zeros(n)
-        G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
-        K, C = np.zeros((size, n)), np.zeros((size, n))
-        big, big_pivots = np.zeros((2 * size, 2 * size)), np.zeros(2 * size, np.int64)
-        small, small_pivots = np.zeros((size, size)), np.zeros(size, np.int64)
-        x, e = np.zeros(2 * size), np.zeros(size)
-        stage_a, stage_l = np.zeros((2, n)), np.zeros((2, m))
-        stage_q, stage_v = np.zeros((2, n)), np.zeros((2, n))
-        q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
-        q_0, v_0, a_0, multipliers_0 = qs[0].copy(), vs[0].copy(), accels[0].copy(), lambdas[0].copy()
-        work = works[0].copy()
-        drift, rates = np.zeros(2), np.zeros(powers)
-        wanted, t, row = state[0], times[0], 0
-        while row + 1 < times.size:
-            state[0], state[2] = wanted, row
-            left = times[row + 1] - t
-            wanted = min(wanted, state[1])
-            if wanted < 1e-12 * (times[times.size - 1] - times[0]):
-                return TOO_SMALL
-            # Steps of equal length up to the next instant: none is cut to a sliver.
-            h = left / math.ceil(left / wanted * (1.0 - 1e-9))
-            M[:, :] = 0.0
-            f[:] = 0.0
-            G[:, :] = 0.0
-            K[:, :] = 0.0
-            C[:, :] = 0.0
-            equations(t, q_0, v_0, p, M, f)
-            constraints(t, q_0, v_0, p, g, g_t, G, gamma)
-            tangent(t, q_0, v_0, a_0, multipliers_0, p, K, C)
-            for i in range(2):
-                for j in range(2):
-                    d, s = h * _A1[i, j], h * h * _A2[i, j]
-                    for r in range(size):
-                        for c in range(n):
-                            big[i * size + r, j * size + c] = d * C[r, c] + s * K[r, c]
-                        for c in range(n, size):
-                            big[i * size + r, j * size + c] = 0.0
-                    if i == j:
-                        for r in range(n):
-                            for c in range(n):
-                                big[i * size + r, j * size + c] += M[r, c]
-                            for c in range(m):
-                                big[i * size + r, j * size + n + c] = -G[c, r]
-                        for r in range(m):
-                            for c in range(n):
-                                big[i * size + n + r, j * size + c] += G[r, c]
-            if not factorise(big, big_pivots):
-                return SINGULAR
-            stage_a[0], stage_a[1] = a_0, a_0
-            stage_l[0], stage_l[1] = multipliers_0, multipliers_0
-            converged, before = False, 0.0
-            for iteration in range(10):
-                counts[2] += 1
-                for i in range(2):
-                    stage_v[i] = v_0 + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
-                    stage_q[i] = q_0 + h * _NODES[i] * v_0 + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
-                    M[:, :] = 0.0
-                    f[:] = 0.0
-                    G[:, :] = 0.0
-                    gamma[:] = 0.0
-                    at = t + h * _NODES[i]
-                    equations(at, stage_q[i], stage_v[i], p, M, f)
-                    constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
-                    for r in range(n):
-                        total = f[r]
-                        for c in range(n):
-                            total -= M[r, c] * stage_a[i, c]
-                        for c in range(m):
-                            total += G[c, r] * stage_l[i, c]
-                        x[i * size + r] = total
-                    for r in range(m):
-                        total = -gamma[r]
-                        for c in range(n):
-                            total -= G[r, c] * stage_a[i, c]
-                        x[i * size + n + r] = total
-                substitute(big, big_pivots, x)
-                change = 0.0
-                for i in range(2):
+@njit(**_OPTIONS)
+def integrate(
+    equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts
+):
+    """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
+
+    scale: error allowed in each coordinate. state: [next step, longest step, last row filled]. powers: entries of
+    ``energy``. works: time integrals of the powers (dissipation, loads, constraints). counts: accepted and rejected
+    steps, Newton iterations, largest residuals of position and velocity before a projection.
+    """
+    n, m = qs.shape[1], lambdas.shape[1]
+    size = n + m
+    M, f = np.zeros((n, n)), np.zeros(n)
+    G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+    K, C = np.zeros((size, n)), np.zeros((size, n))
+    big, big_pivots = np.zeros((2 * size, 2 * size)), np.zeros(2 * size, np.int64)
+    small, small_pivots = np.zeros((size, size)), np.zeros(size, np.int64)
+    x, e = np.zeros(2 * size), np.zeros(size)
+    stage_a, stage_l = np.zeros((2, n)), np.zeros((2, m))
+    stage_q, stage_v = np.zeros((2, n)), np.zeros((2, n))
+    q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
+    q_0, v_0, a_0, multipliers_0 = qs[0].copy(), vs[0].copy(), accels[0].copy(), lambdas[0].copy()
+    work = works[0].copy()
+    drift, rates = np.zeros(2), np.zeros(powers)
+    wanted, t, row = state[0], times[0], 0
+    while row + 1 < times.size:
+        state[0], state[2] = wanted, row
+        left = times[row + 1] - t
+        wanted = min(wanted, state[1])
+        if wanted < 1e-12 * (times[times.size - 1] - times[0]):
+            return TOO_SMALL
+        # Steps of equal length up to the next instant: none is cut to a sliver.
+        h = left / math.ceil(left / wanted * (1.0 - 1e-9))
+        M[:, :] = 0.0
+        f[:] = 0.0
+        G[:, :] = 0.0
+        K[:, :] = 0.0
+        C[:, :] = 0.0
+        equations(t, q_0, v_0, p, M, f)
+        constraints(t, q_0, v_0, p, g, g_t, G, gamma)
+        tangent(t, q_0, v_0, a_0, multipliers_0, p, K, C)
+        for i in range(2):
+            for j in range(2):
+                d, s = h * _A1[i, j], h * h * _A2[i, j]
+                for r in range(size):
                     for c in range(n):
-                        stage_a[i, c] += x[i * size + c]
-                        change = max(change, h * h * abs(x[i * size + c]) / scale[c])
+                        big[i * size + r, j * size + c] = d * C[r, c] + s * K[r, c]
+                    for c in range(n, size):
+                        big[i * size + r, j * size + c] = 0.0
+                if i == j:
+                    for r in range(n):
+                        for c in range(n):
+                            big[i * size + r, j * size + c] += M[r, c]
+                        for c in range(m):
+                            big[i * size + r, j * size + n + c] = -G[c, r]
+                    for r in range(m):
+                        for c in range(n):
+                            big[i * size + n + r, j * size + c] += G[r, c]
+        if not factorise(big, big_pivots):
+            return SINGULAR
+        stage_a[0], stage_a[1] = a_0, a_0
+        stage_l[0], stage_l[1] = multipliers_0, multipliers_0
+        converged, before = False, 0.0
+        for iteration in range(10):
+            counts[2] += 1
+            for i in range(2):
+                stage_v[i] = v_0 + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
+                stage_q[i] = q_0 + h * _NODES[i] * v_0 + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
+                M[:, :] = 0.0
+                f[:] = 0.0
+                G[:, :] = 0.0
+                gamma[:] = 0.0
+                at = t + h * _NODES[i]
+                equations(at, stage_q[i], stage_v[i], p, M, f)
+                constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
+                for r in range(n):
+                    total = f[r]
+                    for c in range(n):
+                        total -= M[r, c] * stage_a[i, c]
                     for c in range(m):
-                        stage_l[i, c] += x[i * size + n + c]
-                if not change < 1e200:
+                        total += G[c, r] * stage_l[i, c]
+                    x[i * size + r] = total
+                for r in range(m):
+                    total = -gamma[r]
+                    for c in range(n):
+                        total -= G[r, c] * stage_a[i, c]
+                    x[i * size + n + r] = total
+            substitute(big, big_pivots, x)
+            change = 0.0
+            for i in range(2):
+                for c in range(n):
+                    stage_a[i, c] += x[i * size + c]
+                    change = max(change, h * h * abs(x[i * size + c]) / scale[c])
+                for c in range(m):
+                    stage_l[i, c] += x[i * size + n + c]
+            if not change < 1e200:
+                break
+            if iteration > 0:
+                rate = change / before
+                if rate >= 1.0 and change > 1e-3:
                     break
-                if iteration > 0:
-                    rate = change / before
-                    if rate >= 1.0 and change > 1e-3:
-                        break
-                    if change * rate < 1e-3 * max(1.0 - rate, 0.0):
-                        converged = True
-                        break
-                if change < 1e-6:
+                if change * rate < 1e-3 * max(1.0 - rate, 0.0):
                     converged = True
                     break
-                before = change
-            if not converged:
-                counts[1] += 1
-                wanted = 0.4 * h
-                continue
-            q[:] = q_0 + h * v_0 + h * h * (_B2[0] * stage_a[0] + _B2[1] * stage_a[1])
-            v[:] = v_0 + 0.5 * h * (stage_a[0] + stage_a[1])
-            if not settle(equations, constraints, p, t + h, q, v, a, multipliers, 1, drift):
-                return SINGULAR
-            # The estimate, filtered by [M + h C / 2 + h^2 K / 12, -G^T; G, 0].
-            M[:, :] = 0.0
-            G[:, :] = 0.0
-            f[:] = 0.0
-            equations(t + h, q, v, p, M, f)
-            constraints(t + h, q, v, p, g, g_t, G, gamma)
-            saddle(M, G, n, m, small)
-            for r in range(n):
-                total = 0.0
-                for c in range(n):
-                    change = _W[0] * a_0[c] + _W[1] * stage_a[0, c] + _W[2] * stage_a[1, c] + _W[3] * a[c]
-                    total += M[r, c] * change
-                    small[r, c] += 0.5 * h * C[r, c] + _FILTER * h * h * K[r, c]
-                e[r] = h * h * total
-            e[n:] = 0.0
-            if not factorise(small, small_pivots):
-                return SINGULAR
-            substitute(small, small_pivots, e)
-            error = 1e-12
+            if change < 1e-6:
+                converged = True
+                break
+            before = change
+        if not converged:
+            counts[1] += 1
+            wanted = 0.4 * h
+            continue
+        q[:] = q_0 + h * v_0 + h * h * (_B2[0] * stage_a[0] + _B2[1] * stage_a[1])
+        v[:] = v_0 + 0.5 * h * (stage_a[0] + stage_a[1])
+        if not settle(equations, constraints, p, t + h, q, v, a, multipliers, 1, drift):
+            return SINGULAR
+        # The estimate, filtered by [M + h C / 2 + h^2 K / 12, -G^T; G, 0].
+        M[:, :] = 0.0
+        G[:, :] = 0.0
+        f[:] = 0.0
+        equations(t + h, q, v, p, M, f)
+        constraints(t + h, q, v, p, g, g_t, G, gamma)
+        saddle(M, G, n, m, small)
+        for r in range(n):
+            total = 0.0
             for c in range(n):
-                error = max(error, abs(e[c]) / scale[c])
-            growth = min(4.0, max(0.2, 0.9 * error ** (-0.2)))
-            if not error <= 1.0:
-                counts[1] += 1
-                wanted = h * min(growth, 0.9)
-                continue
-            for i in range(2):
-                at = t + h * _NODES[i]
-                rates[:] = 0.0
-                energy(at, stage_q[i], stage_v[i], p, rates)
-                for k in range(powers - 2):
-                    work[k] += 0.5 * h * rates[k + 2]
-                constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
-                for k in range(m):
-                    work[powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
-            q_0[:], v_0[:], a_0[:], multipliers_0[:] = q, v, a, multipliers
-            counts[0] += 1
-            counts[3], counts[4] = max(counts[3], drift[0]), max(counts[4], drift[1])
-            wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
-            if h >= left * (1.0 - 1e-9):
-                row += 1
-                t = times[row]
-                qs[row], vs[row], accels[row], lambdas[row], works[row] = q, v, a, multipliers, work
-            else:
-                t += h
-        state[0], state[2] = wanted, row
-        return DONE
+                change = _W[0] * a_0[c] + _W[1] * stage_a[0, c] + _W[2] * stage_a[1, c] + _W[3] * a[c]
+                total += M[r, c] * change
+                small[r, c] += 0.5 * h * C[r, c] + _FILTER * h * h * K[r, c]
+            e[r] = h * h * total
+        e[n:] = 0.0
+        if not factorise(small, small_pivots):
+            return SINGULAR
+        substitute(small, small_pivots, e)
+        error = 1e-12
+        for c in range(n):
+            error = max(error, abs(e[c]) / scale[c])
+        growth = min(4.0, max(0.2, 0.9 * error ** (-0.2)))
+        if not error <= 1.0:
+            counts[1] += 1
+            wanted = h * min(growth, 0.9)
+            continue
+        for i in range(2):
+            at = t + h * _NODES[i]
+            rates[:] = 0.0
+            energy(at, stage_q[i], stage_v[i], p, rates)
+            for k in range(powers - 2):
+                work[k] += 0.5 * h * rates[k + 2]
+            constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
+            for k in range(m):
+                work[powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
+        q_0[:], v_0[:], a_0[:], multipliers_0[:] = q, v, a, multipliers
+        counts[0] += 1
+        counts[3], counts[4] = max(counts[3], drift[0]), max(counts[4], drift[1])
+        wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
+        if h >= left * (1.0 - 1e-9):
+            row += 1
+            t = times[row]
+            qs[row], vs[row], accels[row], lambdas[row], works[row] = q, v, a, multipliers, work
+        else:
+            t += h
+    state[0], state[2] = wanted, row
+    return DONE
 
-    return settle, integrate
+
+_SIGNATURES = (
+    (settle, types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1])),
+    (integrate, int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V)),
+)
+
+
+def compile_stepper() -> None:
+    """Compile for kernels of any module, once on a machine: importing this file compiles nothing."""
+    for function, signature in _SIGNATURES:
+        if not function.overloads:
+            function.compile(signature)
+            function.disable_compile()

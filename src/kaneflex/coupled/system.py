@@ -68,9 +68,9 @@ class CoupledSystem:
 
     def compile(self) -> None:
         """Call every kernel once, so that compiling is seen and timed apart from computing."""
-        from kaneflex.coupled.stepping import compiled
+        from kaneflex.coupled.stepping import compile_stepper
 
-        compiled()
+        compile_stepper()
         n, m = self.size, len(self.constraints)
         q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
         self.module.equations(0.0, q, v, self.parameters, np.zeros((n, n)), np.zeros(n))

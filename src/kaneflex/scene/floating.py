@@ -50,6 +50,7 @@ def stations(scene: Scene, link: str) -> list[Station]:
         return found[-1]
 
     torques = {load.torque_at for load in scene.torques.values()}
+    torques |= {spring.torsional_at for spring in scene.springs.values()}
     for name, joint in scene.joints.items():
         driven = name in scene.drives and scene.drives[name].kind != "free"
         stiff = joint.kind != "revolute" or driven
