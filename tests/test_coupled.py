@@ -210,7 +210,8 @@ def test_a_spring_and_its_damper_hold_the_cart(tmp_path):
         ),
         (
             "engine", ["solve.integrator=newmark"],
-            "solve.integrator = 'newmark': preset coupled has its own integrator. Leave integrator out.",
+            "solve.integrator = 'newmark': integrates equations that are linear in the displacements. "
+            "Use gauss, generalised-alpha or scipy under preset coupled.",
         ),
         (
             "engine", ["solve.modes=90"],

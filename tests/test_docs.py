@@ -28,7 +28,7 @@ HEADING_OF = {
     "Pose": "Poses",  # table of the scene file -> the heading under which its keys stand
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
     "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
-    "Viscous": "Viscous damping", "Sensor": "Sensors", "Solve": "Solve",
+    "Viscous": "Viscous damping", "Sensor": "Sensors", "Event": "Events", "Solve": "Solve",
 }  # fmt: skip
 SCHEMA = Scene.model_json_schema(by_alias=True)
 TABLES = {"Scene": SCHEMA, **SCHEMA["$defs"]}

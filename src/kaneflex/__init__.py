@@ -24,6 +24,7 @@ _HOMES = {
     "linearise": "kaneflex.statespace",
     "load": "kaneflex.loading",
     "read_scene": "kaneflex.scene",
+    "read_state": "kaneflex.coupled.state",
     "simulate": "kaneflex.simulation",
     "with_settings": "kaneflex.scene",
 }

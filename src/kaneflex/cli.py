@@ -108,12 +108,16 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder to make. [default: NAME-results]"
 )
+@click.option(
+    "--after", type=click.Path(path_type=Path), metavar="RESULTS",
+    help="Continue from the last state of another run's folder (preset coupled).",
+)  # fmt: skip
 @click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier result folder.")
 @click.pass_context
 def run(
     ctx: click.Context, name: str, preset: str | None, settings: tuple[str, ...], steps: str | None,
-    integrator: str | None, output: Path | None, plots: bool, force: bool,
+    integrator: str | None, output: Path | None, after: Path | None, plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Solve SCENE and write results.nc, summary.json and pictures into a new folder.
 
@@ -126,7 +130,7 @@ def run(
     with uncollected():
         scene = read(name, chosen)
     folder = output or Path(f"{scene.name}-results")
-    summary = run_into(scene, folder, chosen, plots, force)
+    summary = run_into(scene, folder, chosen, plots, force, after)
     _report(summary, folder)
     if summary.outcome != "completed":
         ctx.exit(STOPPED_EARLY)

@@ -106,6 +106,8 @@ UNUSED_TERMS = {
     "coupled": (),
 }
 """Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
+COUPLED_INTEGRATORS = ("gauss", "generalised-alpha", "scipy")
+"""What preset coupled can be integrated by."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss", "coupled": "gauss"}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
@@ -165,11 +167,15 @@ def default_steps(scene: Scene, duration: float) -> int:
 
 def _check_coupled(scene: Scene) -> None:
     solve = scene.solve
-    for field, reason in (("integrator", "its own integrator"), ("reduction", "shapes of each link")):
-        if getattr(solve, field) is not None:
-            raise SceneError(
-                f"solve.{field}", getattr(solve, field), f"preset coupled has {reason}", f"Leave {field} out"
-            )
+    if solve.reduction is not None:
+        raise SceneError(
+            "solve.reduction", solve.reduction, "preset coupled has shapes of each link", "Leave reduction out"
+        )
+    if solve.integrator not in (None, *COUPLED_INTEGRATORS):
+        raise SceneError(
+            "solve.integrator", solve.integrator, "integrates equations that are linear in the displacements",
+            f"Use {', '.join(COUPLED_INTEGRATORS[:-1])} or {COUPLED_INTEGRATORS[-1]} under preset coupled",
+        )  # fmt: skip
     for name, on in solve.terms.items():
         if not on:
             raise SceneError(

@@ -144,7 +144,8 @@ def _options(model: Model) -> dict[str, str]:
     if dynamics == "rigid":
         return said
     if dynamics == "coupled":
-        said["integrator"] = f"gauss, error of a step {options.tolerance:g} of the longest body"
+        error = f"error of a step {options.tolerance:g} of the longest body"
+        said["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == _FIXED else error}"
         said["start"] = _STARTS[options.start]
         said["shapes"] = f"static ones and {options.modes} modes of each link"
         said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
@@ -166,6 +167,8 @@ def _options(model: Model) -> dict[str, str]:
     return said
 
 
+_FIXED = "generalised-alpha"
+"""The integrator of the coupled equations that keeps its step."""
 _STARTS = {"zero": "from rest, undeformed", "quasistatic": "from the quasi-static answer", "periodic": "periodic"}
 
 
@@ -197,6 +200,7 @@ def parts(scene: Scene) -> str:
         block("loads", {name: _load(scene, name) for name in scene.loads}),
         block("springs", {name: _spring(scene, name) for name in scene.springs}),
         block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
+        block("events", {name: _event(scene, name) for name in scene.events}),
     ]
     return "\n".join(filter(None, blocks))
 
@@ -256,6 +260,14 @@ def _spring(scene: Scene, name: str) -> str:
     if spring.ends:
         per, where = ("N{}/m", f"{spring.ends[0]} to {spring.ends[1]}, free length {1e3 * spring.length:.6g} mm")
     return f"{spring.stiffness:.6g} {per.format('')}, {spring.damping:.6g} {per.format(' s')}, {where}"
+
+
+def _event(scene: Scene, name: str) -> str:
+    event = scene.events[name]
+    ways = {"up": "upwards", "down": "downwards", "both": "either way"}[event.direction]
+    unit = scene.sensors[event.sensor].unit
+    ending = ", which ends the run" if event.stop else ""
+    return f"{event.sensor} passes {scene.level(event):.6g} {unit} {ways}{ending}"
 
 
 def _drive(scene: Scene, name: str) -> str:

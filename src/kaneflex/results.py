@@ -25,7 +25,8 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
     xarray.Dataset
         Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, counted on from cycle to
         cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
-        forces, with CF ``units`` and ``long_name``.
+        forces, with CF ``units`` and ``long_name``. Of a coupled run also dimension ``state``, the names of its
+        coordinates, with ``last_state`` and ``last_rate`` at the last time.
         Attributes say what was solved and how it ended; none depends on the machine or the clock.
     """
     import xarray
@@ -45,6 +46,9 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
         name: ("time", series.values, {"units": series.unit, "long_name": series.meaning})
         for name, series in solution.series.items()
     }
+    if solution.coupled is not None and len(solution.times):
+        coordinates["state"], more = _last_state(solution)
+        variables |= more
     about = {
         "Conventions": "CF-1.11",
         "title": model.scene.description or model.scene.name,
@@ -55,6 +59,18 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
         "outcome": solution.outcome.name.lower(),
     }
     return xarray.Dataset(variables, coordinates, about)
+
+
+def _last_state(solution: Solution) -> tuple[tuple, dict[str, tuple]]:
+    """The coordinates' names, and where they and their rates end: what another run can continue from."""
+    from kaneflex.coupled.state import last_state
+
+    state = last_state(solution)
+    about = {"long_name": "coordinates at the last time", "units": "1", "comment": "m; rad where a name ends in phi"}
+    return ("state", np.array(state.names), {"long_name": "coordinates of all bodies"}), {
+        "last_state": ("state", state.q, about),
+        "last_rate": ("state", state.v, about | {"long_name": "their rates at the last time"}),
+    }
 
 
 def write_netcdf(solution: Solution, path: Path) -> None:

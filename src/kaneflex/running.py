@@ -20,7 +20,12 @@ SUMMARY_FILE, RESULTS_FILE = "summary.json", "results.nc"
 
 
 def run_into(
-    scene: Scene, folder: Path, settings: Sequence[str] = (), plots: bool = True, force: bool = False
+    scene: Scene,
+    folder: Path,
+    settings: Sequence[str] = (),
+    plots: bool = True,
+    force: bool = False,
+    after: Path | None = None,
 ) -> Summary:
     """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
 
@@ -36,6 +41,8 @@ def run_into(
         Whether to draw. A run that stopped early is not drawn.
     force : bool
         Whether an earlier result folder may be replaced.
+    after : Path, optional
+        Results of a coupled run to continue from its last state.
 
     Returns
     -------
@@ -51,7 +58,7 @@ def run_into(
     """
     with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
         with uncollected():
-            solution, summary = _solve(scene, settings, waiting)
+            solution, summary = _solve(scene, settings, waiting, after)
             with writing(folder):
                 _write(solution, summary, partial)
         if plots and summary.outcome == "completed":
@@ -75,14 +82,21 @@ def uncollected() -> Iterator[None]:
         gc.enable()
 
 
-def _solve(scene: Scene, settings: Sequence[str], waiting: Waiting) -> tuple[Solution, Summary]:
+def _solve(
+    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None
+) -> tuple[Solution, Summary]:
     from kaneflex.loading import load
     from kaneflex.simulation import simulate
     from kaneflex.summary import summarise
 
+    state = None
+    if after is not None:
+        from kaneflex.coupled.state import read_state
+
+        state = read_state(after)
     model = load(scene, waiting.stage)
     waiting.stage("compiling the integrator, first time only")
-    solution = simulate(model, waiting.share_of("solving"))
+    solution = simulate(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")
     return solution, summarise(solution, settings)
 

@@ -41,6 +41,11 @@ def measure(solution: Solution) -> dict[str, Series]:
     return measured
 
 
+def sensor_values(solution: Solution, sensor: Sensor) -> np.ndarray:
+    """Values of one sensor (n_times,) in its SI unit."""
+    return _Reader(solution).read(sensor)
+
+
 def describe(sensor: Sensor) -> str:
     """One line for people: kind, place, component, axes."""
     kind = sensor.kind.replace("_", " ")
@@ -180,8 +185,7 @@ class _Reader:
         """Angle of a body at a point, elastic rotation included [rad]."""
         if address.body == "ground":
             return np.zeros(self.steps)
-        c, s = self.rigid[f"{address.body}.c"], self.rigid[f"{address.body}.s"]
-        return np.unwrap(np.arctan2(s, c)) + self._elastic(address)[0][2]
+        return self.solution.turned(address.body) + self._elastic(address)[0][2]
 
     def _place(self, address: Address) -> np.ndarray:
         """Global position of a point, its elastic displacement included, (2, n_times) [m]."""

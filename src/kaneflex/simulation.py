@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from kaneflex.model import Model
 from kaneflex.quasistatic import quasistatic
 from kaneflex.solution import Solution
 
+if TYPE_CHECKING:
+    from kaneflex.coupled.state import State
+
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
 """Relative change over a cycle that rounding and tables may leave."""
@@ -20,7 +24,7 @@ _MAX_STORED = 40_000
 """Steps stored at most; longer runs keep every second, third, ... step."""
 
 
-def simulate(model: Model, progress: Progress | None = None) -> Solution:
+def simulate(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
     """Integrate, or solve at each instant, over one cycle or the scene's duration.
 
     Parameters
@@ -29,21 +33,42 @@ def simulate(model: Model, progress: Progress | None = None) -> Solution:
         From :func:`kaneflex.load`.
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
+    after : Solution or State, optional
+        What to continue from its last instant, under preset ``coupled``: see :func:`kaneflex.read_state`.
 
     Returns
     -------
     Solution
         Also where the run stopped early: its ``outcome`` and ``message`` then say when and why.
+
+    Raises
+    ------
+    SceneError
+        If the model can't be started as it asks for, or can't continue from ``after``.
     """
     if not isinstance(model, Model):
         raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
     if model.options.dynamics == "coupled":
         from kaneflex.coupled.simulation import simulate_coupled
+        from kaneflex.coupled.state import last_state
 
-        return simulate_coupled(model, progress)
+        state = last_state(after) if isinstance(after, Solution) else after
+        return _until_stop(simulate_coupled(model, progress, state))
+    if after is not None:
+        raise SceneError(
+            "solve.preset", model.options.preset, "only coupled runs can be continued", "Choose preset coupled"
+        )
     started = time.perf_counter()
     trajectory = _METHODS[model.options.dynamics](model, progress)
-    return Solution(model, trajectory, time.perf_counter() - started)
+    return _until_stop(Solution(model, trajectory, time.perf_counter() - started))
+
+
+def _until_stop(solution: Solution) -> Solution:
+    if not any(event.stop for event in solution.model.scene.events.values()) or len(solution.times) < 2:
+        return solution
+    from kaneflex.events import until_stop
+
+    return until_stop(solution)
 
 
 def _instants(model: Model) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -32,12 +32,15 @@ class Solution:
         Wall time of the run.
     coupled : CoupledMotion or None
         Motion of all bodies, reactions and energies, under preset ``coupled``.
+    whole : Solution or None
+        The run that these instants were sampled from, by :meth:`at`.
     """
 
     model: Model
     trajectory: Trajectory
     seconds: float
     coupled: CoupledMotion | None = None
+    whole: Solution | None = None
 
     def __repr__(self) -> str:
         return f"Solution({self.model.in_short}, {self.outcome.name.lower()}, {len(self.times)} instants)"
@@ -67,6 +70,48 @@ class Solution:
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
         return series if basis is None else tuple(basis @ part for part in series)
+
+    def at(self, times: np.ndarray) -> Solution:
+        """The same motion at other instants within the run (dense output).
+
+        Coordinates follow the quintic through the stored displacements, velocities and accelerations; under preset
+        ``coupled`` they are put onto the constraints, and accelerations and reactions computed anew.
+
+        Parameters
+        ----------
+        times : array_like (n_times,)
+            Instants [s] from the first to the last stored one.
+
+        Raises
+        ------
+        ValueError
+            For instants outside the run.
+        """
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        first, last = (self.times[0], self.times[-1]) if len(self.times) > 1 else (np.nan, np.nan)
+        if not ((times >= first) & (times <= last)).all():
+            asked = f"{times.min():.9g} to {times.max():.9g} s"
+            raise ValueError(f"instants from {asked} asked for, where the run has {first:.9g} to {last:.9g} s")
+        if self.coupled is not None:
+            from kaneflex.coupled.simulation import resampled
+
+            return replace(resampled(self, times), whole=self)
+        return replace(self, trajectory=_between(self.trajectory, times), whole=self)
+
+    @cached_property
+    def events(self) -> dict[str, np.ndarray]:
+        """Times of every event of the scene [s]."""
+        from kaneflex.events import find_events
+
+        return find_events(self)
+
+    def turned(self, body: str) -> np.ndarray:
+        """Angle of a body in the rigid motion [rad], counted on from turn to turn."""
+        angle = np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
+        if self.whole is None:
+            return np.unwrap(angle)
+        near = np.interp(self.times, self.whole.times, self.whole.turned(body))
+        return near + np.remainder(angle - near + np.pi, 2 * np.pi) - np.pi
 
     @cached_property
     def series(self) -> dict[str, Series]:
@@ -100,3 +145,16 @@ class Solution:
 
             raise KeyError(f"no sensor {sensor!r}. {nearest(sensor, self.series)}.")
         return self.dataset[sensor]
+
+
+def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:
+    """The motion at other instants: the quintic through z, z', z'' of those that are stored."""
+    from scipy.interpolate import BPoly
+
+    knots = np.stack([trajectory.z, trajectory.v, trajectory.a], axis=1)
+    if not knots.size:
+        empty = np.zeros((len(times), 0))
+        return replace(trajectory, times=times, z=empty, v=empty, a=empty)
+    curve = BPoly.from_derivatives(trajectory.times, knots)
+    z, v, a = curve(times), curve.derivative(1)(times), curve.derivative(2)(times)
+    return replace(trajectory, times=times, z=z, v=v, a=a)

@@ -249,6 +249,9 @@ class _Probe:
     def times(self) -> np.ndarray:
         return self.rigid.times
 
+    def turned(self, body: str) -> np.ndarray:
+        return np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
+
 
 class _Readings:
     """The sensors' readings at one instant as functions of z, z', z'' and the inputs, all affine."""

@@ -114,6 +114,7 @@ class Summary(_Table):
     floquet_multiplier_max: float | None = Field(
         description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
     )
+    events: dict[str, list[float]] = Field(description="times of the scene's events, s")
     energy: EnergyBalance | None = Field(description="energy of a run of preset coupled; null for every other")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
@@ -153,6 +154,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
         modes_kept=model.reduced.size,
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
+        events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
         timing=Timing(
             derive_s=seconds["derive"],

@@ -48,6 +48,11 @@ TORSIONAL_STIFFNESS = Dimension("a torsional stiffness", "N m/rad", "12 N m/rad"
 DAMPING = Dimension("a damping", "N s/m", "5 N s/m")
 TORSIONAL_DAMPING = Dimension("a torsional damping", "N m s/rad", "0.1 N m s/rad")
 RATIO = Dimension("a ratio", "", "0.02")
+SENSED = (
+    LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_SPEED, FORCE, TORQUE,
+    Dimension("an angular acceleration", "rad/s^2", "5 rad/s^2"), Dimension("a strain", "1", "0.001"),
+)  # fmt: skip
+"""What sensors measure."""
 
 _SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciprocals of exact numbers
     "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6),

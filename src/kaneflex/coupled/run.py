@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class Energy:
     """Energy of the mechanism at the stored instants [J], each of shape (n_times,).
 
     ``stored`` is kinetic, strain and potential energy together; ``dissipated`` by damping and ``supplied`` by loads and
-    prescribed drives since the start.
+    prescribed drives since the start. ``loss`` and ``power`` are the rates of these two [W].
     """
 
     kinetic: np.ndarray
@@ -31,6 +31,8 @@ class Energy:
     weight: np.ndarray
     dissipated: np.ndarray
     supplied: np.ndarray
+    loss: np.ndarray
+    power: np.ndarray
 
     @property
     def stored(self) -> np.ndarray:
@@ -82,6 +84,26 @@ class CoupledTrajectory:
     ns_per_step: float
 
 
+@dataclass(frozen=True)
+class Method:
+    """How to integrate.
+
+    Attributes
+    ----------
+    integrator : str
+        "gauss" (steps by error control), "generalised-alpha" (one step from instant to instant) or "scipy" (Radau).
+    tolerance : float
+        Error allowed in a step, as a share of ``length`` [m] for displacements and in rad for angles.
+    rho_infinity : float
+        Spectral radius of generalised-alpha at infinite frequency.
+    """
+
+    integrator: str
+    tolerance: float
+    length: float
+    rho_infinity: float
+
+
 def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the undeformed bodies at the first time of a rigid motion."""
     q, v = np.zeros(system.size), np.zeros(system.size)
@@ -92,96 +114,200 @@ def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, 
     return q, v
 
 
+Stop = Callable[[CoupledTrajectory], bool]
+"""Asked of every piece of a run, its first instant being the last one of the piece before: whether to stop there."""
+
+
 def integrate(
     system: CoupledSystem,
     q: np.ndarray,
     v: np.ndarray,
     times: np.ndarray,
-    tolerance: float,
-    length: float,
+    method: Method,
     progress: Callable[[float], None] | None = None,
+    stop: Stop | None = None,
 ) -> CoupledTrajectory:
-    """Integrate from q, v at times[0] and give the motion at ``times`` [s].
-
-    Parameters
-    ----------
-    tolerance : float
-        Error allowed in a step, as a share of ``length`` [m] for displacements and in rad for angles.
-    """
+    """Integrate from q, v at times[0] and give the motion at ``times`` [s], as far as it goes."""
+    run = _Run(system, q, v, times, method)
     started = time.perf_counter()
-    run = _Run(system, q, v, times, tolerance, length)
-    outcome, message = run.go(progress)
+    outcome, message = run.go(progress, stop)
     seconds = time.perf_counter() - started
-    steps, rejected = int(run.counts[0]), int(run.counts[1])
-    rows = slice(0, run.filled + 1)
-    parts = [part[rows] for part in (times, run.q, run.v, run.a, run.multipliers)]
-    drift = (float(run.counts[3]), float(run.counts[4]))
-    return CoupledTrajectory(
-        *parts, run.energy(), steps, rejected, drift, outcome, message, 1e9 * seconds / max(1, steps + rejected)
-    )
+    ended = (outcome, message, 1e9 * seconds / max(1.0, run.counts[0] + run.counts[1]))
+    return run.trajectory(slice(0, run.filled + 1), *ended)
 
 
 class _Run:
     """Tables of one integration, filled piece by piece."""
 
-    def __init__(self, system: CoupledSystem, q, v, times: np.ndarray, tolerance: float, length: float) -> None:
-        self.system, self.module, self.times = system, system.module, times
-        stepping.compile_stepper()
+    def __init__(self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method) -> None:
+        self.system, self.module, self.times, self.method = system, system.module, times, method
+        stepping.compile_stepper(method.integrator)
         n, m, count = system.size, len(system.constraints), len(times)
         self.powers = 3 + len(self.module.LOADS)
-        units = np.array([unit for _, unit in self.module.COORDINATES])
-        self.scale = tolerance * np.where(units == "rad", 1.0, length)
+        self.scale = method.tolerance * system.measure(method.length)
         self.q, self.v, self.a = np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, n))
         self.multipliers, self.works = np.zeros((count, m)), np.zeros((count, self.powers - 2 + m))
         self.counts, self.filled = np.zeros(5), 0
         self.q[0], self.v[0] = q, v
-        self.settled = stepping.settle(
-            self.module.equations, self.module.constraints, system.parameters, float(times[0]), self.q[0], self.v[0],
-            self.a[0], self.multipliers[0], 5, np.zeros(2),
-        )  # fmt: skip
+        self.settled = self._settle(0, 5)
         largest = (abs(self.a[0]) / self.scale).max()
         # A first step that alone would move things by a thousand errors; the estimate takes over from there.
         first = math.sqrt(2e3 / largest) if largest > 0 else math.inf
         self.step, self.longest = min(first, float(times[1] - times[0])), float(times[1] - times[0])
+        self.algorithmic = self.a[0].copy()
 
-    def go(self, progress: Callable[[float], None] | None) -> tuple[Outcome, str]:
+    @property
+    def kernels(self) -> tuple:
+        return self.module.equations, self.module.constraints, self.module.tangent, self.module.energy
+
+    @property
+    def tables(self) -> tuple[np.ndarray, ...]:
+        return self.times, self.q, self.v, self.a, self.multipliers, self.works
+
+    def _settle(self, row: int, passes: int) -> bool:
+        """Put a row onto the constraints and find its accelerations and multipliers; False where it is singular."""
+        drift = np.zeros(2)
+        done = stepping.settle(
+            *self.kernels[:2], self.system.parameters, float(self.times[row]), self.q[row], self.v[row], self.a[row],
+            self.multipliers[row], passes, drift,
+        )  # fmt: skip
+        if row:  # the first one may be undeformed, and off by what that leaves open
+            self.counts[3:] = np.maximum(self.counts[3:], drift)
+        return done
+
+    def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
         """Integrate to the end, or to where the motion can't go on."""
         if not self.settled:
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}"
-        tables = (self.times, self.q, self.v, self.a, self.multipliers, self.works)
+        advance = {"gauss": self._gauss, "generalised-alpha": self._alpha, "scipy": self._scipy}[self.method.integrator]
         while self.filled + 1 < len(self.times):
-            rows = slice(self.filled, self.filled + 1 + _PIECE)
-            state = np.array([self.step, self.longest, 0.0])
-            ended = stepping.integrate(
-                self.module.equations, self.module.constraints, self.module.tangent, self.module.energy,
-                self.system.parameters, self.scale, state, *(table[rows] for table in tables), self.powers, self.counts,
-            )  # fmt: skip
-            self.step, self.filled = float(state[0]), self.filled + int(state[2])
+            before = self.filled
+            ended = advance(slice(before, before + 1 + _PIECE))
             if ended != stepping.DONE:
-                at = f"t = {self.times[self.filled]:.6g} s"
-                if ended == stepping.SINGULAR:
-                    return Outcome.SINGULAR, f"singular after {at}: {_SINGULAR}"
-                return (
-                    Outcome.UNSTABLE,
-                    f"the motion can't go on after {at}: the step vanishes, as where a linkage locks",
-                )
+                outcome, words = _ENDED[ended]
+                return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
             if progress is not None:
                 progress(self.filled / (len(self.times) - 1))
+            if stop is not None and stop(self.trajectory(slice(before, self.filled + 1))):
+                break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
 
-    def energy(self) -> Energy:
-        """Energies at the instants that were reached."""
-        count, n = self.filled + 1, self.system.size
-        out, kinetic = np.zeros((count, self.powers)), np.zeros(count)
+    def _gauss(self, rows: slice) -> int:
+        state = np.array([self.step, self.longest, 0.0])
+        ended = stepping.integrate(
+            *self.kernels, self.system.parameters, self.scale, state, *(table[rows] for table in self.tables),
+            self.powers, self.counts,
+        )  # fmt: skip
+        self.step, self.filled = float(state[0]), self.filled + int(state[2])
+        return ended
+
+    def _alpha(self, rows: slice) -> int:
+        # Chung & Hulbert 1993, eqs. (17), (18), (25)
+        rho = self.method.rho_infinity
+        alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        surplus = 1.0 - alpha_m + alpha_f
+        weights = np.array([alpha_m, alpha_f, 0.25 * surplus**2, surplus - 0.5])
+        ended, last = stepping.generalised_alpha(
+            *self.kernels, self.system.parameters, self.scale, weights, self.algorithmic,
+            *(table[rows] for table in self.tables), self.powers, self.counts,
+        )  # fmt: skip
+        self.filled += last
+        return ended
+
+    def _scipy(self, rows: slice) -> int:
+        """Through scipy's Radau, with works integrated beside the motion; every row is then settled."""
+        from scipy.integrate import solve_ivp
+
+        n, times = self.system.size, self.times[rows]
+
+        def slope(t: float, x: np.ndarray) -> np.ndarray:
+            a, multipliers, g_t = self.system.accelerations(t, x[:n], x[n : 2 * n])
+            return np.concatenate([x[n : 2 * n], a, self._rates(t, x[:n], x[n : 2 * n], multipliers, g_t)[1]])
+
+        first = np.concatenate([self.q[rows][0], self.v[rows][0], self.works[rows][0]])
+        allowed = np.concatenate([self.scale, self.scale / self.longest, np.full(self.works.shape[1], math.inf)])
+        try:
+            found = solve_ivp(
+                slope, (times[0], times[-1]), first, "Radau", times, rtol=self.method.tolerance, atol=allowed
+            )
+        except np.linalg.LinAlgError:
+            return stepping.SINGULAR
+        self.counts[0] += len(found.t) - 1
+        for k, x in enumerate(found.y.T[1:], start=rows.start + 1):
+            self.q[k], self.v[k], self.works[k] = x[:n], x[n : 2 * n], x[2 * n :]
+            if not self._settle(k, 1):
+                return stepping.SINGULAR
+            self.filled = k
+        return stepping.DONE if found.success else stepping.TOO_SMALL
+
+    def _rates(self, t: float, q, v, multipliers, g_t) -> tuple[np.ndarray, np.ndarray]:
+        """What ``energy`` says, and the rates of ``works``: dissipation, loads, constraints that move by themselves."""
+        out = np.zeros(self.powers)
+        self.module.energy(t, q, v, self.system.parameters, out)
+        return out, np.concatenate([out[2:], -multipliers * g_t])
+
+    def trajectory(
+        self, rows: slice, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0
+    ) -> CoupledTrajectory:
+        """Rows of the tables with their energies."""
+        steps, rejected = int(self.counts[0]), int(self.counts[1])
+        drift = (float(self.counts[3]), float(self.counts[4]))
+        times, q, v, a, multipliers, works = (table[rows] for table in self.tables)
+        energy = energies(self.system, times, q, v, multipliers, works[:, 0], works[:, 1:].sum(axis=1))
+        return CoupledTrajectory(times, q, v, a, multipliers, energy, steps, rejected, drift, outcome, message, ns)
+
+
+def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
+    """The motion at other instants within the run (dense output).
+
+    q by the quintic through q, q', q'' of the stored instants, put onto the constraints; accelerations and multipliers
+    from the equations there.
+    """
+    from scipy.interpolate import BPoly, CubicHermiteSpline
+
+    knots = trajectory.times
+    stepping.compile_stepper()
+    curve = BPoly.from_derivatives(knots, np.stack([trajectory.q, trajectory.v, trajectory.a], axis=1))
+    q, v = curve(times), curve.derivative()(times)
+    a, multipliers = np.zeros_like(q), np.zeros((len(times), len(system.constraints)))
+    for k, t in enumerate(times):
+        stepping.settle(
+            system.module.equations, system.module.constraints, system.parameters, float(t), q[k], v[k], a[k],
+            multipliers[k], 1, np.zeros(2),
+        )  # fmt: skip
+    energy = trajectory.energy
+    dissipated = CubicHermiteSpline(knots, energy.dissipated, energy.loss)(times)
+    supplied = CubicHermiteSpline(knots, energy.supplied, energy.power)(times)
+    energy = energies(system, times, q, v, multipliers, dissipated, supplied)
+    return replace(trajectory, times=times, q=q, v=v, a=a, multipliers=multipliers, energy=energy)
+
+
+def energies(system: CoupledSystem, times, q, v, multipliers, dissipated, supplied) -> Energy:
+    """Energies and powers at given states; what was dissipated and supplied since the start is known already."""
+    n, m, count = system.size, len(system.constraints), len(times)
+    loads = len(system.module.LOADS)
+    out, kinetic, power = np.zeros((count, 3 + loads)), np.zeros(count), np.zeros(count)
+    g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
+    for i in range(count):
         M, f = np.zeros((n, n)), np.zeros(n)
-        for i in range(count):
-            M[:], f[:] = 0.0, 0.0
-            state = (self.times[i], self.q[i], self.v[i], self.system.parameters)
-            self.module.equations(*state, M, f)
-            self.module.energy(*state, out[i])
-            kinetic[i] = 0.5 * self.v[i] @ M @ self.v[i]
-        works = self.works[:count]
-        return Energy(kinetic, out[:, 1], out[:, 0], works[:, 0], works[:, 1:].sum(axis=1))
+        state = (times[i], q[i], v[i], system.parameters)
+        system.module.equations(*state, M, f)
+        system.module.energy(*state, out[i])
+        system.module.constraints(*state, g, g_t, G, gamma)
+        kinetic[i] = 0.5 * v[i] @ M @ v[i]
+        power[i] = out[i, 3:].sum() - multipliers[i] @ g_t
+    return Energy(kinetic, out[:, 1], out[:, 0], dissipated, supplied, out[:, 2], power)
 
 
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a linkage stretched to its limit"
+_ENDED = {
+    stepping.TOO_SMALL: (
+        Outcome.UNSTABLE, "the motion can't go on after {at}: the step vanishes, as where a linkage locks",
+    ),
+    stepping.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
+    stepping.NO_CONVERGENCE: (
+        Outcome.UNSTABLE,
+        "no step of this length leads on from {at}: ask for more steps, or for the integrator gauss, "
+        "which chooses its own",
+    ),
+}  # fmt: skip

@@ -10,9 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.coupled.motion import CoupledMotion, Rates
-from kaneflex.coupled.run import CoupledTrajectory, integrate, rigid_state
+from kaneflex.coupled.run import CoupledTrajectory, Method, between, integrate, rigid_state
+from kaneflex.coupled.state import State
 from kaneflex.coupled.system import BODY, CoupledSystem
 from kaneflex.errors import SceneError
+from kaneflex.events import happens
 from kaneflex.forward import with_courses
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model, Motion, RigidMotion
@@ -25,22 +27,34 @@ _REPEATS = 1e-5
 """Change of the deformation over a cycle, against its largest value, below which it repeats."""
 
 
-def simulate_coupled(model: Model, progress: Callable[[float], None] | None = None) -> Solution:
-    """Integrate the coupled equations over the model's horizon."""
+def simulate_coupled(
+    model: Model, progress: Callable[[float], None] | None = None, after: State | None = None
+) -> Solution:
+    """Integrate the coupled equations over the model's horizon, from a state where one is given."""
     started = time.perf_counter()
     system, options = model.coupled, model.options
-    times = model.step * np.arange(options.steps + 1)
-    first = model.motion.at(0.0)
+    length = longest(model.scene)
+    method = Method(options.integrator, options.tolerance, length, options.rho_infinity)
+    times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
+    q, v = _beginning(model) if after is None else after.fitted(system, length)
+    stops = [event for event in model.scene.events.values() if event.stop]
+
+    def stop(part: CoupledTrajectory) -> bool:
+        return happens(as_solution(model, part, 0.0), stops)
+
+    if options.start == "periodic":
+        trajectory = _periodic(system, q, v, times, method, progress)
+    else:
+        trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
+    return as_solution(model, trajectory, time.perf_counter() - started)
+
+
+def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium."""
+    system, first = model.coupled, model.motion.at(0.0)
     q, v = rigid_state(system, first)
     q = unwrapped(model.scene, system, q, first)
-    if options.start == "quasistatic":
-        q = _settled(model, q, v, first)
-    length = _length(model.scene)
-    if options.start == "periodic":
-        trajectory = _periodic(system, q, v, times, options.tolerance, length, progress)
-    else:
-        trajectory = integrate(system, q, v, times, options.tolerance, length, progress)
-    return as_solution(model, trajectory, time.perf_counter() - started)
+    return (_settled(model, q, v, first) if model.options.start == "quasistatic" else q), v
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
@@ -55,7 +69,18 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
         states = states.reshape(2 * len(free), -1)
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
         model = replace(model, motion=Motion(model.motion.module, p))
-    motion = CoupledMotion(model, system, trajectory, model.motion.at(trajectory.times))
+    return _seen(model, trajectory, seconds)
+
+
+def resampled(solution: Solution, times: np.ndarray) -> Solution:
+    """The coupled motion at other instants within the run."""
+    trajectory = between(solution.model.coupled, solution.coupled.trajectory, times)
+    return _seen(solution.model, trajectory, solution.seconds)
+
+
+def _seen(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
+    """What the elastic equations' coordinates say of a trajectory; the model's free drives move as it does."""
+    motion = CoupledMotion(model, model.coupled, trajectory, model.motion.at(trajectory.times))
     z, v, a = motion.coordinates()
     plain = Trajectory(
         trajectory.times, z.T, v.T, a.T, trajectory.outcome, trajectory.message, None, trajectory.ns_per_step
@@ -82,7 +107,7 @@ def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
     return along, dot(t, gap_rate) + omega * across, accel
 
 
-def _length(scene: Scene) -> float:
+def longest(scene: Scene) -> float:
     """The size of the mechanism: its longest body, else the farthest point of the ground [m]."""
     lengths = [body.length for body in scene.bodies.values() if body.length]
     return max(lengths or [math.hypot(*at) for at in scene.ground.values()] or [1.0])
@@ -139,19 +164,19 @@ def _settled(model: Model, q: np.ndarray, v: np.ndarray, rigid: RigidMotion) -> 
         square = np.block([[K[:n], -G.T], [G, np.zeros((m, m))]])
         step = np.linalg.solve(square, -np.concatenate([M @ a - f - G.T @ multipliers, g]))
         q, multipliers = q + step[:n], multipliers + step[n:]
-        if abs(step[:n]).max() < 1e-12 * _length(model.scene):
+        if abs(step[:n]).max() < 1e-12 * longest(model.scene):
             return q
     raise SceneError(
         "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
     )
 
 
-def _periodic(system, q, v, times, tolerance, length, progress) -> CoupledTrajectory:
+def _periodic(system, q, v, times, method, progress) -> CoupledTrajectory:
     """Cycle after cycle until the deformation repeats."""
     modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
     turns = np.array([k + 2 for k in system.start.values()])
     for cycle in range(_CYCLES):
-        found = integrate(system, q, v, times, tolerance, length, None)
+        found = integrate(system, q, v, times, method)
         if found.outcome is not Outcome.COMPLETED:
             return found
         end, end_rate = found.q[-1].copy(), found.v[-1].copy()

@@ -1,9 +1,14 @@
-"""Two-stage Gauss-Legendre for M q'' = f + G^T lambda with G q'' + gamma = 0 (index 1), drift projected away.
+"""Compiled loops for M q'' = f + G^T lambda, g(t, q) = 0.
+
+Two-stage Gauss-Legendre with G q'' + gamma = 0 in place of g = 0 (index 1), drift projected away.
 
 The stages' accelerations and multipliers are the unknowns of a bounded, simplified Newton iteration with the analytic
 tangent (Hairer & Wanner 1996, IV.8); order 4, A-stable and without numerical damping, so that stiff axial modes cost
 nothing but accuracy of their own. The step follows an error estimate of the fifth order, filtered as in Hairer &
 Wanner (IV.8.20): what an unresolved stiff mode does is no reason for a short step.
+
+Beside it generalised-alpha with a fixed step, as other codes have it. All loops stay in this file: a cached function
+that calls one of another file would keep the old callee after that file was edited.
 """
 
 from __future__ import annotations
@@ -22,8 +27,9 @@ TANGENT = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _A))
 ENERGY = FunctionType(void(float64, _V, _V, _V, _V))
 """Types of the generated kernels, given explicitly: as plain arguments they would be compiled anew in every process."""
 
-DONE, TOO_SMALL, SINGULAR = 0, 1, 2
-"""How a piece of the integration ended: at its end, with a vanishing step, at a singular state."""
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE = 0, 1, 2, 3
+"""How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
+equations Newton's method does not solve."""
 
 _ROOT = math.sqrt(3.0)
 _NODES = np.array([0.5 - _ROOT / 6, 0.5 + _ROOT / 6])
@@ -328,15 +334,114 @@ def integrate(
     return DONE
 
 
+@njit(**_OPTIONS)
+def generalised_alpha(
+    equations, constraints, tangent, energy, p, scale, method, algorithmic, times, qs, vs, accels, lambdas, works,
+    powers, counts,
+):
+    """As :func:`integrate`, with one step from row to row, at whose end g = 0 (index 3; Arnold & Bruels 2007).
+
+    method: alpha_m, alpha_f, beta, gamma. algorithmic: the method's own accelerations, overwritten. Returns a status
+    and the last row that was filled.
+    """
+    n, m = qs.shape[1], lambdas.shape[1]
+    size = n + m
+    alpha_m, alpha_f, beta, gamma = method
+    M, f = np.zeros((n, n)), np.zeros(n)
+    G, g, g_t, drag = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+    K, C = np.zeros((size, n)), np.zeros((size, n))
+    square, pivots, x = np.zeros((size, size)), np.zeros(size, np.int64), np.zeros(size)
+    rates, before = np.zeros(powers), np.zeros(powers - 2 + m)
+    energy(times[0], qs[0], vs[0], p, rates)
+    constraints(times[0], qs[0], vs[0], p, g, g_t, G, drag)
+    before[: powers - 2] = rates[2:]
+    before[powers - 2 :] = -lambdas[0] * g_t
+    for row in range(times.size - 1):
+        t, h = times[row + 1], times[row + 1] - times[row]
+        inner = h * h * beta
+        multipliers = lambdas[row].copy()
+        a = accels[row].copy()
+        new = ((1.0 - alpha_f) * a + alpha_f * accels[row] - alpha_m * algorithmic) / (1.0 - alpha_m)
+        v = vs[row] + h * ((1.0 - gamma) * algorithmic + gamma * new)
+        q = qs[row] + h * vs[row] + h * h * ((0.5 - beta) * algorithmic + beta * new)
+        converged, last = False, 0.0
+        for iteration in range(20):
+            counts[2] += 1
+            M[:, :] = 0.0
+            f[:] = 0.0
+            G[:, :] = 0.0
+            K[:, :] = 0.0
+            C[:, :] = 0.0
+            equations(t, q, v, p, M, f)
+            constraints(t, q, v, p, g, g_t, G, drag)
+            tangent(t, q, v, a, multipliers, p, K, C)
+            # Balance times h^2 beta and multipliers in the same measure: entries then don't depend on the step.
+            saddle(M, G, n, m, square)
+            for r in range(n):
+                total = f[r]
+                for c in range(n):
+                    total -= M[r, c] * a[c]
+                    square[r, c] = (1.0 - alpha_m) / (1.0 - alpha_f) * M[r, c] + h * gamma * C[r, c] + inner * K[r, c]
+                for c in range(m):
+                    total += G[c, r] * multipliers[c]
+                x[r] = inner * total
+            x[n:] = -g
+            if not factorise(square, pivots):
+                return SINGULAR, row
+            substitute(square, pivots, x)
+            change = 0.0
+            for c in range(n):
+                q[c] += x[c]
+                v[c] += gamma / (h * beta) * x[c]
+                new[c] += x[c] / inner
+                a[c] += (1.0 - alpha_m) / (1.0 - alpha_f) * x[c] / inner
+                change = max(change, abs(x[c]) / scale[c])
+            for c in range(m):
+                multipliers[c] += x[n + c] / inner
+            if not change < 1e200:
+                break
+            # At the end of what rounding allows, a change no longer falls.
+            if change < 1e-3 or (iteration > 2 and change < 1.0 and change >= 0.5 * last):
+                converged = True
+                break
+            last = change
+        if not converged:
+            return NO_CONVERGENCE, row
+        rates[:] = 0.0
+        energy(t, q, v, p, rates)
+        constraints(t, q, v, p, g, g_t, G, drag)
+        works[row + 1] = works[row]
+        for k in range(powers - 2 + m):
+            now = rates[k + 2] if k < powers - 2 else -multipliers[k - powers + 2] * g_t[k - powers + 2]
+            works[row + 1, k] += 0.5 * h * (before[k] + now)
+            before[k] = now
+        for r in range(m):
+            rate = g_t[r]
+            for c in range(n):
+                rate += G[r, c] * v[c]
+            counts[3], counts[4] = max(counts[3], abs(g[r])), max(counts[4], abs(rate))
+        counts[0] += 1
+        algorithmic[:] = new
+        qs[row + 1], vs[row + 1], accels[row + 1], lambdas[row + 1] = q, v, a, multipliers
+    return DONE, times.size - 1
+
+
 _SIGNATURES = (
     (settle, types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1])),
     (integrate, int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V)),
+    (
+        generalised_alpha,
+        types.UniTuple(int64, 2)(
+            EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V
+        ),
+    ),
 )
 
 
-def compile_stepper() -> None:
+def compile_stepper(integrator: str = "gauss") -> None:
     """Compile for kernels of any module, once on a machine: importing this file compiles nothing."""
+    needed = {"gauss": (settle, integrate), "generalised-alpha": (settle, generalised_alpha)}.get(integrator, (settle,))
     for function, signature in _SIGNATURES:
-        if not function.overloads:
+        if function in needed and not function.overloads:
             function.compile(signature)
             function.disable_compile()

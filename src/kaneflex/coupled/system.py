@@ -68,15 +68,30 @@ class CoupledSystem:
 
     def compile(self) -> None:
         """Call every kernel once, so that compiling is seen and timed apart from computing."""
-        from kaneflex.coupled.stepping import compile_stepper
-
-        compile_stepper()
         n, m = self.size, len(self.constraints)
         q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
         self.module.equations(0.0, q, v, self.parameters, np.zeros((n, n)), np.zeros(n))
         self.module.constraints(0.0, q, v, self.parameters, np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m))
         self.module.tangent(0.0, q, v, a, multipliers, self.parameters, np.zeros((n + m, n)), np.zeros((n + m, n)))
         self.module.energy(0.0, q, v, self.parameters, np.zeros(3 + len(self.module.LOADS)))
+
+    def measure(self, length: float) -> np.ndarray:
+        """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
+        return np.where([unit == "rad" for _, unit in self.module.COORDINATES], 1.0, length)
+
+    def accelerations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q'', the multipliers and the constraints' partial rates in time, of a state that satisfies them.
+
+        Raises LinAlgError where the constraints determine neither.
+        """
+        n, m = self.size, len(self.constraints)
+        M, f = np.zeros((n, n)), np.zeros(n)
+        g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
+        self.module.equations(t, q, v, self.parameters, M, f)
+        self.module.constraints(t, q, v, self.parameters, g, g_t, G, gamma)
+        square = np.block([[M, -G.T], [G, np.zeros((m, m))]])
+        x = np.linalg.solve(square, np.concatenate([f, -gamma]))
+        return x[:n], x[n:], g_t
 
     @property
     def freedoms(self) -> int:

@@ -26,13 +26,14 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_loads(scene),
         *_springs(scene),
         *_sensors(scene),
+        *_events(scene),
         *_horizon(scene),
     ]
     return found or list(_periods(scene))
 
 
 def _names(scene: Scene) -> Iterator[Problem]:
-    for table in ("ground", "bodies", "joints", "masses", "drives", "loads", "springs", "sensors"):
+    for table in ("ground", "bodies", "joints", "masses", "drives", "loads", "springs", "sensors", "events"):
         for name in getattr(scene, table):
             key = f"{table}.{name}"
             if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
@@ -271,6 +272,18 @@ def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         yield Problem(
             f"{key}.body", sensor.body, f"{sensor.target} joins {' and '.join(bodies)}", "Name one of them"
         )
+
+
+def _events(scene: Scene) -> Iterator[Problem]:
+    for name, event in scene.events.items():
+        if event.sensor not in scene.sensors:
+            cure = nearest(event.sensor, scene.sensors)
+            yield Problem(f"events.{name}.sensor", event.sensor, "no sensor of that name", cure)
+            continue
+        try:
+            scene.level(event)
+        except Fault as fault:
+            yield Problem(f"events.{name}.value", event.value, fault.reason, fault.cure)
 
 
 def _horizon(scene: Scene) -> Iterator[Problem]:

@@ -10,11 +10,13 @@ from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.drives import Drive
+from kaneflex.scene.events import Event
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
+from kaneflex.units import SENSED, to_si
 
 
 def written(raw: object, path: Sequence[str]) -> object:
@@ -52,6 +54,7 @@ class Scene(SceneTable):
     springs: dict[str, Spring] = Field(default={})
     damping: Damping | None = None
     sensors: dict[str, Sensor] = Field(default={})
+    events: dict[str, Event] = Field(default={})
     solve: Solve = Solve()
 
     _raw: dict[str, Any] = PrivateAttr(default_factory=dict)
@@ -118,6 +121,11 @@ class Scene(SceneTable):
         loads = {name: (load.torque_at, 1.0) for name, load in self.torques.items()}
         at = {name: spring.torsional_at for name, spring in self.springs.items()}
         return loads | {f"{name}.torque": (joint, -1.0) for name, joint in at.items() if joint is not None}
+
+    def level(self, event: Event) -> float:
+        """The value that an event waits for, in its sensor's SI unit. Raises Fault for text in another unit."""
+        unit = self.sensors[event.sensor].unit
+        return to_si(event.value, next(dimension for dimension in SENSED if dimension.unit == unit))
 
     @property
     def is_frame(self) -> bool:

@@ -12,7 +12,8 @@ from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
 
 _MOST_NAMES = 3
 """Names that a message lists at most."""
-_NAMED = ("bodies", "joints", "drives", "loads", "springs", "sensors")  # top-level tables whose entries users name
+_NAMED = ("bodies", "joints", "drives", "loads", "springs", "sensors", "events")
+"""Top-level tables whose entries users name."""
 
 
 def nested(raw: Mapping[str, Any], setting: str) -> dict[str, Any]:

@@ -1,0 +1,19 @@
+"""Events: instants at which a sensor passes a value."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from kaneflex.scene.table import SceneTable
+
+
+class Event(SceneTable):
+    """When the `sensor` passes `value`: going `up`, `down` or in `both` directions. With `stop` the run ends there.
+
+    `value` is in the sensor's SI unit, or text with a unit.
+    """
+
+    sensor: str
+    value: float | str = 0.0
+    direction: Literal["up", "down", "both"] = "both"
+    stop: bool = False

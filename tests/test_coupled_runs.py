@@ -1,0 +1,184 @@
+"""Runs of preset coupled: its integrators against each other, dense output, events, and going on from a state."""
+
+import math
+
+import numpy as np
+import pytest
+from command_line import cli
+from scipy.special import ellipk
+
+import kaneflex
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene, with_settings
+
+SHORT = ("solve.duration=0.5 s", "solve.steps=200")
+
+
+def scene(name, *settings):
+    return with_settings(read_scene(name), ["solve.preset=coupled", *settings])
+
+
+def run(name, *settings, after=None):
+    return kaneflex.simulate(kaneflex.load(scene(name, *settings)), after=after)
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """Damped, so that axial vibrations, which no output interval resolves, are gone soon."""
+    return run("elastic-pendulum", "damping.rayleigh.ratio=0.1", "damping.rayleigh.at=[5, 50]", *SHORT)
+
+
+def settle_damping(*settings):
+    return ("damping.rayleigh.ratio=0.1", "damping.rayleigh.at=[5, 50]", *settings)
+
+
+def test_scipy_gives_the_same_motion(pendulum):
+    other = run("elastic-pendulum", *settle_damping(*SHORT), "solve.integrator=scipy", "solve.tolerance=1e-9")
+    for name in ("angle", "tip_bend"):
+        assert other.series[name].values == pytest.approx(pendulum.series[name].values, abs=1e-6), name
+    assert other.coupled.trajectory.energy.drift < 1e-6
+
+
+def test_generalised_alpha_converges_to_it_with_the_square_of_its_step(pendulum):
+    exact = pendulum.series["tip_bend"].values[-1]
+    errors = []
+    for steps in (2000, 4000):
+        found = run(
+            "elastic-pendulum", *settle_damping("solve.duration=0.5 s"), f"solve.steps={steps}",
+            "solve.integrator=generalised-alpha",
+        )  # fmt: skip
+        errors.append(abs(found.series["tip_bend"].values[-1] - exact))
+        assert found.coupled.trajectory.steps == steps
+    assert 3.5 < errors[0] / errors[1] < 4.5
+
+
+def test_generalised_alpha_keeps_a_loop_closed():
+    settings = ("solve.duration=0.1 s", "solve.steps=4000")
+    found = run("four-bar-motor", *settings, "solve.integrator=generalised-alpha")
+    exact = run("four-bar-motor", *settings)
+    assert found.coupled.trajectory.drift[0] < 1e-12
+    for name in ("crank_speed", "coupler_mid"):
+        there = exact.series[name].values
+        assert abs(found.series[name].values - there).max() < 2e-3 * abs(there).max(), name
+
+
+def test_a_step_that_is_too_long_says_so():
+    found = run("four-bar-motor", "solve.integrator=generalised-alpha", "solve.duration=20 s", "solve.steps=10")
+    assert found.outcome.name == "UNSTABLE"
+    assert found.trajectory.message.startswith("no step of this length leads on from t = ")
+    assert "ask for more steps, or for the integrator gauss" in found.trajectory.message
+
+
+def test_dense_output_meets_a_run_that_stores_those_instants(pendulum):
+    finer = run("elastic-pendulum", *settle_damping("solve.duration=0.5 s", "solve.steps=600"))
+    between = pendulum.at(finer.times)
+    for name, tolerance in (("angle", 1e-6), ("tip_bend", 1e-6), ("mid_moment", 1e-4)):
+        there = finer.series[name].values
+        assert abs(between.series[name].values - there)[300:].max() < tolerance * max(1.0, abs(there).max()), name
+    assert between.coupled.trajectory.energy.drift < 1e-5
+
+
+def test_dense_output_of_a_run_that_motion_drives():
+    """The quasi-static answer, which has no vibration that a step could fail to resolve."""
+    settings = ("solve.preset=quasistatic", "solve.start=zero")
+    solution = run("four-bar", *settings)
+    times = 0.5 * (solution.times[1:] + solution.times[:-1])
+    finer = run("four-bar", *settings, f"solve.steps={2 * len(times)}")
+    for name, series in solution.at(times).series.items():
+        there = finer.series[name].values[1::2]
+        assert abs(series.values - there).max() < 1e-4 * abs(there).max(), name
+
+
+@pytest.mark.parametrize("times", [[-1e-3], [0.1, 0.6]])
+def test_instants_outside_the_run_are_refused(pendulum, times):
+    with pytest.raises(ValueError, match=r"asked for, where the run has 0 to 0\.5 s"):
+        pendulum.at(times)
+
+
+def scene_with_event(folder, like, words, *settings):
+    (folder / "scene.toml").write_text(f'schema = 1\nlike = "{like}"\n[events]\nit = {{{words}}}\n')
+    return with_settings(read_scene(folder / "scene.toml"), list(settings))
+
+
+# A steel bar so thick that it swings like a rigid one.
+BAR = ("strip.beam.section.rectangle=[0.1, 0.1]", "solve.duration=10 s", "solve.steps=1000")
+HANGING = "sensor = 'angle', value = '-90 deg', direction = 'down'"
+
+
+def test_a_pendulum_hangs_straight_every_half_period_of_the_closed_form(tmp_path):
+    """T = 4 K(sin(theta_0 / 2)) / omega_0 (Legendre): the bar's ends of swing are 60 deg from the vertical."""
+    found = kaneflex.simulate(kaneflex.load(scene_with_event(tmp_path, "elastic-pendulum", HANGING, *BAR)))
+    period = 4 * ellipk(math.sin(math.radians(30)) ** 2) * math.sqrt(2 * 1.0 / (3 * 9.81))
+    times = found.events["it"]
+    assert len(times) == 6
+    assert times == pytest.approx(period * (0.25 + np.arange(6)), rel=1e-4)
+    # The event itself lies where the sensor has the value.
+    assert found.at(times).series["angle"].values == pytest.approx(-math.pi / 2, abs=1e-9)
+
+
+def test_an_event_ends_the_run(tmp_path):
+    stopping = HANGING + ", stop = true"
+    found = kaneflex.simulate(kaneflex.load(scene_with_event(tmp_path, "elastic-pendulum", stopping, *BAR)))
+    assert found.times[-1] == pytest.approx(0.4395, abs=1e-3)
+    assert found.series["angle"].values[-1] == pytest.approx(-math.pi / 2, abs=1e-9)
+    assert found.outcome.name == "COMPLETED"
+    assert found.trajectory.message.startswith("completed; the event it ended the run at t = 0.4")
+    assert found.coupled.trajectory.steps < 200
+
+
+def test_an_event_of_a_driven_mechanism(tmp_path):
+    """The crank's torque changes its sign where the series does, on either side of a stored instant."""
+    words = "sensor = 'crank_torque', direction = 'up'"
+    found = kaneflex.simulate(kaneflex.load(scene_with_event(tmp_path, "engine", words, "solve.preset=rigid")))
+    values = found.series["crank_torque"].values
+    assert len(found.events["it"]) == ((values[:-1] < 0) & (values[1:] >= 0)).sum() > 2
+    assert abs(found.at(found.events["it"]).series["crank_torque"].values).max() < 1e-6 * abs(values).max()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("sensor = 'angel'", "events.it.sensor = 'angel': no sensor of that name. The nearest known one is 'angle'."),
+        (
+            "sensor = 'angle', value = '3 mm'",
+            "events.it.value = '3 mm': 'mm' is not a unit of angle. "
+            "Write an angle like '720 deg', or a plain number in rad.",
+        ),
+    ],
+)
+def test_events_that_cannot_be(tmp_path, words, message):
+    with pytest.raises(SceneError) as error:
+        scene_with_event(tmp_path, "elastic-pendulum", words)
+    assert str(error.value) == message
+
+
+def test_a_run_goes_on_from_the_end_of_another(pendulum):
+    half = run("elastic-pendulum", *settle_damping("solve.duration=0.25 s", "solve.steps=100"))
+    rest = run("elastic-pendulum", *settle_damping("solve.duration=0.25 s", "solve.steps=100"), after=half)
+    assert rest.times == pytest.approx(pendulum.times[100:])
+    for name in ("angle", "tip_bend"):
+        assert rest.series[name].values == pytest.approx(pendulum.series[name].values[100:], abs=1e-7), name
+
+
+def test_the_command_line_goes_on_from_a_result_folder(tmp_path, monkeypatch, pendulum):
+    monkeypatch.chdir(tmp_path)
+    options = [f"--set={setting}" for setting in settle_damping("solve.duration=0.25 s", "solve.steps=100")]
+    assert cli("run", "elastic-pendulum", *options, "--no-plots", "-o", "first").exit_code == 0
+    assert cli("run", "elastic-pendulum", *options, "--no-plots", "-o", "second", "--after", "first").exit_code == 0
+    import xarray
+
+    with xarray.open_dataset("second/results.nc", engine="scipy") as found:
+        assert float(found["time"][0]) == 0.25
+        assert found["tip_bend"].values[-1] == pytest.approx(pendulum.series["tip_bend"].values[-1], abs=1e-7)
+
+
+def test_states_that_do_not_fit(tmp_path, pendulum):
+    with pytest.raises(SceneError, match="only coupled runs can be continued"):
+        run("elastic-pendulum", "solve.preset=rigid", after=pendulum)
+    with pytest.raises(SceneError, match=r"strip\.transverse_3 is a coordinate of the scene alone"):
+        run("elastic-pendulum", "solve.modes=4", after=pendulum)
+    crank = run("slider-crank-150-coupled", "solve.duration=1 ms", "solve.steps=10")
+    with pytest.raises(SceneError, match=r"its state opens \w+ by .*Continue with the lengths and drives"):
+        run("slider-crank-150-coupled", "rod.length=0.35", after=crank)
+    with pytest.raises(SceneError, match=r"after = .*: no results can be read there\. Name the folder of a run"):
+        kaneflex.read_state(tmp_path)
