@@ -1,7 +1,8 @@
-"""Positions of all bodies from the drives, in closed form.
+"""Positions of all bodies from the drives, in closed form where there is one.
 
 Starting from the ground, bodies are placed one after the other: driven ones directly, pairs of undriven ones as
-dyads (two bodies and three joints, an Assur group of the second class; see Norton, Design of Machinery, ch. 4).
+dyads (two bodies and three joints, an Assur group of the second class; see Norton, Design of Machinery, ch. 4), larger
+groups by Newton's method (see :mod:`kaneflex.derive.newton`).
 """
 
 from __future__ import annotations
@@ -10,37 +11,28 @@ from dataclasses import dataclass
 
 import sympy as sm
 
+from kaneflex.derive.lookups import T
 from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
+from kaneflex.derive.newton import Closed, Loop, close_group
+from kaneflex.derive.poses import Pose
 from kaneflex.derive.steps import Steps
 
 
 class UnsupportedLoop(ValueError):
-    """Bodies that no chain of driven joints and slider dyads reaches."""
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Global position of a body's start and the direction cosines of its x axis."""
-
-    x: sm.Expr
-    y: sm.Expr
-    c: sm.Expr
-    s: sm.Expr
-
-    def turn(self, vector: Vector) -> Vector:
-        return self.c * vector[0] - self.s * vector[1], self.s * vector[0] + self.c * vector[1]
-
-    def place(self, point: BodyPoint) -> Vector:
-        dx, dy = self.turn(point.at)
-        return self.x + dx, self.y + dy
+    """Bodies that the drives and the joints do not place."""
 
 
 @dataclass(frozen=True)
 class Closure:
-    """Poses of all bodies, and for each dyad the margin that must stay positive for it to close."""
+    """Poses of all bodies, and for each loop the margin that must stay positive for it to close.
+
+    Those of the ``loops`` that Newton's method closes have ``gaps`` beside it: what it leaves open [m].
+    """
 
     poses: dict[str, Pose]
     margins: dict[str, sm.Expr]
+    gaps: dict[str, sm.Expr]
+    loops: tuple[Loop, ...]
 
 
 def place_bodies(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], steps: Steps) -> Closure:
@@ -49,18 +41,25 @@ def place_bodies(mechanism: Mechanism, drive_angle: dict[str, sm.Expr], steps: S
     Raises
     ------
     UnsupportedLoop
-        If bodies remain that are neither driven nor in a dyad with at most one guide; it names them.
+        If bodies remain that joints and drives leave open, or hold more than once; it names them.
     """
     poses = {GROUND: Pose(sm.S.Zero, sm.S.Zero, sm.S.One, sm.S.Zero)}
     margins: dict[str, sm.Expr] = {}
+    closed: list[Closed] = []
+    # What the seeds of Newton's method are tabulated against: the drive where there is one.
+    against = next(iter(drive_angle.values())) if len(drive_angle) == 1 else T
     while len(poses) <= len(mechanism.bodies):
-        if not (_place_driven(mechanism, drive_angle, poses, steps) or _place_dyad(mechanism, poses, margins, steps)):
+        if _place_driven(mechanism, drive_angle, poses, steps) or _place_dyad(mechanism, poses, margins, steps):
+            continue
+        found = close_group(mechanism, drive_angle, poses, against, steps)
+        if found is None:
             open_bodies = [name for name in mechanism.bodies if name not in poses]
-            raise UnsupportedLoop(
-                f"the position of {', '.join(open_bodies)} does not follow from the drives: each body must be driven, "
-                "welded, or closed by a dyad (two bodies, three joints, one guide at most)"
-            )
-    return Closure(poses, margins)
+            raise UnsupportedLoop(f"the position of {', '.join(open_bodies)} does not follow from the drives")
+        poses |= found.poses
+        margins[found.loop.closing] = found.margin
+        closed.append(found)
+    gaps = {found.loop.closing: found.gap for found in closed}
+    return Closure(poses, margins, gaps, tuple(found.loop for found in closed))
 
 
 def _assign_pose(name: str, c: sm.Expr, s: sm.Expr, at: Vector, point: BodyPoint, steps: Steps) -> Pose:

@@ -17,8 +17,9 @@ import sympy as sm
 
 from kaneflex.derive.flexible import flexible_body
 from kaneflex.derive.laws import law_expression
+from kaneflex.derive.lookups import T, table
 from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism, SpringModel
-from kaneflex.derive.motion import T, drive_courses, table
+from kaneflex.derive.motion import drive_courses
 from kaneflex.derive.places import CoupledBody, Numbers, Places
 from kaneflex.derive.program import Program
 from kaneflex.derive.steps import Steps

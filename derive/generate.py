@@ -266,6 +266,10 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         rows = term_rows(equations.element)
     free = [name for name, drive in mechanism.drives.items() if drive.kind == "free"]
     links = {link: k * len(LINK_SCALARS) for k, link in enumerate(motion.links)}
+    loops = [(loop.closing, loop.bodies, loop.turning, loop.sliding) for loop in motion.loops]
+    closed = [
+        emit.literal("LOOPS", loops, "closed by Newton's method: joint, bodies; whose angles, which slides have seeds")
+    ]
     return [
         emit.literal("PARAMETERS", parameters, "p: path of the number in the scene, unit"),
         emit.literal("TABLES", tables, "what has a table in p, which begins where <name>.table says"),
@@ -276,6 +280,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
         emit.literal("ELEMENT_PARAMETERS", of_element, "p of the element kernels"),
         emit.literal("TERMS", rows, "k-th constant matrix: name, group, matrix, factors of the scalar before it"),
         emit.literal("FREE", free, "joints left to the forces, in the order of y in the kernel inverse"),
+        *(closed if loops else ()),
         emit.literal("OPERATIONS", counts, "kernel -> operations written out, operations with shared subexpressions"),
     ]  # fmt: skip
 

@@ -58,7 +58,47 @@ def solve_blocks(
         matrix = sm.Matrix([[coefficients[i][j].xreplace(values) for j in columns] for i in rows])
         absent = dict.fromkeys(block, sm.S.Zero)
         known = sm.Matrix([-equations[i][1].xreplace(values).xreplace(absent) for i in rows])
-        values |= _cramer(matrix, known, block, steps)
+        solve = _cramer if len(block) <= _LARGEST else _eliminate
+        values |= solve(matrix, known, block, steps)
+    return values
+
+
+_LARGEST = 6
+"""Unknowns of a dyad's block, the most that determinants are written out for at once."""
+
+
+def _eliminate(matrix: sm.Matrix, known: sm.Matrix, block: list[sm.Symbol], steps: Steps) -> dict[sm.Symbol, sm.Expr]:
+    """Gauss's elimination by entries that are 1 or -1, which needs no division; determinants for what is left.
+
+    The pivot is the one that fills in least (Markowitz 1957): most rows of joints say that two points move alike.
+    """
+    matrix, known = matrix.as_mutable(), known.as_mutable()
+    rows, columns = list(range(len(block))), list(range(len(block)))
+    order: list[tuple[int, int]] = []
+    while len(columns) > 1:
+        filled = {i: [j for j in columns if matrix[i, j] != 0] for i in rows}
+        uses = {j: [i for i in rows if matrix[i, j] != 0] for j in columns}
+        pivots = [(i, j) for i in rows for j in filled[i] if matrix[i, j] in (1, -1)]
+        if not pivots:
+            break
+        i, j = min(pivots, key=lambda at: ((len(filled[at[0]]) - 1) * (len(uses[at[1]]) - 1), at))
+        for other in uses[j]:
+            if other == i:
+                continue
+            factor = matrix[other, j] * matrix[i, j]
+            for column in filled[i]:
+                entry = sm.S.Zero if column == j else matrix[other, column] - factor * matrix[i, column]
+                matrix[other, column] = steps.assign(sm.Symbol(f"{block[j]}_row_{other}_{column}"), entry)
+            rest = known[other] - factor * known[i]
+            known[other] = steps.assign(sm.Symbol(f"{block[j]}_known_{other}"), rest)
+        order.append((i, j))
+        rows.remove(i)
+        columns.remove(j)
+    left = matrix.extract(rows, columns)
+    values = _cramer(left, known.extract(rows, [0]), [block[j] for j in columns], steps)
+    for i, j in reversed(order):
+        rest = sum(matrix[i, c] * values[block[c]] for c in range(len(block)) if c != j and block[c] in values)
+        values[block[j]] = steps.assign(block[j], (known[i] - rest) * matrix[i, j])
     return values
 
 

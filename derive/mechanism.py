@@ -142,6 +142,10 @@ class Mechanism:
     def symbol(self, path: str) -> sm.Symbol:
         return self.parameters[path][0]
 
+    def parameter(self, path: str, unit: str) -> sm.Symbol:
+        """The symbol of a number that no scene gives but the derivation needs; entered on first use."""
+        return self.parameters.setdefault(path, (sm.Symbol(path.replace(".", "_")), unit))[0]
+
 
 def read_structure(structure: Mapping[str, Any]) -> Mechanism:
     """Turn ``Scene.structure()`` into symbols."""

@@ -11,39 +11,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sm
-from sympy.core.function import AppliedUndef, ArgumentIndexError, UndefinedFunction
 
 from kaneflex.contract import COURSES, LINK_SCALARS
-from kaneflex.derive.closure import Pose, place_bodies
+from kaneflex.derive.closure import place_bodies
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import solve_blocks
 from kaneflex.derive.links import jump_scalars, link_scalars
+from kaneflex.derive.lookups import T, table, table_curvature, table_rate
 from kaneflex.derive.mechanism import BodyPoint, Mechanism, Vector
+from kaneflex.derive.newton import Loop
+from kaneflex.derive.poses import Pose
 from kaneflex.derive.program import Program
 from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
-
-
-def _lookup(name: str, derivative: str | None) -> UndefinedFunction:
-    """A cubic table, NAME(x, start of its block in the parameters), whose derivative to x has a name of its own."""
-
-    def fdiff(self, argindex: int = 1):
-        if argindex != 1 or derivative is None:
-            raise ArgumentIndexError(self, argindex)
-        return _LOOKUPS[derivative](*self.args)
-
-    return UndefinedFunction(name, (AppliedUndef,), {"fdiff": fdiff})
-
-
-_LOOKUPS = {
-    name: _lookup(name, derivative)
-    for name, derivative in (("table", "table_rate"), ("table_rate", "table_curvature"), ("table_curvature", None))
-}
-table, table_rate, table_curvature = _LOOKUPS.values()
-
-T = sm.Symbol("t")
 
 
 @dataclass(frozen=True)
@@ -53,6 +35,7 @@ class Motion:
     steps: tuple[tuple[sm.Symbol, sm.Expr], ...]
     links: dict[str, tuple[Scalar, ...]]
     scalars: tuple[Scalar, ...]
+    loops: tuple[Loop, ...] = ()
 
     @property
     def stored(self) -> tuple[Scalar, ...]:
@@ -89,11 +72,13 @@ def derive_motion(mechanism: Mechanism) -> Motion:
     scalars += [*_load_scalars(mechanism, solved.loads), *solved.springs]
     for name, margin in solved.margins.items():
         scalars.append(Scalar(f"{name}.closure", "1", "margin of the loop: it can't close below zero", margin))
+    for name, gap in solved.gaps.items():
+        scalars.append(Scalar(f"{name}.gap", "m", "what Newton's method leaves of the loop's gaps", gap))
     elastic = [name for name, body in mechanism.bodies.items() if body.elastic]
     links = {name: link_scalars(mechanism, name, solved, steps) for name in elastic}
     for name in links:
         scalars += jump_scalars(mechanism, name, solved, steps)
-    return Motion(tuple(steps.assignments), links, tuple(scalars))
+    return Motion(tuple(steps.assignments), links, tuple(scalars), solved.loops)
 
 
 Inverse = tuple[Program, tuple[tuple[str, sm.Symbol], ...]]
@@ -127,7 +112,7 @@ def _state_symbols(name: str) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
 
 @dataclass(frozen=True)
 class Solved:
-    """The rigid motion in symbols: drives, rates, loads, springs, reactions by multiplier, margins of the loops."""
+    """The rigid motion in symbols: drives, rates, loads, springs, reactions by multiplier, the loops' margins."""
 
     drives: dict[str, Drive]
     rates: Rates
@@ -135,6 +120,8 @@ class Solved:
     springs: list[Scalar]
     reactions: dict[sm.Symbol, sm.Expr]
     margins: dict[str, sm.Expr]
+    gaps: dict[str, sm.Expr]
+    loops: tuple[Loop, ...]
 
 
 def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
@@ -144,7 +131,7 @@ def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Dr
     springs = spring_scalars(mechanism, {name: drive.angle for name, drive in drives.items()}, rates, steps)
     pushes = loads | {scalar.name: scalar.value for scalar in springs}
     reactions = _reactions(equations, rates, pushes, steps)
-    return Solved(drives, rates, loads, springs, reactions, closure.margins)
+    return Solved(drives, rates, loads, springs, reactions, closure.margins, closure.gaps, closure.loops)
 
 
 def _still(mechanism: Mechanism) -> Motion:

@@ -8,6 +8,7 @@ from kaneflex.binding import bind_parameters, generate_text, import_file
 from kaneflex.model import Motion, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
+from kaneflex.seeding import seed_loops
 
 
 def motion_of(scene: Scene, folder: Path) -> RigidMotion:
@@ -17,7 +18,8 @@ def motion_of(scene: Scene, folder: Path) -> RigidMotion:
     file.write_text(generate_text(scene), encoding="utf-8")
     module = import_file(file, structure)
     speed = next(iter(scene.drives.values())).speed
-    return Motion(module, bind_parameters(scene, module)).at(np.radians(np.arange(0, 720, 2)) / speed)
+    p = seed_loops(scene, module, bind_parameters(scene, module), 4 * np.pi / abs(speed))
+    return Motion(module, p).at(np.radians(np.arange(0, 720, 2)) / speed)
 
 
 def turned(rigid: RigidMotion, body: str, vector) -> np.ndarray:

@@ -261,8 +261,8 @@ def test_what_the_rest_of_a_scene_cannot_ask_of_a_guide(tmp_path, text, said):
         read_scene(tmp_path / "cart.toml")
 
 
-def test_no_cylinder_between_two_bodies_that_turn(tmp_path):
-    """A driven guide whose two bodies hang on others: no dyad, and the error says so before anything is computed."""
+def test_a_cylinder_between_two_bodies_that_turn(tmp_path):
+    """A driven guide whose two bodies hang on others: a triangle with a known side, by the rule of cosines."""
     scene = """
 schema = 1
 name = "cylinder"
@@ -276,7 +276,7 @@ lever = {length = 0.4, mass = 1.0}
 foot = {revolute = ["ground", "barrel"]}
 bore = {prismatic = ["barrel", "stem"], direction = [1, 0]}
 eye = {revolute = ["stem", "lever.end"]}
-pivot = {revolute = ["ground.high", "lever.start"], branch = "+"}
+pivot = {revolute = ["ground.high", "lever.start"], near = {lever = "120 deg"}}
 [drives]
 bore = {law = "0.4 + 0.05 * sin(t)"}
 [solve]
@@ -284,8 +284,11 @@ preset = "rigid"
 duration = 1.0
 """
     (tmp_path / "cylinder.toml").write_text(scene)
-    with pytest.raises(SceneError, match="position of barrel, lever, stem does not follow from the drives"):
-        load(read_scene(tmp_path / "cylinder.toml"))
+    rigid = load(read_scene(tmp_path / "cylinder.toml")).motion.at(np.linspace(0.0, 1.0, 50))
+    u = rigid["bore.angle"]
+    assert np.arctan2(rigid["barrel.s"], rigid["barrel.c"]) == pytest.approx(np.arccos((u**2 + 0.09) / u), abs=1e-12)
+    angle = np.pi - np.arccos((0.41 - u**2) / 0.4)
+    assert np.arctan2(rigid["lever.s"], rigid["lever.c"]) == pytest.approx(angle, abs=1e-12)
 
 
 def test_modes_are_said_to_be_where_the_guide_stands(tmp_path):

@@ -234,5 +234,7 @@ def test_the_page_has_an_entry_for_each_scene_that_is_no_plain_engine():
     plain = {name for name in shipped_scenes() if name.startswith("engine") and "torque" not in name}
     assert headings == set(shipped_scenes()) - plain
     assert set(re.findall(r"^\| \[(\S+)\]\(#\1\)", text, flags=re.MULTILINE)) == headings
-    for picture in re.findall(r"!\[[^]]*\]\(([^)]*)\)", text):
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]*)\)", text)
+    assert set(pictures) == {f"pictures/{name}.png" for name in headings}
+    for picture in pictures:
         assert (page.parent / picture).is_file(), picture

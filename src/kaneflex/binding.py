@@ -91,7 +91,7 @@ def derivable(scene: Scene) -> Iterator[None]:
         raise SceneError("joints", None, reason, cure) from error
     except UnsupportedLoop as error:
         raise SceneError(
-            "joints", None, str(error), "Drive these bodies, or close them by a rod and a guide"
+            "joints", None, str(error), "Drive or join them: each needs three constraints, drives counted, and no more"
         ) from error
 
 
@@ -153,8 +153,8 @@ def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float]
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)
-        elif owner in scene.drives and name in COURSES:
-            values.append(0.0)  # filled when the free joints have been integrated
+        elif (owner in scene.drives and name in COURSES) or name.startswith("seed_") or name == "side":
+            values.append(0.0)  # filled when the free joints have been integrated, and the loops swept
         else:
             values.append(float(_number(scene, owner, name)))
     return np.concatenate([np.array(values), *blocks])

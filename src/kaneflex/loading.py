@@ -14,10 +14,11 @@ from kaneflex.carried import check_elastic
 from kaneflex.coupled.system import build_system, with_stretch
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
-from kaneflex.model import Model, Motion
+from kaneflex.model import Model, Motion, RigidMotion
 from kaneflex.options import UNUSED_TERMS, Options, resolve_options
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
+from kaneflex.seeding import seed_loops
 
 Progress = Callable[[str], None]
 ONE_WAY = (
@@ -26,6 +27,8 @@ ONE_WAY = (
 """Said of every run with free joints."""
 _MEETING = 1e-3
 """Share of a spring's greatest length under which it has no direction."""
+_OPEN = 1e-9
+"""Share of the mechanism's size by which a loop may be open."""
 _SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 
@@ -67,6 +70,10 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         coupled.compile()
     compiled = time.perf_counter()
     warnings = _ignored(scene, options)
+    if getattr(module, "LOOPS", ()):
+        progress("following the linkage over its drive's range")
+        horizon = scene.period if options.cycles else options.duration
+        motion = Motion(module, seed_loops(scene, module, motion.parameters, horizon))
     if module.FREE and coupled is not None:
         motion = Motion(module, at_initial_speed(scene, module, motion.parameters, options.duration))
     elif module.FREE:
@@ -112,6 +119,7 @@ def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
         return
     horizon = scene.period if options.cycles else options.duration
     rigid = motion.at(np.linspace(0.0, horizon, _SWEEP + 1))
+    check_loops(scene, motion, rigid)
     for name in margins:
         joint = name.removesuffix(".closure")
         margin = rigid[name]
@@ -125,6 +133,21 @@ def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
             f"the loop can't close: at {drive} = {at} the rod does not reach the guide",
             "Lengthen the rod or shorten the crank, or limit the drive's range",
         )  # fmt: skip
+
+
+def check_loops(scene: Scene, motion: Motion, rigid: RigidMotion) -> None:
+    """What Newton's method leaves open of a loop must be rounding, or its seeds were too far away."""
+    for name in (name for name in motion.column if name.endswith(".gap")):
+        size = max(abs(rigid[f"{body}.{axis}"]).max() for body in scene.bodies for axis in "xy")
+        worst = int(np.argmax(np.nan_to_num(rigid[name], nan=np.inf)))
+        if not rigid[name][worst] <= _OPEN * size:
+            drive = next(iter(scene.drives))
+            at = scene.written_coordinate(drive, float(rigid[f"{drive}.angle"][worst]))
+            raise SceneError(
+                f"joints.{name.removesuffix('.gap')}", None,
+                f"the loop that it closes is left open by {rigid[name][worst]:.2g} m at {drive} = {at}, about to lock",
+                "Change the lengths, or limit the drive's range",
+            )  # fmt: skip
 
 
 def check_springs(scene: Scene, motion: Motion, options: Options) -> None:

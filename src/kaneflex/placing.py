@@ -22,6 +22,10 @@ from kaneflex.scene.quantities import Address
 
 _STARTS = 400
 """Places from which a group of bodies is closed before it counts as one that can't close."""
+_IN_VAIN = 60
+"""Places in a row that lead to no new assembly before all of them count as found."""
+_ALIKE = 0.02
+"""Angles [rad] that two assemblies must differ by for one of them to be the nearer one."""
 _CLOSED = 1e-9
 """Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
 _GROUND = np.zeros(3)
@@ -141,6 +145,15 @@ def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.nd
     from scipy.optimize import least_squares
 
     scene, joints = rows.scene, _joints_of(rows.scene, poses, group)
+    closing = ([name for name in joints if name in scene.loop_joints()] or joints)[-1]
+    many = _is_larger(scene, group, joints)
+    if scene.joints[closing].near and not many:
+        raise SceneError(
+            f"joints.{closing}.near", None, "a loop of two bodies closes in two ways, which branch chooses from",
+            "Leave near out",
+        )  # fmt: skip
+    assemblies: list[dict[str, np.ndarray]] = []
+    in_vain = 0
 
     def with_group(unknowns: np.ndarray) -> dict[str, np.ndarray]:
         return {**poses, **{name: unknowns[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
@@ -157,14 +170,66 @@ def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.nd
         if np.abs(found.fun).max() > _CLOSED * max(size, 1.0):
             continue
         closed = with_group(found.x)
-        if _on_branch(scene, poses, closed, group, joints):
+        if not many and _on_branch(scene, poses, closed, group, joints):
             return {name: closed[name] for name in group}
-    closing = next((name for name in joints if name in scene.loop_joints()), joints[-1])
+        if many and not any(_same(closed, other, group, size) for other in assemblies):
+            assemblies.append(closed)
+            in_vain = 0
+        in_vain += 1
+        if in_vain > _IN_VAIN:
+            break
+    if assemblies:
+        chosen = _nearest(scene, closing, assemblies, group)
+        return {name: chosen[name] for name in group}
     at = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in rows.drives.items())
     raise SceneError(
         f"joints.{closing}", scene.joints[closing].branch, f"the linkage can't close at {at}: {', '.join(group)}",
         "Change the lengths, or show another configuration",
     )  # fmt: skip
+
+
+def _is_larger(scene: Scene, group: tuple[str, ...], joints: Sequence[str]) -> bool:
+    """Whether a group is neither a driven or welded body nor a dyad, and may close in more than two ways."""
+    return len(group) > 2 or (len(group) == 2 and len(joints) != 3)
+
+
+def _same(one: Poses, other: Poses, group: tuple[str, ...], size: float) -> bool:
+    """Whether two assemblies are one, whole turns left out."""
+    change = np.array([one[name] - other[name] for name in group])
+    change[:, 2] = np.remainder(change[:, 2] + math.pi, 2 * math.pi) - math.pi
+    return bool((abs(change) < 1e-6 * np.array([size, size, 1.0])).all())
+
+
+def _nearest(scene: Scene, closing: str, assemblies: list[dict[str, np.ndarray]], group: tuple[str, ...]) -> Poses:
+    """The assembly whose bodies' angles are nearest to those that the closing joint names.
+
+    Raises SceneError where it names none and there are several.
+    """
+    near = scene.joints[closing].near
+
+    def off(poses: Poses) -> float:
+        turns = np.array([poses[name][2] - angle for name, angle in near.items() if name in group])
+        return float((abs(np.remainder(turns + math.pi, 2 * math.pi) - math.pi)).max(initial=0.0))
+
+    strange = [name for name in near if name not in group]
+    if strange:
+        raise SceneError(
+            f"joints.{closing}.near.{strange[0]}", None, f"the loop that {closing} closes moves {', '.join(group)}",
+            "Name one of these",
+        )  # fmt: skip
+    ranked = sorted(assemblies, key=off)
+    if len(ranked) > 1 and off(ranked[1]) - off(ranked[0]) < _ALIKE:
+        ways = "; ".join(
+            ", ".join(f"{name} {math.degrees(math.remainder(poses[name][2], 2 * math.pi)):.1f} deg" for name in group)
+            for poses in assemblies
+        )
+        raise SceneError(
+            f"joints.{closing}.near", {name: f"{math.degrees(angle):g} deg" for name, angle in near.items()} or None,
+            f"the loop closes in {len(ranked)} ways at the start: {ways}",
+            f"Say which, like near = {{{group[0]} = "
+            f"'{math.degrees(math.remainder(assemblies[0][group[0]][2], 2 * math.pi)):.0f} deg'}}",
+        )  # fmt: skip
+    return ranked[0]
 
 
 class Rows:

@@ -39,7 +39,8 @@ class Joint(SceneTable):
     """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or
     `weld`.
 
-    `branch` chooses between the two ways in which a loop closes and stands at the joint that closes it.
+    `branch` chooses between the two ways in which a loop of two bodies closes and stands at the joint that closes
+    it; a larger loop may close in more ways, and `near` names rough angles of its bodies at the start.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
     paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld.
     """
@@ -49,6 +50,7 @@ class Joint(SceneTable):
     weld: AddressPair | None = None
     direction: Direction | None = None
     branch: Literal["+", "-"] = "+"
+    near: dict[str, Angle] = Field(default={})
     rotation: Literal["released", "shared"] = "released"
     relative_angle: Angle = 0.0
 

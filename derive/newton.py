@@ -1,0 +1,237 @@
+"""Loops beyond dyads: positions by Newton's method, unrolled from a seed that is close already.
+
+A group of bodies that the placed ones determine is spanned by a tree of its joints; the angle of a body behind a
+revolute joint, or the slide behind a guide, is an unknown each, and the joints that are left close the loops. The seed
+of every unknown is a table that the runtime's sweep over the drive's range fills: its cubics are so close that
+``_ITERATIONS`` steps of Newton's method end in rounding (quadratic convergence; Stoer & Bulirsch 2002, 5.3). No memory
+passes from one call to the next. A body's unknown angle is carried as its cosine and sine, so that it may turn around.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import sympy as sm
+
+from kaneflex.derive.linear import determinant, solve_blocks
+from kaneflex.derive.lookups import table
+from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
+from kaneflex.derive.poses import Pose
+from kaneflex.derive.steps import Steps
+
+_ITERATIONS = 2
+_COUNT = {"revolute": 2, "prismatic": 2, "weld": 3}
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A group of bodies that is closed by Newton's method.
+
+    Attributes
+    ----------
+    bodies, joints : tuple of str
+        The group, and the joints that hold it.
+    closing : str
+        The joint that the loop is named after: the last one that closes one.
+    turning : tuple of str
+        Bodies whose angles are unknowns.
+    sliding : tuple of str
+        Guides whose slides are.
+    """
+
+    bodies: tuple[str, ...]
+    joints: tuple[str, ...]
+    closing: str
+    turning: tuple[str, ...]
+    sliding: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A closed loop: poses of its bodies, the margin that must stay positive, and what is left of the gaps."""
+
+    loop: Loop
+    poses: dict[str, Pose]
+    margin: sm.Expr
+    gap: sm.Expr
+
+
+def close_group(
+    mechanism: Mechanism, drive_angle: Mapping[str, sm.Expr], poses: Mapping[str, Pose], against: sm.Expr, steps: Steps
+) -> Closed | None:
+    """Close the smallest group of bodies that joints and drives determine; None where there is none.
+
+    ``against`` is what the seeds' tables are read at.
+    """
+    found = _group(mechanism, poses)
+    if found is None:
+        return None
+    group, joints = found
+    tree = _Tree(mechanism, drive_angle, poses, group)
+    closing = [name for name in joints if mechanism.joints[name].closes_loop] or joints
+    loop = Loop(group, tuple(joints), closing[-1], tuple(tree.turning), tuple(tree.sliding))
+    residuals = [
+        row
+        for name in joints
+        if name not in tree.joints
+        for row in tree.residuals(mechanism.joints[name], drive_angle.get(name))
+    ]
+    unknowns = [*loop.turning, *loop.sliding]
+    jacobian = [[tree.derivative(residual, unknown) for unknown in unknowns] for residual in residuals]
+    values = _seeds(mechanism, tree, loop, against, steps)
+    for turn in range(_ITERATIONS):
+        changes = [sm.Symbol(f"change_{name}_{turn}") for name in unknowns]
+        rows = []
+        for k, residual in enumerate(residuals):
+            row = steps.assign(sm.Symbol(f"gap_{loop.closing}_{k}_{turn}"), residual.xreplace(values))
+            for j, change in enumerate(changes):
+                name = sm.Symbol(f"slope_{loop.closing}_{k}_{j}_{turn}")
+                row += steps.assign(name, jacobian[k][j].xreplace(values)) * change
+            rows.append((f"{loop.closing}.{k}", row))
+        solved = solve_blocks(rows, changes, steps)
+        values = _moved(tree, loop, values, [solved[change] for change in changes], turn, steps)
+    matrix = sm.Matrix(len(residuals), len(unknowns), lambda k, j: _last(loop, jacobian[k][j], values, k, j, steps))
+    side = mechanism.parameter(f"{loop.closing}.side", "1")
+    margin = steps.assign(sm.Symbol(f"closure_{loop.closing}"), side * determinant(matrix))
+    left = [
+        steps.assign(sm.Symbol(f"left_{loop.closing}_{k}"), residual.xreplace(values))
+        for k, residual in enumerate(residuals)
+    ]
+    square = sum((residual**2 for residual in left), sm.S.Zero)
+    gap = steps.assign(sm.Symbol(f"gap_{loop.closing}"), sm.sqrt(square))
+    return Closed(loop, {name: _assigned(name, tree.frames[name], values, steps) for name in group}, margin, gap)
+
+
+def _last(loop: Loop, entry: sm.Expr, values, k: int, j: int, steps: Steps) -> sm.Expr:
+    return steps.assign(sm.Symbol(f"slope_{loop.closing}_{k}_{j}_"), entry.xreplace(values))
+
+
+def _assigned(name: str, pose: Pose, values, steps: Steps) -> Pose:
+    entries = {f"c_{name}": pose.c, f"s_{name}": pose.s, f"x_{name}": pose.x, f"y_{name}": pose.y}
+    c, s, x, y = (steps.assign(sm.Symbol(key), value.xreplace(values)) for key, value in entries.items())
+    return Pose(x, y, c, s)
+
+
+def _group(mechanism: Mechanism, poses: Mapping[str, Pose]) -> tuple[tuple[str, ...], list[str]] | None:
+    """The fewest waiting bodies with as many constraints, drives counted, as coordinates; and their joints."""
+    waiting = [name for name in mechanism.bodies if name not in poses]
+    for size in range(1, len(waiting) + 1):
+        for group in combinations(waiting, size):
+            known = {*poses, *group}
+            joints = [
+                name
+                for name, joint in mechanism.joints.items()
+                if {joint.first.body, joint.second.body} <= known and {joint.first.body, joint.second.body} & {*group}
+            ]
+            count = sum(_COUNT[mechanism.joints[name].kind] + (name in mechanism.drives) for name in joints)
+            if count == 3 * size:
+                return group, joints
+    return None
+
+
+class _Tree:
+    """Poses of a group's bodies in terms of its unknowns: symbols for cosines, sines and slides."""
+
+    def __init__(self, mechanism: Mechanism, drive_angle, poses: Mapping[str, Pose], group: tuple[str, ...]) -> None:
+        self.frames = dict(poses)
+        self.joints: list[str] = []
+        self.turning: list[str] = []
+        self.sliding: list[str] = []
+        self.cosine = {name: sm.Symbol(f"cosine_of_{name}") for name in group}
+        self.sine = {name: sm.Symbol(f"sine_of_{name}") for name in group}
+        self.slide = {name: sm.Symbol(f"slide_of_{name}") for name in mechanism.joints}
+        while not {*group} <= {*self.frames}:
+            name = self._next(mechanism, group)
+            self._attach(mechanism.joints[name], drive_angle.get(name), name in mechanism.drives)
+            self.joints.append(name)
+
+    def _next(self, mechanism: Mechanism, group: tuple[str, ...]) -> str:
+        """A joint from a body with a frame to one without; first those that add no unknown."""
+        open_ones = [
+            name
+            for name, joint in mechanism.joints.items()
+            if (joint.first.body in self.frames) != (joint.second.body in self.frames)
+            and {joint.first.body, joint.second.body} - {*self.frames} <= {*group}
+        ]
+        fixed = [name for name in open_ones if name in mechanism.drives or mechanism.joints[name].kind == "weld"]
+        return (fixed or open_ones)[0]
+
+    def _attach(self, joint: JointModel, coordinate: sm.Expr | None, driven: bool) -> None:
+        forward = joint.first.body in self.frames
+        base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
+        frame, name, sign = self.frames[base.body], body.body, 1 if forward else -1
+        at, c, s = frame.place(base), frame.c, frame.s
+        if joint.kind == "prismatic":
+            if not driven:
+                self.sliding.append(joint.name)
+            slide = coordinate if driven else self.slide[joint.name]
+            along = frame.turn(joint.direction)
+            at = tuple(at[k] + sign * slide * along[k] for k in range(2))
+        elif driven or joint.kind == "weld":
+            angle = coordinate if driven else joint.angle
+            cosine, sine = sm.cos(angle), sm.sin(angle)
+            c, s = frame.c * cosine - sign * frame.s * sine, frame.s * cosine + sign * frame.c * sine
+        else:
+            self.turning.append(name)
+            c, s = self.cosine[name], self.sine[name]
+        dx, dy = Pose(sm.S.Zero, sm.S.Zero, c, s).turn(body.at)
+        self.frames[name] = Pose(at[0] - dx, at[1] - dy, c, s)
+
+    def residuals(self, joint: JointModel, coordinate: sm.Expr | None) -> list[sm.Expr]:
+        """What a joint that is not in the tree, and its drive, leave open: lengths and sines of angles."""
+        first, second = self.frames[joint.first.body], self.frames[joint.second.body]
+        gap = _minus(second.place(joint.second), first.place(joint.first))
+        turn, aligned = first.c * second.s - first.s * second.c, first.c * second.c + first.s * second.s
+        if joint.kind == "prismatic":
+            t = first.turn(joint.direction)
+            moved = [] if coordinate is None else [t[0] * gap[0] + t[1] * gap[1] - coordinate]
+            return [t[0] * gap[1] - t[1] * gap[0], turn, *moved]
+        angle = joint.angle if joint.kind == "weld" else coordinate
+        return [*gap] if angle is None else [*gap, turn * sm.cos(angle) - aligned * sm.sin(angle)]
+
+    def derivative(self, residual: sm.Expr, unknown: str) -> sm.Expr:
+        """By a body's angle, (c, s)' = (-s, c), or by a guide's slide."""
+        if unknown in self.sliding:
+            return residual.diff(self.slide[unknown])
+        c, s = self.cosine[unknown], self.sine[unknown]
+        return c * residual.diff(s) - s * residual.diff(c)
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1]
+
+
+def seed_path(name: str, what: str) -> str:
+    """Path of the parameter that says where a seed's table begins: of a body's "c" or "s", or of a guide's "slide"."""
+    return f"{name}.seed_{what}"
+
+
+def _seeds(mechanism: Mechanism, tree: _Tree, loop: Loop, against: sm.Expr, steps: Steps) -> dict[sm.Symbol, sm.Expr]:
+    def read(name: str, what: str) -> sm.Expr:
+        lookup = table(against, mechanism.parameter(seed_path(name, what), "1"))
+        return steps.assign(sm.Symbol(f"seed_{name}_{what}"), lookup)
+
+    values = {tree.slide[name]: read(name, "slide") for name in loop.sliding}
+    for name in loop.turning:
+        c, s = read(name, "c"), read(name, "s")
+        size = steps.assign(sm.Symbol(f"size_{name}"), sm.sqrt(c**2 + s**2))
+        values[tree.cosine[name]] = steps.assign(sm.Symbol(f"c_{name}_0"), c / size)
+        values[tree.sine[name]] = steps.assign(sm.Symbol(f"s_{name}_0"), s / size)
+    return values
+
+
+def _moved(tree: _Tree, loop: Loop, values, changes: list[sm.Expr], turn: int, steps: Steps) -> dict:
+    """The unknowns after a step of Newton's method; a cosine and its sine turn by the angle's change."""
+    moved, of = {}, dict(zip((*loop.turning, *loop.sliding), changes, strict=True))
+    for name in loop.sliding:
+        slide = tree.slide[name]
+        moved[slide] = steps.assign(sm.Symbol(f"slide_{name}_{turn + 1}"), values[slide] + of[name])
+    for name in loop.turning:
+        c, s = values[tree.cosine[name]], values[tree.sine[name]]
+        dc = steps.assign(sm.Symbol(f"dc_{name}_{turn}"), sm.cos(of[name]))
+        ds = steps.assign(sm.Symbol(f"ds_{name}_{turn}"), sm.sin(of[name]))
+        moved[tree.cosine[name]] = steps.assign(sm.Symbol(f"c_{name}_{turn + 1}"), c * dc - s * ds)
+        moved[tree.sine[name]] = steps.assign(sm.Symbol(f"s_{name}_{turn + 1}"), s * dc + c * ds)
+    return moved

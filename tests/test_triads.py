@@ -1,0 +1,284 @@
+"""Loops that no dyad closes: Newton's method from seeds, the assembly that a scene names, and where it locks."""
+
+import sys
+
+import numpy as np
+import pytest
+from newton_euler import imbalance, motion_of, place
+from scipy.optimize import fsolve
+
+import kaneflex
+from kaneflex.binding import bind_parameters, generate_text, import_file
+from kaneflex.derive import closure
+from kaneflex.errors import SceneError
+from kaneflex.model import Motion
+from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.scene.quantities import Address
+from kaneflex.seeding import seed_loops
+
+HEAD = """
+schema = 1
+gravity = [1.0, -9.81]
+[ground]
+left = ["150 mm", "-40 mm"]
+right = ["350 mm", 0]
+[bodies]
+crank = {length = "30 mm", mass = "0.1 kg"}
+rod = {length = "200 mm", mass = "0.2 kg", centre = ["80 mm", "5 mm"], inertia = "1e-3 kg m^2"}
+left_rocker = {length = "140 mm", mass = "0.05 kg"}
+"""
+PLATE = """
+[bodies.platform]
+length = "120 mm"
+mass = "0.3 kg"
+centre = ["60 mm", "20 mm"]
+points = {knee = ["60 mm", "70 mm"]}
+"""
+JOINTS = """
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "rod.start"]}
+head = {revolute = ["rod.end", "platform.knee"]}
+left = {revolute = ["ground.left", "left_rocker.start"]}
+left_knee = {revolute = ["left_rocker.end", "platform.start"]}
+"""
+DRIVE = """
+[drives]
+main = {speed = "120 rpm", cycle = "360 deg"}
+[loads]
+push = {force_on = "platform.end", direction = [0.6, 0.8], law = "30 * sin(main) + main_speed"}
+[solve]
+preset = "rigid"
+"""
+ROCKER = "[bodies.right_rocker]\nlength = '160 mm'\nmass = '0.1 kg'\n"
+RIGHT = """
+right = {revolute = ["ground.right", "right_rocker.start"]}
+right_knee = {revolute = ["right_rocker.end", "platform.end"], near = {platform = "16 deg"}}
+"""
+# On a line that the right rocker's end nearly follows.
+MOVED = HEAD.replace('right = ["350 mm", 0]', 'right = ["258 mm", "-131 mm"]')
+SLIDER = "[bodies.slider]\nmass = '0.2 kg'\ninertia = '1e-4 kg m^2'\n"
+SLIDE = """
+shoe = {revolute = ["slider", "platform.end"]}
+slot = {prismatic = ["ground.right", "slider"], direction = [0.8, -0.6], near = {platform = "16 deg"}}
+"""
+# The shoe is reached through the platform; written the other way round, the slide is an unknown of its own.
+FROM_SLIDER = """
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+slot = {prismatic = ["ground.right", "slider"], direction = [0.8, -0.6]}
+shoe = {revolute = ["slider", "platform.end"]}
+pin = {revolute = ["crank.end", "rod.start"]}
+head = {revolute = ["rod.end", "platform.knee"]}
+left = {revolute = ["ground.left", "left_rocker.start"]}
+left_knee = {revolute = ["left_rocker.end", "platform.start"], near = {platform = "16 deg"}}
+"""
+MECHANISMS = {
+    "three rockers": HEAD + PLATE + ROCKER + JOINTS + RIGHT + DRIVE,
+    "a slider": MOVED + PLATE + SLIDER + JOINTS + SLIDE + DRIVE,
+    "from the slider": MOVED + PLATE + SLIDER + FROM_SLIDER + DRIVE,
+}
+
+
+def written(folder, text) -> Scene:
+    (folder / "scene.toml").write_text(text)
+    return read_scene(folder / "scene.toml")
+
+
+def gaps(scene, rigid):
+    """How far apart the two points of every joint are [m]; along a guide they may be."""
+    for joint in scene.joints.values():
+        gap = place(scene, rigid, joint.addresses[1]) - place(scene, rigid, joint.addresses[0])
+        if joint.kind == "prismatic":
+            t = np.array(joint.direction)
+            gap = gap - np.outer(t, t @ gap)
+        yield np.hypot(*gap).max()
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_it_closes_and_balances(name, tmp_path):
+    scene = written(tmp_path, MECHANISMS[name])
+    rigid = motion_of(scene, tmp_path)
+    assert max(gaps(scene, rigid)) < 1e-12 * 0.35
+    assert imbalance(scene, rigid) < 1e-10
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_rates_are_those_of_the_positions(name, tmp_path):
+    """Against central differences of fourth order in time."""
+    motion = kaneflex.load(written(tmp_path, MECHANISMS[name])).motion
+    t, h = np.linspace(0.0, 0.5, 50), 1e-4
+    middle = motion.at(t)
+    for body in ("rod", "platform", "left_rocker"):
+        for value, rate in (("x", "v_x"), ("y", "v_y"), ("v_x", "a_x"), ("v_y", "a_y"), ("omega", "epsilon")):
+            names = f"{body}.{value}"
+            one, two = (motion.at(t + k * h)[names] - motion.at(t - k * h)[names] for k in (1, 2))
+            found = (8 * one - two) / (12 * h)
+            exact = middle[f"{body}.{rate}"]
+            assert abs(found - exact).max() < 1e-7 * max(1.0, abs(exact).max()), (body, rate)
+
+
+def test_it_is_where_scipy_finds_it(tmp_path):
+    """The four angles from the loops written out by hand, by MINPACK's hybrid method."""
+    scene = written(tmp_path, MECHANISMS["three rockers"])
+    motion = kaneflex.load(scene).motion
+    a, b, c, d = np.array([0.15, -0.04]), np.array([0.35, 0.0]), np.array([0.06, 0.07]), np.array([0.12, 0.0])
+
+    def turn(angle, vector):
+        return np.array([
+            np.cos(angle) * vector[0] - np.sin(angle) * vector[1], np.sin(angle) * vector[0] + np.cos(angle) * vector[1]
+        ])  # fmt: skip
+
+    for t in np.linspace(0.0, 0.5, 40):
+        rigid = motion.at(t)
+        theta = 4 * np.pi * t
+
+        def loops(angles, theta=theta):
+            rod, platform, left, right = angles
+            corner = a + turn(left, [0.14, 0.0])
+            knee = turn(theta, [0.03, 0.0]) + turn(rod, [0.2, 0.0])
+            return [*(corner + turn(platform, c) - knee), *(corner + turn(platform, d) - b - turn(right, [0.16, 0.0]))]
+
+        names = ("rod", "platform", "left_rocker", "right_rocker")
+        ours = np.array([np.arctan2(rigid[f"{name}.s"][0], rigid[f"{name}.c"][0]) for name in names])
+        found = fsolve(loops, ours + 0.03, xtol=1e-13)
+        assert found == pytest.approx(ours, abs=1e-9)
+
+
+def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
+    scene = with_settings(read_scene("four-bar"), ["solve.preset=rigid"])
+    exact = kaneflex.load(scene).motion
+    monkeypatch.setattr(closure, "_place_dyad", lambda *_: False)
+    structure = scene.structure_hash()
+    (tmp_path / "newton.py").write_text(generate_text(scene))
+    module = import_file(tmp_path / "newton.py", structure)
+    monkeypatch.delitem(sys.modules, module.__name__)
+    assert [closing for closing, *_ in module.LOOPS] == ["rocker"]
+    motion = Motion(module, seed_loops(scene, module, bind_parameters(scene, module), scene.period))
+    times = np.random.default_rng(1).uniform(0.0, 3 * scene.period, 200)
+    here, there = motion.at(times), exact.at(times)
+    for name in exact.column:
+        if not name.endswith(".closure"):
+            assert abs(here[name] - there[name]).max() <= 1e-11 * max(1e-3, abs(there[name]).max()), name
+
+
+def test_the_order_of_the_bodies_does_not_matter(tmp_path):
+    one = kaneflex.load(written(tmp_path, MECHANISMS["three rockers"])).motion
+    lines = HEAD.splitlines()
+    bodies = [line for line in lines if line.startswith(("crank", "rod", "left_rocker"))]
+    turned = "\n".join([line for line in lines if line not in bodies] + bodies[::-1]) + "\n"
+    other = kaneflex.load(written(tmp_path, turned + ROCKER + PLATE + JOINTS + RIGHT + DRIVE)).motion
+    times = np.linspace(0.0, 1.0, 100)
+    for name in one.column:
+        there = one.at(times)[name]
+        if not name.endswith((".closure", ".gap")):
+            assert other.at(times)[name] == pytest.approx(there, rel=1e-10, abs=1e-10 * abs(there).max()), name
+
+
+def test_two_drives(tmp_path):
+    """A second crank moves the left rocker's foot: the seeds are then tabulated against time."""
+    text = MECHANISMS["three rockers"].replace('"ground.left", "left', '"shaker.end", "left')
+    shake = "[bodies.shaker]\nlength = '10 mm'\n[joints]\nshake = {revolute = ['ground.left', 'shaker.start']}"
+    text = text.replace("[joints]", shake)
+    text = text.replace("[drives]", "[drives]\nshake = {speed = '240 rpm', cycle = '720 deg'}")
+    scene = written(tmp_path, text)
+    rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, scene.period, 300))
+    assert max(gaps(scene, rigid)) < 1e-12 * 0.35
+    assert imbalance(scene, rigid) < 1e-10
+
+
+def test_it_turns_by_itself_and_keeps_its_energy(tmp_path):
+    text = MECHANISMS["three rockers"].split("[drives]")[0].replace("[1.0, -9.81]", "[0, 0]")
+    text += "[drives]\nmain = {free = true, initial_speed = '60 rpm'}\n[solve]\npreset = 'rigid'\nduration = '3 s'\n"
+    scene = written(tmp_path, text)
+    rigid = kaneflex.load(scene).motion.at(np.linspace(0.0, 3.0, 400))
+    energy = 0.0
+    for name, body in scene.bodies.items():
+        c, s, w = (rigid[f"{name}.{key}"] for key in ("c", "s", "omega"))
+        x, y = c * body.centre[0] - s * body.centre[1], s * body.centre[0] + c * body.centre[1]
+        v_x, v_y = rigid[f"{name}.v_x"] - w * y, rigid[f"{name}.v_y"] + w * x
+        energy = energy + 0.5 * body.mass * (v_x**2 + v_y**2) + 0.5 * body.inertia * w**2
+    assert np.ptp(rigid["crank.omega"]) > 0.05
+    assert np.ptp(energy) < 1e-7 * energy[0]
+    assert max(gaps(scene, rigid)) < 1e-12 * 0.35
+
+
+def test_the_shipped_one_under_every_preset_agrees():
+    """Its links are stiff: the coupled equations, which close the loops by multipliers, give the same motion."""
+    found = {}
+    for preset in ("rigid", "quasistatic", "stiffened", "coupled"):
+        scene = with_settings(read_scene("six-bar"), [f"solve.preset={preset}"])
+        found[preset] = kaneflex.simulate(kaneflex.load(scene)).series
+    sensors = {"platform_angle": 1e-4, "rocker_angle": 1e-4, "crank_torque": 2e-3, "rod_force": 2e-3}
+    for name, tolerance in sensors.items():
+        there = found["rigid"][name].values
+        for preset, series in found.items():
+            assert abs(series[name].values - there).max() < tolerance * abs(there).max(), (preset, name)
+    for preset in ("quasistatic", "coupled"):
+        gap = found[preset]["rod_bow"].values - found["stiffened"]["rod_bow"].values
+        assert abs(gap).max() < 5e-3 * abs(found["stiffened"]["rod_bow"].values).max()
+
+
+def test_the_drive_does_no_work_over_a_turn():
+    torque = kaneflex.simulate(kaneflex.load(with_settings(read_scene("six-bar"), ["solve.preset=rigid"])))
+    values = torque.series["crank_torque"].values
+    assert abs(values[:-1].mean()) < 1e-12 * abs(values).max()
+
+
+def test_show_places_the_same_assembly(tmp_path):
+    from kaneflex.placing import place as placed
+
+    scene = written(tmp_path, MECHANISMS["three rockers"])
+    rigid = kaneflex.load(scene).motion.at(0.0)
+    at = placed(scene)
+    for name in scene.bodies:
+        for key in ("x", "y", "c", "s"):
+            assert at[f"{name}.{key}"] == pytest.approx(rigid[f"{name}.{key}"], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            (', near = {platform = "16 deg"}', ""),
+            "joints.right_knee.near: the loop closes in 4 ways at the start: ",
+        ),
+        (
+            ('near = {platform = "16 deg"}', 'near = {crank = "16 deg"}'),
+            "joints.right_knee.near.crank: the loop that right_knee closes moves rod, left_rocker, platform, "
+            "right_rocker. Name one of these.",
+        ),
+        (
+            ('length = "30 mm"', 'length = "60 mm"'),
+            "joints.left_knee: the loop that it closes locks near main = 102.11 deg: beyond that the linkage "
+            "can't close, or would change its branch. Change the lengths, or limit the drive's range.",
+        ),
+        (
+            ('length = "200 mm", mass', 'length = "600 mm", mass'),
+            "joints.right_knee = '+': the linkage can't close at main = 0 deg: rod, left_rocker, platform, "
+            "right_rocker. Change the lengths, or show another configuration.",
+        ),
+    ],
+)
+def test_what_it_refuses(tmp_path, change, message):
+    with pytest.raises(SceneError) as error:
+        kaneflex.load(written(tmp_path, MECHANISMS["three rockers"].replace(*change)))
+    assert message in str(error.value)
+
+
+def test_a_dyad_is_chosen_by_its_branch(tmp_path):
+    (tmp_path / "near.toml").write_text(
+        'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {near = {coupler = "10 deg"}}\n'
+    )
+    from kaneflex.placing import place as placed
+
+    with pytest.raises(SceneError, match="a loop of two bodies closes in two ways, which branch chooses from"):
+        placed(read_scene(tmp_path / "near.toml"))
+
+
+def test_addresses_of_the_gaps_are_those_of_the_scene(tmp_path):
+    """The check above would pass on anything if the points were the wrong ones."""
+    scene = written(tmp_path, MECHANISMS["three rockers"])
+    rigid = motion_of(scene, tmp_path)
+    apart = place(scene, rigid, Address("rod", "end")) - place(scene, rigid, Address("platform", "start"))
+    assert np.hypot(*apart).min() > 0.05
