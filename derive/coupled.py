@@ -261,8 +261,10 @@ def _work(mechanism: Mechanism, load: LoadModel, places: Places) -> list[tuple[s
     """Pairs of a component of the unit load and the path along which it works."""
     if load.joint is not None:
         return [(sm.S.One, places.turn(mechanism.joints[load.joint]))]
-    direction = load.direction if load.axes == "global" else places.direction(load.point, load.direction)
-    return list(zip(direction, places.place(load.point), strict=True))
+    at = load.point if load.spread is None else load.spread[0]
+    direction = load.direction if load.axes == "global" else places.direction(at, load.direction)
+    path = places.place(load.point) if load.spread is None else places.spread(load.name, at.body)
+    return list(zip(direction, path, strict=True))
 
 
 def programs(equations: CoupledEquations) -> tuple[Program, ...]:

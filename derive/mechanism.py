@@ -80,7 +80,11 @@ class MassModel:
 
 @dataclass(frozen=True)
 class LoadModel:
-    """A force [N] on a point along a direction fixed in global or in body axes, or a torque [N m] at a joint."""
+    """A force [N] on a point along a direction fixed in global or in body axes, or a torque [N m] at a joint.
+
+    One that is spread along a body [N/m] has a ``spread`` instead of a point: the body's start and end, and the factors
+    there, between which it changes linearly.
+    """
 
     name: str
     point: BodyPoint | None
@@ -90,6 +94,18 @@ class LoadModel:
     kind: str
     against: str | None
     law: str | None
+    spread: tuple[BodyPoint, BodyPoint, sm.Expr, sm.Expr] | None = None
+
+    @property
+    def unit(self) -> str:
+        return "N m" if self.joint is not None else "N" if self.spread is None else "N/m"
+
+    def pushes(self) -> tuple[tuple[BodyPoint, sm.Expr], ...]:
+        """The point forces that a force is statically the same as: where, and the share of its size."""
+        if self.spread is None:
+            return ((self.point, sm.S.One),)
+        start, end, first, last = self.spread
+        return (start, end.at[0] * (2 * first + last) / 6), (end, end.at[0] * (first + 2 * last) / 6)
 
 
 @dataclass(frozen=True)
@@ -211,9 +227,16 @@ def read_structure(structure: Mapping[str, Any]) -> Mechanism:
             loads[name] = LoadModel(name, None, None, None, load["torque_at"], *origin)
         else:
             direction = tuple(pattern(load["direction"][k], f"{name}.direction_{'xy'[k]}", "1") for k in range(2))
-            loads[name] = LoadModel(name, point(load["on"]), direction, load["axes"], None, *origin)
+            at, spread = None, None
+            if "spread_on" in load:
+                ends = (point(f"{load['spread_on']}.{end}") for end in ("start", "end"))
+                shares = zip(load["profile"], ("start", "end"), strict=True)
+                spread = (*ends, *(pattern(share, f"{name}.profile_{end}", "1") for share, end in shares))
+            else:
+                at = point(load["on"])
+            loads[name] = LoadModel(name, at, direction, load["axes"], None, *origin, spread)
         if load["kind"] == "constant":
-            number(f"{name}.value", "N m" if "torque_at" in load else "N")
+            number(f"{name}.value", loads[name].unit)
         elif load["kind"] == "table":
             number(f"{name}.offset", "rad" if load["against"] in joints else "s")
             number(f"{name}.table", "1")

@@ -159,7 +159,7 @@ def _still(mechanism: Mechanism) -> Motion:
 
 
 def _load_scalars(mechanism: Mechanism, loads: dict[str, sm.Expr]) -> list[Scalar]:
-    unit = {name: "N" if load.joint is None else "N m" for name, load in mechanism.loads.items()}
+    unit = {name: load.unit for name, load in mechanism.loads.items()}
     return [Scalar(name, unit[name], "magnitude of the load", value) for name, value in loads.items()]
 
 

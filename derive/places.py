@@ -70,19 +70,36 @@ class Places:
         body = self._bodies[point.body]
         x, y, phi, *modal = body.q
         if modal and point.name != "start":
-            stretched, bent = modal[: body.axial], modal[body.axial :]
-
-            def shape(name: str, unit: str = "1") -> sm.Symbol:
-                return self._number(f"{point.body}.{point.name}.{name}", unit)
-
-            along = shape("X", "m") + sum((shape(f"s_{k}") * b for k, b in enumerate(stretched)), sm.S.Zero)
-            across = sum((shape(f"w_{k}") * a for k, a in enumerate(bent)), sm.S.Zero)
-            for j, a in enumerate(bent):
-                along -= shape(f"H_{j}_{j}", "1/m") * a**2 / 2
-                for k in range(j + 1, len(bent)):
-                    along -= shape(f"H_{j}_{k}", "1/m") * a * bent[k]
+            along, across = self._inside(body, point.name)
         c, s = sm.cos(phi), sm.sin(phi)
         return x + c * along - s * across, y + s * along + c * across
+
+    def _inside(self, body: CoupledBody, point: str, power: int = 0) -> Vector:
+        """Coordinates of a point in its body's axes; ``power`` more metres in the units of its numbers."""
+        _, _, _, *modal = body.q
+        stretched, bent = modal[: body.axial], modal[body.axial :]
+
+        def shape(name: str, metres: int) -> sm.Symbol:
+            unit = {-1: "1/m", 0: "1", 1: "m", 2: "m^2"}[metres + power]
+            return self._number(f"{body.name}.{point}.{name}", unit)
+
+        along = shape("X", 1) + sum((shape(f"s_{k}", 0) * b for k, b in enumerate(stretched)), sm.S.Zero)
+        across = sum((shape(f"w_{k}", 0) * a for k, a in enumerate(bent)), sm.S.Zero)
+        for j, a in enumerate(bent):
+            along -= shape(f"H_{j}_{j}", -1) * a**2 / 2
+            for k in range(j + 1, len(bent)):
+                along -= shape(f"H_{j}_{k}", -1) * a * bent[k]
+        return along, across
+
+    def spread(self, load: str, body: str) -> Vector:
+        """The places of all slices of a body, summed with the profile of a load: int p(X) (place) dX [m^2]."""
+        own = self._bodies[body]
+        x, y, phi, *_ = own.q
+        point = f"load_{load}"
+        share = self._number(f"{body}.{point}.share", "m")
+        along, across = self._inside(own, point, power=1)
+        c, s = sm.cos(phi), sm.sin(phi)
+        return share * x + c * along - s * across, share * y + s * along + c * across
 
     def direction(self, point: BodyPoint, inside: Vector) -> Vector:
         """Global components of a direction fixed in the section at a point."""

@@ -114,12 +114,13 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
         if load.joint is not None:
             _add_torque(system, mechanism.joints[load.joint], magnitude[name], points)
             continue
-        frame, start = points[load.point.body]
-        at = load.point.at[0] * frame.x + load.point.at[1] * frame.y
-        point = start.locatenew(f"{name}_point", at)
-        point.v2pt_theory(start, system.frame, frame)
-        axes = system.frame if load.axes == "global" else frame
-        system.add_loads(Force(point, magnitude[name] * (load.direction[0] * axes.x + load.direction[1] * axes.y)))
+        for at, share in load.pushes():
+            frame, start = points[at.body]
+            point = start.locatenew(f"{name}_{at.name}", at.at[0] * frame.x + at.at[1] * frame.y)
+            point.v2pt_theory(start, system.frame, frame)
+            axes = system.frame if load.axes == "global" else frame
+            along = load.direction[0] * axes.x + load.direction[1] * axes.y
+            system.add_loads(Force(point, magnitude[name] * share * along))
     for spring in mechanism.springs.values():
         magnitude |= _add_spring(system, mechanism, spring, points)
     # Every coordinate free: the constraints enter by their multipliers, not by dependent speeds.

@@ -23,6 +23,7 @@ from kaneflex.carried import Carried
 from kaneflex.frame import Frame, to_link_axes
 from kaneflex.links import MATRIX_OF_GROUP, Link, Part
 from kaneflex.scene import Scene
+from kaneflex.scene.parts import Load
 
 Placed = tuple[Part, Affine]
 """A part and its L."""
@@ -107,15 +108,19 @@ def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> l
             part = inertia_part(name, name, body.mass, body.inertia, body.centre, scene.gravity)
             placed.append((part, frame.body_point(name, body.centre)))
         placed.append((_turning_part(scene, name, carried[name]), frame.bodies[name]))
-    for name, load in scene.forces.items():
-        body = load.force_on.body
-        if body in carried:
-            direction = Affine.term((name,), np.array(load.direction)[:, None])
-            pushed = direction if load.axes == "global" else to_link_axes(body).T @ direction
+    for body in carried:
+        for name, load, address, share in scene.pushes(body):
+            pushed = share * _along(name, load, body)
             part = _empty(name, 3)
             matrices = {**part.matrices, "F": Affine.constant(np.eye(3)[:, :2]) @ pushed}
-            placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(load.force_on))))
+            placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(address))))
     return placed
+
+
+def _along(name: str, load: Load, body: str) -> Affine:
+    """A load's size along its direction, global (2 x 1)."""
+    direction = Affine.term((name,), np.array(load.direction)[:, None])
+    return direction if load.axes == "global" else to_link_axes(body).T @ direction
 
 
 def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
@@ -181,10 +186,8 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
 
 def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
     """Global force (2 x 1) and its point, of every load and joint on a rigid body."""
-    for name, load in scene.forces.items():
-        if load.force_on.body == body:
-            direction = Affine.term((name,), np.array(load.direction)[:, None])
-            yield direction if load.axes == "global" else to_link_axes(body).T @ direction, scene.point(load.force_on)
+    for name, load, address, share in scene.pushes(body):
+        yield share * _along(name, load, body), scene.point(address)
     for name, joint in scene.joints.items():
         for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
             if address.body == body and joint.kind != "prismatic":

@@ -181,6 +181,8 @@ def _number(scene: Scene, owner: str, name: str) -> float:
         return getattr(scene.masses[owner], name)
     if owner in scene.joints and name == "relative_angle":
         return scene.joints[owner].relative_angle
+    if name in ("profile_start", "profile_end"):
+        return scene.loads[owner].profile[name == "profile_end"]
     table = scene.joints if owner in scene.joints else scene.loads
     if name.startswith("direction_"):
         return table[owner].direction["xy".index(name[-1])]

@@ -11,33 +11,9 @@ from kaneflex.affine import Affine, Monomial
 from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
+from kaneflex.shape_functions import shape_functions
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
-
-
-def shape_functions(x: float, length: float, phi_s: float = 0.0, growth: float = 0.0) -> np.ndarray:
-    """Rows u, v, theta, v' over (u1, v1, theta1, u2, v2, theta2); x from the first node [m].
-
-    Paper (49)-(55), where theta = v'; with phi_s = 12 E I/(kappa G A length^2) those of a Timoshenko beam under
-    loads at its nodes (Przemieniecki 1968): v' - theta is the shear strain -phi_s length^2 d3v/dx3 / 12. Its theta
-    bows where E I grows over the element, by `growth` of its mean.
-    """
-    s = x / length
-    b = 1.0 / (1.0 + phi_s)
-    c = 1.0 - b
-    shear = c * s * (1 - s) * length / 2
-    shape = np.array([
-        [1 - s, 0, 0, s, 0, 0],
-        [0, b * (1 - 3 * s**2 + 2 * s**3) + c * (1 - s), b * x * (1 - s) ** 2 + shear,
-         0, b * (3 * s**2 - 2 * s**3) + c * s, b * x * (s**2 - s) - shear],
-        [0, 6 * b * (s**2 - s) / length, b * (1 - 4 * s + 3 * s**2) + c * (1 - s),
-         0, 6 * b * (s - s**2) / length, b * (3 * s**2 - 2 * s) + c * s],
-    ])  # fmt: skip
-    bow = c * growth / 12 * np.array([0, 0, -1, 0, 0, 1])
-    shape[1] += length * (3 * s**2 - 2 * s**3 - s) * bow
-    shape[2] += 6 * (s - s**2) * bow
-    strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2]) - bow
-    return np.vstack([shape, shape[2] + strain])
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +87,7 @@ class Deformation:
         N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
         if self.model.options.dynamics == "frozen":
             return N, V, M
-        axial, transverse = self._rigid_load(e)
+        axial, transverse = (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
 
         def sag(load: np.ndarray, integrals: int) -> np.ndarray:
             """The load integrated once or twice, less the straight line between its values at both ends."""
@@ -138,6 +114,23 @@ class Deformation:
         x_0 = self.link.nodes[e]
         along = load(rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
         return along, load(rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
+
+    def _spread(self, e: int) -> tuple[np.ndarray, np.ndarray]:
+        """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
+        scene, rigid, name = self.model.scene, self.rigid, self.link.name
+        along, across = np.zeros((3, self.q.shape[1])), np.zeros((3, self.q.shape[1]))
+        for key, load in scene.spreads.items():
+            if load.spread_on != name:
+                continue
+            (x, y), (first, last) = load.direction, load.profile
+            if load.axes == "global":
+                c, s = rigid[f"{name}.c"], rigid[f"{name}.s"]
+                x, y = c * x + s * y, c * y - s * x
+            growth = (last - first) / self.link.length
+            for k, share in enumerate((first + growth * self.link.nodes[e], growth)):
+                along[k] += rigid[key] * share * x
+                across[k] += rigid[key] * share * y
+        return along, across
 
     def _ends(self, e: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
         """(N, V, M) inside the first and the second end of an element."""
@@ -179,7 +172,7 @@ class Deformation:
         """Axial force of the loads and the lumped masses at a node, (n_times,)."""
         scene, rigid, name, options = self.model.scene, self.rigid, self.link.name, self.model.options
         total = np.zeros(self.q.shape[1])
-        for key, load in scene.loads.items():
+        for key, load in scene.forces.items():
             if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
                 (x, y), turned = load.direction, load.axes == "global"
                 total += rigid[key] * (rigid[f"{name}.c"] * x + rigid[f"{name}.s"] * y if turned else x)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
@@ -12,6 +12,7 @@ from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine, Monomial
 from kaneflex.scene import Scene
+from kaneflex.shape_functions import shape_functions
 
 MATRIX_OF_GROUP = {
     "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
@@ -123,8 +124,9 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     elements = len(nodes) - 1
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
     of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
+    parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
     for e in range(elements):
-        p = np.array([of_element[e][parameter] for parameter, *_ in module.ELEMENT_PARAMETERS])
+        p = np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
         for k, (_, group, target, factors) in enumerate(module.TERMS):
             out = np.zeros((6, 1 if target == "F" else 6))
             module.terms(k, p, out)
@@ -142,6 +144,8 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         beyond = nodes[:-1] > x - _SAME * body.length
         key = "K_g", (f"{name}.link.jump_{point}",)
         sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
+    for key, blocks in _spread_terms(scene, name, nodes, parameters):
+        sums[key] = sums.get(key, 0.0) + blocks
     coordinates, place = node_coordinates(name, elements + 1, body.beam.axially_rigid)
     size = len(coordinates)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
@@ -149,8 +153,58 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     for key, monomial, blocks in element_terms:
         matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
     part = Part(name, coordinates, matrices, place)
-    parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
     return Link(name, nodes, parameters, element_terms, part)
+
+
+_GAUSS = np.polynomial.legendre.leggauss(4)
+"""Exact for v'^2 of a cubic under an axial force that grows with the square of x."""
+
+
+def spread_sums(
+    scene: Scene, name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a load of unit size that is spread along and across a link, for each element: its nodes' shares, K_g.
+
+    (elements, 6, 1) twice, (elements, 6, 6): int u^T p dx, int v^T p dx and, of the load along the link, the geometric
+    stiffness of P(X) = -int_0^X p dX, with the element's own shape functions.
+    """
+    load = scene.spreads[name]
+    first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / nodes[-1]
+    count = len(nodes) - 1
+    along, across, K_g = np.zeros((count, 6, 1)), np.zeros((count, 6, 1)), np.zeros((count, 6, 6))
+    for e, (a, b) in enumerate(pairwise(nodes)):
+        growth = parameters["E_I_rise"][e] / parameters["E_I"][e]
+        for point, weight in zip(*_GAUSS, strict=True):
+            x, w = 0.5 * (b - a) * (1 + point), 0.5 * (b - a) * weight
+            u, v, _, slope = shape_functions(x, b - a, parameters["phi_s"][e], growth)
+            X = a + x
+            along[e] += w * (first + rise * X) * u[:, None]
+            across[e] += w * (first + rise * X) * v[:, None]
+            K_g[e] -= w * (first * X + rise * X**2 / 2) * np.outer(slope, slope)
+    return along, across, K_g
+
+
+def _spread_terms(
+    scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
+    """Terms of the loads that are spread along a link, with a matrix for each element.
+
+    F holds int N^T q dx with the element's own shape functions; K_g the growth of the axial force that q's axial part
+    brings, P(X) = P_0 - int_0^X q dX. A structure that stands still has no known P_0, and none of its growth either.
+    """
+    for name, load in scene.spreads.items():
+        if load.spread_on != link:
+            continue
+        along, across, K_g = spread_sums(scene, name, nodes, parameters)
+        x, y = load.direction
+        parts = {(name,): (x, y)}
+        if load.axes == "global":
+            parts = {(name, f"{link}.c"): (x, y), (name, f"{link}.s"): (y, -x)}
+        for factors, (x, y) in parts.items():
+            monomial = tuple(sorted(factors))
+            yield ("F", monomial), x * along + y * across
+            if x and not scene.is_frame:
+                yield ("K_g", monomial), x * K_g
 
 
 def _scalar(link: str, factor: str) -> str:

@@ -251,6 +251,8 @@ def _joint(scene: Scene, name: str) -> str:
 
 def _load(scene: Scene, name: str) -> str:
     load = scene.loads[name]
+    if load.spread_on is not None:
+        return f"{load.kind} spread along {load.spread_on}, from {load.profile[0]:g} to {load.profile[1]:g} of its size"
     return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind} at {load.torque_at}"
 
 

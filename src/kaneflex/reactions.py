@@ -14,6 +14,7 @@ import numpy as np
 from kaneflex.affine import Affine
 from kaneflex.deformation import Deformation, Rates, follow
 from kaneflex.model import Model, RigidMotion
+from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 
 
@@ -144,7 +145,7 @@ class _Balances:
         total = np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]])
         for name, load in self.model.scene.forces.items():
             if load.force_on.body == link and self._node(load.force_on) == node:
-                total[:2] -= self._load(name, load)
+                total[:2] -= self._load(name, load, link)
         total[2] -= self._torque(link, node)
         for mass in self.model.scene.masses.values():
             if mass.at.body == link and self._node(mass.at) == node:
@@ -191,11 +192,10 @@ class _Balances:
             total += push
             total[2] += arm[0] * push[1] - arm[1] * push[0]
             work -= arm[0] * push[0] + arm[1] * push[1]
-        for name, load in scene.forces.items():
-            if load.force_on.body == body:
-                push, arm = self._load(name, load), self._turn(body, scene.point(load.force_on))
-                total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
-                work += arm[0] * push[0] + arm[1] * push[1]
+        for name, load, address, share in scene.pushes(body):
+            push, arm = share * self._load(name, load, body), self._turn(body, scene.point(address))
+            total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+            work += arm[0] * push[0] + arm[1] * push[1]
         for name, spring in scene.springs.items():
             for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
                 if end.body == body:
@@ -228,6 +228,6 @@ class _Balances:
                     total += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
         return total
 
-    def _load(self, name: str, load) -> np.ndarray:
-        axes = "ground" if load.axes == "global" else load.force_on.body
-        return self.rigid[name] * self._turn(axes, load.direction)
+    def _load(self, name: str, load: Load, body: str) -> np.ndarray:
+        """A load's size along its direction, global, (2, n_times)."""
+        return self.rigid[name] * self._turn("ground" if load.axes == "global" else body, load.direction)

@@ -35,7 +35,7 @@ def measure(solution: Solution) -> dict[str, Series]:
     measured = {}
     for name, sensor in solution.model.scene.sensors.items():
         measured[name] = Series(reader.read(sensor), sensor.unit, describe(sensor))
-        if sensor.kind in RIGID_COMPANIONS and not reader.turns_freely:
+        if sensor.kind in RIGID_COMPANIONS and reader.has_rigid_forces:
             meaning = f"{describe(sensor)}, of the rigid mechanism"
             measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
     return measured
@@ -70,9 +70,13 @@ class _Reader:
         self.steps = len(solution.times)
 
     @property
-    def turns_freely(self) -> bool:
-        """Whether free joints follow the deforming mechanism: a rigid one would have to vibrate with them."""
-        return self.solution.coupled is not None and bool(self.model.module.FREE)
+    def has_rigid_forces(self) -> bool:
+        """Whether there are forces of the rigid mechanism beside those of the deforming one.
+
+        Not where free joints follow the latter: a rigid mechanism would have to vibrate with them. Nor in a structure
+        that stands still, whose supports may be redundant.
+        """
+        return not (self.scene.is_frame or (self.solution.coupled is not None and self.model.module.FREE))
 
     @cached_property
     def deformed(self) -> dict[str, Deformation]:
@@ -249,6 +253,14 @@ class _Reader:
             if at < x or point == "start":
                 force, moment = self._forces_at(Address(name, point))
                 N, V, M = N - force[0], V - force[1], M + (x - at) * force[1] - moment
+        for load_name, load in self.scene.spreads.items():
+            if load.spread_on == name:
+                first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / self.scene.bodies[name].length
+                vector = np.outer(load.direction, np.ones(self.steps))
+                push = rigid[load_name] * (vector if load.axes == "body" else self._turn_back(name, vector))
+                # int_0^x q and int_0^x (x - X) q of the linear profile
+                total, arm = first * x + rise * x**2 / 2, first * x**2 / 2 + rise * x**3 / 6
+                N, V, M = N - total * push[0], V - total * push[1], M + arm * push[1]
         return N, V, M
 
     def _forces_at(self, address: Address) -> tuple[np.ndarray, np.ndarray]:

@@ -48,6 +48,7 @@ TORSIONAL_STIFFNESS = Dimension("a torsional stiffness", "N m/rad", "12 N m/rad"
 DAMPING = Dimension("a damping", "N s/m", "5 N s/m")
 TORSIONAL_DAMPING = Dimension("a torsional damping", "N m s/rad", "0.1 N m s/rad")
 RATIO = Dimension("a ratio", "", "0.02")
+FORCE_PER_LENGTH = Dimension("a force per length", "N/m", "100 N/m")
 SENSED = (
     LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_SPEED, FORCE, TORQUE,
     Dimension("an angular acceleration", "rad/s^2", "5 rad/s^2"), Dimension("a strain", "1", "0.001"),

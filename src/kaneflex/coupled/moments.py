@@ -9,7 +9,7 @@ import numpy as np
 
 from kaneflex.building import rayleigh_coefficients
 from kaneflex.coupled.shapes import Shapes
-from kaneflex.links import Link
+from kaneflex.links import Link, spread_sums
 from kaneflex.scene import Scene
 
 
@@ -20,6 +20,9 @@ def body_numbers(
     numbers: dict[str, float] = {}
     for name in module.BODIES:
         own = _link_numbers(scene, links[name], shapes[name]) if name in links else _rigid_numbers(scene, name)
+        for load in (load for load, entry in scene.spreads.items() if entry.spread_on == name):
+            spread = _spread_numbers(scene, load, links.get(name), shapes.get(name))
+            own |= {f"load_{load}.{key}": value for key, value in spread.items()}
         numbers |= {f"{name}.{key}": float(value) for key, value in own.items()}
     return numbers
 
@@ -89,6 +92,31 @@ def _link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
         if mass.at.body == link.name:
             _add_lumped(found, mass, _point_numbers(link, shapes, link.node_at(scene.point(mass.at)[0])))
     return found
+
+
+def _spread_numbers(scene: Scene, name: str, link: Link | None, shapes: Shapes | None) -> dict[str, float]:
+    """Sums of a load's profile over its body: share [m], X [m^2], s, w [m] and H [1].
+
+    int p H dX is, by exchange of the integrals, the geometric stiffness of a tension int_X^l p.
+    """
+    load = scene.spreads[name]
+    length, (first, last) = scene.bodies[load.spread_on].length, load.profile
+    share = length * (first + last) / 2
+    found = {"share": share, "X": length**2 * (first + 2 * last) / 6}
+    if link is None:
+        return found
+    along, across, tension = spread_sums(scene, name, link.nodes, link.parameters)
+    push, lift = np.zeros(3 * len(link.nodes)), np.zeros(3 * len(link.nodes))
+    total = {key: blocks for key, m, blocks in link.element_terms if m == (f"{link.name}.link.P_0",)}["K_g"]
+    H = np.zeros((shapes.transverse.shape[1],) * 2)
+    for e in range(len(along)):
+        rows = slice(3 * e, 3 * e + 6)
+        push[rows] += along[e, :, 0]
+        lift[rows] += across[e, :, 0]
+        w = shapes.transverse[rows]
+        H += w.T @ (share * total[e] + tension[e]) @ w
+    found |= _vector("s", push @ shapes.axial) | _vector("w", lift @ shapes.transverse)
+    return found | _pairs("H", "", H)
 
 
 def _point_numbers(link: Link, shapes: Shapes, node: int) -> dict[str, float]:

@@ -23,13 +23,13 @@ _POINTS = 1441
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``loads``: what the tables against one drive, or against time, hold over their period."""
+    """``loads``: what the tables of one unit against one drive, or against time, hold over their period."""
     tables = {name: load for name, load in solution.model.scene.loads.items() if load.table is not None}
     pictures = {}
-    for against in dict.fromkeys(load.against for load in tables.values()):
-        group = {name: load for name, load in tables.items() if load.against == against}
-        name = "loads" if not pictures else f"loads_{against}"
-        pictures[name] = _figure(solution, against, group)
+    for against, unit in dict.fromkeys((load.against, load.si_unit) for load in tables.values()):
+        group = {name: load for name, load in tables.items() if (load.against, load.si_unit) == (against, unit)}
+        name = f"loads_{against}" if pictures else "loads"
+        pictures[name if name not in pictures else f"{name}_{len(pictures) + 1}"] = _figure(solution, against, group)
     return pictures
 
 
@@ -45,14 +45,22 @@ def _figure(solution: Solution, against: str, loads: dict[str, Load]) -> Figure:
         _mark_peak(panels[0], factor * x, next(iter(pressures.values())), "bar", label)
         panels[0].set_ylim(bottom=0)
     forces = {name: _force(load, x) for name, load in loads.items()}
-    towards = {f"on {load.force_on.body}" if load.force_on else f"at {load.torque_at}" for load in loads.values()}
-    title = f"Force {towards.pop()}" if len(towards) == 1 else "Force"
-    plot_curves(panels[-1], factor * x, forces.items(), "N", title, "force")
-    _mark_peak(panels[-1], factor * x, next(iter(forces.values())), "N", label)
+    unit = next(iter(loads.values())).si_unit
+    quantity = {"N": "Force", "N m": "Torque", "N/m": "Force per length"}[unit]
+    towards = {_where(load) for load in loads.values()}
+    title = f"{quantity} {towards.pop()}" if len(towards) == 1 else quantity
+    plot_curves(panels[-1], factor * x, forces.items(), unit, title, quantity.lower())
+    _mark_peak(panels[-1], factor * x, next(iter(forces.values())), unit, label)
     panels[-1].set_xlabel(label)
     if against != "t":
         mark_angles(panels[-1], factor * float(np.ptp(x)))
     return figure
+
+
+def _where(load: Load) -> str:
+    if load.force_on is not None:
+        return f"on {load.force_on.body}"
+    return f"at {load.torque_at}" if load.torque_at is not None else f"along {load.spread_on}"
 
 
 def _abscissa(solution: Solution, loads: dict[str, Load]) -> np.ndarray:
@@ -74,7 +82,7 @@ def _axis(solution: Solution, against: str, x: np.ndarray) -> tuple[float, str]:
 
 
 def _force(load: Load, x: np.ndarray) -> np.ndarray:
-    """Magnitude of the load [N], by the arithmetic of the kernels."""
+    """Magnitude of the load in its SI unit, by the arithmetic of the kernels."""
     return evaluate_block(load.read_table().coefficients(load.period), x - load.offset)
 
 

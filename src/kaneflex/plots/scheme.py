@@ -17,6 +17,7 @@ from kaneflex.plots.labels import Labels
 from kaneflex.plots.mechanism import Outline, Scenery, rigid_outline, rigid_scenery
 from kaneflex.plots.style import PALETTE, new_figure, styled
 from kaneflex.scene import Scene
+from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
 
 ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
@@ -125,6 +126,8 @@ class _Parts:
             self._drive(name)
         for name in self.scene.forces:
             self._force(name)
+        for name in self.scene.spreads:
+            self._spread(name)
         for name in self.scene.springs:
             self._spring(name)
         for name, load in self.scene.torques.items():
@@ -195,12 +198,30 @@ class _Parts:
         self.labels.block(arc)
         self.labels.add(text, arc[20], colour, size=8)
 
+    def _spread(self, name: str) -> None:
+        """Arrows along a body, as long as the load's profile is high there, under a line."""
+        load = self.scene.spreads[name]
+        d = self._towards(load, load.spread_on)
+        start, end = (self.at(Address(load.spread_on, point)) for point in ("start", "end"))
+        share = np.linspace(0.0, 1.0, 7)
+        height = load.profile[0] + share * (load.profile[1] - load.profile[0])
+        heads = start + np.outer(share, end - start)
+        tails = heads - 0.6 * _ARROW * self.size * np.outer(height / abs(height).max(), d)
+        for tail, head in zip(tails, heads, strict=True):
+            if np.hypot(*(head - tail)) > 0.1 * _ARROW * self.size:
+                self._arrow(tail, head, LOAD)
+        self.axes.plot(*tails.T, color=LOAD, linewidth=1.0, zorder=4.6)
+        self.labels.block(tails)
+        self.labels.add(name, tails[3], LOAD, size=8)
+
+    def _towards(self, load: Load, body: str) -> np.ndarray:
+        """Global direction of a load."""
+        angle = self.placement.poses[body][2] if load.axes == "body" else 0.0
+        return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ load.direction
+
     def _force(self, name: str) -> None:
         load = self.scene.forces[name]
-        d = np.array(load.direction)
-        if load.axes == "body":
-            angle = self.placement.poses[load.force_on.body][2]
-            d = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ d
+        d = self._towards(load, load.force_on.body)
         head = self.at(load.force_on)
         tail = head - _ARROW * self.size * d
         self._arrow(tail, head, LOAD)

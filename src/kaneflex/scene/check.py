@@ -141,6 +141,8 @@ def _loads(scene: Scene) -> Iterator[Problem]:
     for name, load in scene.loads.items():
         if load.force_on is not None:
             yield from _address(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        elif load.spread_on is not None:
+            yield from _spread(scene, f"loads.{name}.spread_on", load.spread_on)
         elif load.torque_at not in scene.joints:
             cure = nearest(load.torque_at, scene.joints)
             yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
@@ -165,6 +167,13 @@ def _loads(scene: Scene) -> Iterator[Problem]:
         except Fault as fault:
             field = fault.below or load.kind
             yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
+
+
+def _spread(scene: Scene, key: str, body: str) -> Iterator[Problem]:
+    if body not in scene.bodies:
+        yield Problem(key, body, "no body of that name", nearest(body, scene.bodies))
+    elif scene.bodies[body].length is None:
+        yield Problem(key, body, f"{body} has no length to spread a load along", "Give the body a length")
 
 
 def _springs(scene: Scene) -> Iterator[Problem]:

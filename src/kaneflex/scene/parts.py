@@ -22,6 +22,7 @@ from kaneflex.scene.quantities import (
     NonNegativeMass,
     NonNegativeRatio,
     NonNegativeViscosity,
+    NumberPair,
     PositiveRatio,
     PositiveTime,
     Ratios,
@@ -29,7 +30,7 @@ from kaneflex.scene.quantities import (
 )
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.tables import Table, read_table
-from kaneflex.units import ANGLE, FORCE, TIME, TORQUE, to_si
+from kaneflex.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping")
@@ -85,9 +86,12 @@ class Mass(SceneTable):
 
 
 class Load(SceneTable):
-    """A point force along `direction`, in fixed (`global`) or `body` axes, in N; or a torque in N m at a joint.
+    """A point force along `direction`, in fixed (`global`) or `body` axes, in N; one spread along a body, in N/m;
+    or a torque in N m at a joint.
 
-    `torque_at` names a revolute joint: the torque acts on its second body, and its opposite on the first.
+    `torque_at` names a revolute joint: the torque acts on its second body, and its opposite on the first. What is
+    `spread_on` a body acts per length from its start to its end, times a factor that changes linearly between the
+    two numbers of its `profile`.
     Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
     `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
     seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by
@@ -96,6 +100,8 @@ class Load(SceneTable):
 
     force_on: AddressField | None = None
     torque_at: str | None = None
+    spread_on: str | None = None
+    profile: NumberPair = (1.0, 1.0)
     direction: Direction | None = None
     axes: Literal["global", "body"] = "global"
     value: ForceOrTorque | None = None
@@ -111,7 +117,8 @@ class Load(SceneTable):
     @field_validator("value", mode="before")
     @classmethod
     def _force_or_torque(cls, value: object, info: ValidationInfo) -> float:
-        return to_si(value, TORQUE if info.data.get("torque_at") else FORCE)
+        spread = FORCE_PER_LENGTH if info.data.get("spread_on") else FORCE
+        return to_si(value, TORQUE if info.data.get("torque_at") else spread)
 
     @field_validator("period", "offset", mode="before")
     @classmethod
@@ -124,13 +131,16 @@ class Load(SceneTable):
     @model_validator(mode="after")
     def _consistent(self) -> Load:
         kind = self.kind
-        if the_one_given(self, ("force_on", "torque_at")) == "force_on":
-            if self.direction is None:
-                raise Fault("a force without direction", "Give it, like direction = [1, 0]", below="direction")
-        else:
-            for field in ("direction", "axes"):
-                if field in self.model_fields_set:
-                    raise Fault("a torque has none", "Leave it out", below=field)
+        on = the_one_given(self, ("force_on", "torque_at", "spread_on"))
+        if on != "torque_at" and self.direction is None:
+            raise Fault("a force without direction", "Give it, like direction = [1, 0]", below="direction")
+        for field in ("direction", "axes") if on == "torque_at" else ():
+            if field in self.model_fields_set:
+                raise Fault("a torque has none", "Leave it out", below=field)
+        if on != "spread_on" and "profile" in self.model_fields_set:
+            raise Fault("belongs to a load that is spread along a body", "Leave it out", below="profile")
+        if not any(self.profile):
+            raise Fault("no load at either end", "Give two numbers, at least one of them not zero", below="profile")
         if kind == "table" and self.against is None:
             raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
         if kind != "table":
@@ -141,7 +151,7 @@ class Load(SceneTable):
 
     @property
     def si_unit(self) -> str:
-        return "N m" if self.torque_at else "N"
+        return "N m" if self.torque_at else "N/m" if self.spread_on else "N"
 
     @property
     def kind(self) -> str:
@@ -150,7 +160,7 @@ class Load(SceneTable):
 
     def read_table(self) -> Table:
         """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
-        dimension = TORQUE if self.torque_at else FORCE
+        dimension = TORQUE if self.torque_at else FORCE_PER_LENGTH if self.spread_on else FORCE
         unit = self.unit if "unit" in self.model_fields_set else self.si_unit
         table = read_table(self.table, self.column, unit, "s" if self.against == "t" else "deg", dimension)
         if self.period is not None:

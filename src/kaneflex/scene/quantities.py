@@ -146,6 +146,12 @@ def _two_frequencies(value: object) -> tuple[float, float]:
     return low, high
 
 
+def _two_numbers(value: object) -> tuple[float, float]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("not two numbers", "Write like [1, 0]")
+    return to_si(value[0], units.RATIO), to_si(value[1], units.RATIO)
+
+
 def _text_schema(description: str) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", "description": description})
 
@@ -181,7 +187,7 @@ AngleOrTime = Annotated[
 Point = _vector(units.LENGTH)
 Acceleration = _vector(units.ACCELERATION)
 ForceOrTorque = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "a force or a torque"})
+    float, WithJsonSchema({"type": ["number", "string"], "description": "a force, a torque, or a force per length"})
 ]
 Direction = Annotated[
     tuple[float, float], BeforeValidator(_unit_vector), _list_schema("number", 2, "a direction, any length")
@@ -199,6 +205,7 @@ CountOrAll = Annotated[
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1}, {"const": "all"}]}),
 ]
 Ratios = Annotated[tuple[float, ...], BeforeValidator(_ratios), WithJsonSchema({"type": ["number", "array"]})]
+NumberPair = Annotated[tuple[float, float], BeforeValidator(_two_numbers), _list_schema("number", 2, "two numbers")]
 FrequencyPair = Annotated[
     tuple[float, float],
     BeforeValidator(_two_frequencies),

@@ -104,6 +104,9 @@ def _load(scene: Scene, name: str) -> dict[str, Any]:
     load = scene.loads[name]
     if load.torque_at is not None:
         entry = {"torque_at": load.torque_at}
+    elif load.spread_on is not None:
+        entry = {"spread_on": load.spread_on, "axes": load.axes, "direction": _direction(load.direction)}
+        entry["profile"] = _direction(load.profile)
     else:
         entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
     if load.kind == "table":

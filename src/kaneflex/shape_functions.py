@@ -1,0 +1,30 @@
+"""Displacements within a beam element from those of its nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def shape_functions(x: float, length: float, phi_s: float = 0.0, growth: float = 0.0) -> np.ndarray:
+    """Rows u, v, theta, v' over (u1, v1, theta1, u2, v2, theta2); x from the first node [m].
+
+    Paper (49)-(55), where theta = v'; with phi_s = 12 E I/(kappa G A length^2) those of a Timoshenko beam under
+    loads at its nodes (Przemieniecki 1968): v' - theta is the shear strain -phi_s length^2 d3v/dx3 / 12. Its theta
+    bows where E I grows over the element, by `growth` of its mean.
+    """
+    s = x / length
+    b = 1.0 / (1.0 + phi_s)
+    c = 1.0 - b
+    shear = c * s * (1 - s) * length / 2
+    shape = np.array([
+        [1 - s, 0, 0, s, 0, 0],
+        [0, b * (1 - 3 * s**2 + 2 * s**3) + c * (1 - s), b * x * (1 - s) ** 2 + shear,
+         0, b * (3 * s**2 - 2 * s**3) + c * s, b * x * (s**2 - s) - shear],
+        [0, 6 * b * (s**2 - s) / length, b * (1 - 4 * s + 3 * s**2) + c * (1 - s),
+         0, 6 * b * (s - s**2) / length, b * (3 * s**2 - 2 * s) + c * s],
+    ])  # fmt: skip
+    bow = c * growth / 12 * np.array([0, 0, -1, 0, 0, 1])
+    shape[1] += length * (3 * s**2 - 2 * s**3 - s) * bow
+    shape[2] += 6 * (s - s**2) * bow
+    strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2]) - bow
+    return np.vstack([shape, shape[2] + strain])

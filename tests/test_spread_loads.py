@@ -1,0 +1,234 @@
+"""Loads spread along a body: closed forms of beams, buckling, and the weight of everything written as such a load."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import kaneflex
+from kaneflex.errors import SceneError
+from kaneflex.scene import Scene, read_scene, with_settings
+
+L, E, I, A, RHO = 1.2, 2.1e11, 2e-9, 1e-4, 7850.0
+BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements = 4}}"
+
+
+def written(folder, text, *settings) -> Scene:
+    (folder / "scene.toml").write_text("schema = 1\n" + text)
+    return with_settings(read_scene(folder / "scene.toml"), list(settings))
+
+
+def solved(folder, text, *settings):
+    return kaneflex.simulate(kaneflex.load(written(folder, text, *settings)))
+
+
+FRAME = f"""
+[ground]
+far = [{L}, 0]
+[bodies]
+bar = {{pose = {{}}, {BEAM}, points = {{spot = [{0.3 * L}, 0]}}}}
+[joints]
+SUPPORTS
+[loads]
+press = {{spread_on = "bar", direction = [0, -1], value = "40 N/m", profile = PROFILE}}
+[sensors]
+tip = {{displacement = "bar.end", component = "y"}}
+mid = {{displacement = "bar.mid", component = "y"}}
+root_moment = {{bending_moment = "bar.start"}}
+mid_moment = {{bending_moment = "bar.mid"}}
+spot_moment = {{bending_moment = "bar.spot"}}
+spot_shear = {{shear_force = "bar.spot"}}
+left = {{joint_force = "left", component = "y"}}
+[solve]
+preset = "quasistatic"
+duration = 1.0
+steps = 4
+"""
+CLAMPED = 'left = {weld = ["ground", "bar.start"]}'
+HINGED = 'left = {revolute = ["ground", "bar.start"]}\nright = {revolute = ["ground.far", "bar.end"]}'
+
+
+@pytest.mark.parametrize(
+    ("profile", "tip", "root", "total"),
+    [([1, 1], 1 / 8, 1 / 2, 1.0), ([1, 0], 1 / 30, 1 / 6, 0.5), ([0, 1], 11 / 120, 1 / 3, 0.5)],
+)
+def test_cantilever(tmp_path, profile, tip, root, total):
+    """Deflections and moments of the textbooks (e.g. Young & Budynas 2002, table 8.1)."""
+    found = solved(tmp_path, FRAME.replace("SUPPORTS", CLAMPED).replace("PROFILE", str(profile))).series
+    w = 40.0
+    assert found["tip"].values == pytest.approx(-tip * w * L**4 / (E * I), rel=1e-9)
+    assert found["root_moment"].values == pytest.approx(-root * w * L**2, rel=1e-9)
+    assert found["left"].values == pytest.approx(total * w * L, rel=1e-9)
+    x, (p, q) = 0.3 * L, profile  # between two nodes: moment and shear of what lies beyond
+    beyond = np.poly1d([w * (q - p) / L, w * p])
+    shear = beyond.integ()(L) - beyond.integ()(x)
+    arm = (beyond * np.poly1d([1.0, -x])).integ()
+    assert found["spot_moment"].values == pytest.approx(-(arm(L) - arm(x)), rel=1e-9)
+    assert found["spot_shear"].values == pytest.approx(-shear, rel=1e-9)
+
+
+def test_simply_supported(tmp_path):
+    found = solved(tmp_path, FRAME.replace("SUPPORTS", HINGED).replace("PROFILE", "[1, 1]")).series
+    assert found["mid"].values == pytest.approx(-5 / 384 * 40 * L**4 / (E * I), rel=1e-9)
+    assert found["mid_moment"].values == pytest.approx(40 * L**2 / 8, rel=1e-9)
+
+
+def test_a_column_buckles_under_its_own_weight_at_greenhills_load(tmp_path):
+    """q L^3 / E I = 7.8373 for a load along a column with a free top (Greenhill 1881)."""
+    text = f"""
+[bodies]
+column = {{{BEAM}}}
+[joints]
+foot = {{revolute = ["ground", "column.start"]}}
+[drives]
+foot = {{speed = 0}}
+[loads]
+weight = {{spread_on = "column", direction = [-1, 0], axes = "body", value = "1 N/m"}}
+[solve]
+duration = 1.0
+"""
+
+    def lowest(load: float) -> float:
+        scene = written(tmp_path, text, f"weight.value={load * E * I / L**3!r}", "column.elements=8")
+        return float(np.linalg.eigvalsh(kaneflex.linearise(kaneflex.load(scene)).K)[0])
+
+    assert brentq(lowest, 7.5, 8.2, xtol=1e-6) == pytest.approx(7.8373, rel=1e-4)
+
+
+def test_the_torque_that_carries_a_load_around(tmp_path):
+    """Of a rigid crank: int q X cos(phi) dX in fixed axes, int q X dX in the body's."""
+    text = """
+[bodies]
+crank = {length = "0.5 m", mass = "1 kg"}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+[drives]
+main = {speed = "60 rpm", cycle = "360 deg"}
+[loads]
+wind = {spread_on = "crank", direction = [0, -1], axes = "AXES", law = "20 + main", profile = [2, 0.5]}
+[sensors]
+torque = {drive_torque = "main"}
+[solve]
+preset = "rigid"
+"""
+    for axes in ("global", "body"):
+        solution = solved(tmp_path, text.replace("AXES", axes))
+        phi = solution.drive_angles["main"]
+        arm = (20 + phi) * 0.5**2 * (2 + 2 * 0.5) / 6
+        expected = arm * np.cos(phi) if axes == "global" else arm
+        assert solution.series["torque"].values == pytest.approx(expected, rel=1e-12, abs=1e-12), axes
+
+
+# Two arms, the first one rigid, the second one elastic, carry a rigid hand on a hinge that is driven, too.
+ARM = f"""
+gravity = GRAVITY
+[bodies]
+upper = {{length = "0.6 m", mass = "1.5 kg"}}
+lower = {{{BEAM}}}
+hand = {{length = "0.2 m", mass = "0.3 kg"}}
+[joints]
+shoulder = {{revolute = ["ground", "upper.start"]}}
+elbow = {{revolute = ["upper.end", "lower.start"]}}
+wrist = {{weld = ["lower.end", "hand.start"]}}
+[drives]
+shoulder = {{law = "0.5 * sin(2 * t)"}}
+elbow = {{law = "-1 + 0.3 * cos(3 * t)"}}
+[damping]
+rayleigh = {{ratio = 0.05, at = [5, 60]}}
+[loads]
+LOADS
+[sensors]
+tip_x = {{displacement = "lower.end", component = "x"}}
+tip_y = {{displacement = "lower.end", component = "y"}}
+hand_y = {{displacement = "hand.end", component = "y"}}
+root = {{bending_moment = "lower.start"}}
+inside = {{bending_moment = "lower.mid"}}
+tension = {{axial_force = "lower.mid"}}
+wrist_force = {{joint_force = "wrist", component = "y"}}
+torque_1 = {{drive_torque = "shoulder"}}
+torque_2 = {{drive_torque = "elbow"}}
+[solve]
+duration = "0.4 s"
+steps = 800
+"""
+WEIGHTS = """
+w_1 = {spread_on = "upper", direction = [0, -1], value = 24.525}
+w_2 = {spread_on = "lower", direction = [0, -1], law = "LOWER"}
+w_3 = {spread_on = "hand", direction = [0, -1], value = 14.715}
+"""
+
+
+@pytest.mark.parametrize(
+    ("preset", "tolerance"),
+    [("rigid", 1e-12), ("quasistatic", 1e-9), ("linear", 1e-8), ("stiffened", 1e-8), ("coupled", 1e-6)],
+)
+def test_weight_is_such_a_load(tmp_path, preset, tolerance):
+    """Every sensor of an arm reads the same with gravity as with its weight spread along rigid and elastic bodies."""
+    by_gravity = ARM.replace("GRAVITY", "[0, -9.81]").replace("LOADS", "")
+    by_loads = ARM.replace("GRAVITY", "[0, 0]").replace("LOADS", WEIGHTS.replace("LOWER", repr(RHO * A * 9.81)))
+    settings = [f"solve.preset={preset}"]
+    one, other = (solved(tmp_path, text, *settings).series for text in (by_gravity, by_loads))
+    for name, series in one.items():
+        there = series.values
+        assert abs(other[name].values - there).max() <= tolerance * max(1e-9, abs(there).max()), name
+
+
+def test_reduced_links_carry_it_too(tmp_path):
+    text = ARM.replace("GRAVITY", "[0, 0]").replace("LOADS", WEIGHTS.replace("LOWER", "200 * sin(8 * t)"))
+    full, few = (solved(tmp_path, text, "solve.steps=1600", *more).series for more in ([], ["solve.modes=2"]))
+    for name in ("tip_y", "root", "inside", "wrist_force"):
+        there = full[name].values
+        # From half of the run on: its beginning shakes modes that are left out.
+        assert abs(few[name].values - there)[800:].max() < 2e-3 * abs(there).max(), name
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        ('{spread_on = "arm", direction = [0, 1], value = 1}', "loads.q.spread_on = 'arm': no body of that name. "),
+        (
+            '{spread_on = "hub", direction = [0, 1], value = 1}',
+            "loads.q.spread_on = 'hub': hub has no length to spread a load along. Give the body a length.",
+        ),
+        (
+            '{spread_on = "bar", value = 1}',
+            "loads.q.direction: a force without direction. Give it, like direction = [1, 0].",
+        ),
+        (
+            '{spread_on = "bar", direction = [0, 1], value = "1 N"}',
+            "loads.q.value = '1 N': 'N' is not a unit of force per length. Write a force per length like '100 N/m', "
+            "or a plain number in N/m.",
+        ),
+        (
+            '{spread_on = "bar", direction = [0, 1], value = 1, profile = [0, 0]}',
+            "loads.q.profile = [0, 0]: no load at either end. Give two numbers, at least one of them not zero.",
+        ),
+        (
+            '{force_on = "bar", direction = [0, 1], value = 1, profile = [1, 0]}',
+            "loads.q.profile = [1, 0]: belongs to a load that is spread along a body. Leave it out.",
+        ),
+        (
+            '{force_on = "bar", spread_on = "bar", direction = [0, 1], value = 1}',
+            "loads.q: force_on and spread_on exclude each other. Give exactly one of force_on, torque_at, spread_on.",
+        ),
+    ],
+)
+def test_what_is_refused(tmp_path, load, message):
+    text = f"""
+[bodies]
+hub = {{mass = 1}}
+bar = {{{BEAM}}}
+[joints]
+a = {{revolute = ["ground", "hub"]}}
+b = {{weld = ["hub", "bar.start"]}}
+[drives]
+a = {{speed = 1}}
+[loads]
+q = {load}
+[solve]
+duration = {math.tau}
+"""
+    with pytest.raises(SceneError) as error:
+        written(tmp_path, text)
+    assert message in str(error.value)
