@@ -47,15 +47,16 @@ def jump_scalars(mechanism: Mechanism, name: str, solved: Solved, steps: Steps) 
 
 
 def forced_points(mechanism: Mechanism, body: str) -> set[str]:
-    """Points of a body at which joints, loads or lumped masses act."""
+    """Points of a body at which joints, loads, springs or lumped masses act."""
     points = [point for joint in mechanism.joints.values() for point in (joint.first, joint.second)]
     points += [load.point for load in mechanism.loads.values() if load.point is not None]
     points += [mass.point for mass in mechanism.masses.values()]
+    points += [end for spring in mechanism.springs.values() for end in spring.ends]
     return {point.name for point in points if point.body == body}
 
 
 def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) -> sm.Expr:
-    """Axial part of the forces of joints, loads and lumped masses on a link at one of its points."""
+    """Axial part of the forces of joints, loads, springs and lumped masses on a link at one of its points."""
     rates, loads, reactions = solved.rates, solved.loads, solved.reactions
     pose, force = rates.poses[name], [sm.S.Zero, sm.S.Zero]
 
@@ -71,6 +72,11 @@ def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) ->
         if load.point is not None and (load.point.body, load.point.name) == (name, point):
             direction = load.direction if load.axes == "global" else pose.turn(load.direction)
             push(tuple(loads[load_name] * component for component in direction))
+    forces = {scalar.name: scalar.value for scalar in solved.springs}
+    for spring in mechanism.springs.values():
+        for end, sign in zip(spring.ends, (-1, 1), strict=False):  # a torsional spring has no ends
+            if (end.body, end.name) == (name, point):
+                push(tuple(sign * forces[f"{spring.name}.force_{axis}"] for axis in "xy"))
     for mass in mechanism.masses.values():
         if (mass.point.body, mass.point.name) == (name, point):
             push(tuple(-mass.mass * component for component in rates.felt(name, mass.point, mechanism.gravity)))

@@ -123,6 +123,11 @@ class SpringModel:
     damping: sm.Expr
     free: sm.Expr
 
+    @property
+    def ends(self) -> tuple[BodyPoint, ...]:
+        """The two points that it joins; none where it is torsional."""
+        return (self.first, self.second) if self.joint is None else ()
+
 
 @dataclass
 class _Parameters:

@@ -18,7 +18,7 @@ from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import solve_blocks
 from kaneflex.derive.links import jump_scalars, link_scalars
 from kaneflex.derive.lookups import T, table, table_curvature, table_rate
-from kaneflex.derive.mechanism import BodyPoint, Mechanism, Vector
+from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, Vector
 from kaneflex.derive.newton import Loop
 from kaneflex.derive.poses import Pose
 from kaneflex.derive.program import Program
@@ -128,7 +128,8 @@ def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Dr
     closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
     rates = Rates(mechanism, equations, drives, closure.poses, steps)
     loads = _loads(mechanism, drives, steps)
-    springs = spring_scalars(mechanism, {name: drive.angle for name, drive in drives.items()}, rates, steps)
+    angles = {name: drive.angle for name, drive in drives.items()}
+    springs = spring_scalars(mechanism, angles, rates.poses, rates.value, steps)
     pushes = loads | {scalar.name: scalar.value for scalar in springs}
     reactions = _reactions(equations, rates, pushes, steps)
     return Solved(drives, rates, loads, springs, reactions, closure.margins, closure.gaps, closure.loops)
@@ -139,11 +140,13 @@ def _still(mechanism: Mechanism) -> Motion:
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     scalars = _load_scalars(mechanism, _loads(mechanism, {}, steps))
     links = {}
+    poses = {GROUND: Pose(sm.S.Zero, sm.S.Zero, sm.S.One, sm.S.Zero)}
     rest = dict.fromkeys(("v_x", "v_y", "omega", "a_x", "a_y", "epsilon"), sm.S.Zero)
     for name, body in mechanism.bodies.items():
         angle = mechanism.symbol(f"{name}.pose_angle")
         c, s = (steps.assign(sm.Symbol(f"{f}_{name}"), g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
         pose = Pose(mechanism.symbol(f"{name}.pose_x"), mechanism.symbol(f"{name}.pose_y"), c, s)
+        poses[name] = pose
         scalars += _body_scalars(name, pose, rest)
         if body.elastic:
             g_x, g_y = mechanism.gravity
@@ -155,6 +158,7 @@ def _still(mechanism: Mechanism) -> Motion:
                 )
                 for key, unit, meaning in LINK_SCALARS
             )  # fmt: skip
+    scalars += spring_scalars(mechanism, {}, poses, dict.fromkeys(mechanism.bodies, rest), steps)
     return Motion(tuple(steps.assignments), links, tuple(scalars))
 
 

@@ -291,10 +291,6 @@ BAD = {
     "spring to nowhere": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank.ende"], stiffness = 1}\n[sensors]',
         "springs.band.between = 'crank.ende': crank has no point 'ende'. The nearest known one is 'end'."),
-    "spring on a beam": (
-        "[sensors]", '[springs]\nband = {between = ["ground", "rod.mid"], stiffness = 1}\n[sensors]',
-        "springs.band.between = 'rod.mid': rod has a beam: a spring on elastic bodies is not available in this "
-        "version. Attach it to a rigid body or to the ground."),
     "negative stiffness": (
         "[sensors]", '[springs]\nband = {between = ["ground", "crank"], stiffness = "-1 N/m"}\n[sensors]',
         "springs.band.stiffness = '-1 N/m': a stiffness must not be negative. Write one like '20 kN/m'."),

@@ -237,27 +237,6 @@ def test_a_spring_at_the_root_of_a_driven_beam_moves_the_torque_of_its_drive_alo
         np.testing.assert_allclose(held.series[name].values, bare.series[name].values + added, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("spring", "preset", "message"),
-    [
-        (
-            'between = ["ground", "piston"], stiffness = 1', "stiffened",
-            "springs.spring = 'piston': a spring on a body that elastic links carry is not available yet. "
-            "Use preset rigid or coupled, or attach the spring to driven bodies and the ground.",
-        ),
-        (
-            'torsional_at = "pin", stiffness = 1', "rigid",
-            "springs.spring.torsional_at = 'pin': rod has a beam: in this version a drive must hold the joint of an "
-            "elastic body at a spring. Give drives.pin, like {free = true}, or leave the beam out.",
-        ),
-    ],
-)  # fmt: skip
-def test_what_elastic_bodies_do_not_take_yet_is_said(solve, spring, preset, message):
-    with pytest.raises(SceneError) as error:
-        solve((SLIDER % spring).replace('"rigid"', f'"{preset}"'))
-    assert message in str(error.value)
-
-
 def test_springs_are_drawn_and_listed(tmp_path):
     text = DRIVEN + """
 [springs]

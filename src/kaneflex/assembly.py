@@ -111,7 +111,7 @@ def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> l
     for body in carried:
         for name, load, address, share in scene.pushes(body):
             pushed = share * _along(name, load, body)
-            part = _empty(name, 3)
+            part = empty_part(name, 3)
             matrices = {**part.matrices, "F": Affine.constant(np.eye(3)[:, :2]) @ pushed}
             placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(address))))
     return placed
@@ -137,7 +137,7 @@ def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, P
             else:
                 continue
             relative += sign * (Affine.constant([[0.0, 0.0, 1.0]]) @ motion)
-        part = _empty(name, 1)
+        part = empty_part(name, 1)
         placed.append((replace(part, matrices={**part.matrices, "F": Affine.term((name,), [[1.0]])}), relative))
     return placed
 
@@ -157,7 +157,8 @@ def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Pa
     return placed
 
 
-def _empty(name: str, size: int) -> Part:
+def empty_part(name: str, size: int) -> Part:
+    """A part without any matrix."""
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices, {})
 
@@ -168,7 +169,7 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
     A force F at the arm a = R (r - r_0) from the point that the body turns about does second-order work
     -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
     """
-    part = _empty(f"{name}.arms", 3)
+    part = empty_part(f"{name}.arms", 3)
     if how.kind not in ("free", "hinged"):
         return part
     total = Affine.zero(1, 1)
@@ -185,12 +186,14 @@ def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
 
 
 def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
-    """Global force (2 x 1) and its point, of every load and joint on a rigid body."""
+    """Global force (2 x 1) and its point, of every load, spring and joint on a rigid body."""
     for name, load, address, share in scene.pushes(body):
         yield share * _along(name, load, body), scene.point(address)
-    for name, joint in scene.joints.items():
-        for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
-            if address.body == body and joint.kind != "prismatic":
+    pairs = {name: joint.addresses for name, joint in scene.joints.items() if joint.kind != "prismatic"}
+    pairs |= {name: spring.between for name, spring in scene.springs.items() if spring.ends}
+    for name, addresses in pairs.items():
+        for address, sign in zip(addresses, (-1.0, 1.0), strict=True):
+            if address.body == body:
                 force = Affine.term((f"{name}.force_x",), [[sign], [0.0]])
                 yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), scene.point(address)
 

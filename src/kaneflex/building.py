@@ -19,6 +19,7 @@ from kaneflex.model import Model, Motion, RigidMotion, keep_terms
 from kaneflex.modes import lowest_modes
 from kaneflex.options import Options
 from kaneflex.scene import Scene
+from kaneflex.springs import place_springs
 
 _NARROW = 12
 """Half-bandwidth that is not worth another order."""
@@ -48,6 +49,7 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+    placed += place_springs(scene, links, parts, frame)  # with dampers of their own
     frame, placed = _narrow_band(frame, placed)
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
@@ -152,9 +154,11 @@ def _parts(
 
 
 def _loaded_rows(scene: Scene, link: Link) -> set[int]:
-    """Rows of the nodes with lumped masses or torques, which a reduction keeps."""
+    """Rows of the nodes with lumped masses, springs or torques, which a reduction keeps."""
     addresses = [mass.at for mass in scene.masses.values()]
-    addresses += [address for load in scene.torques.values() for address in scene.joints[load.torque_at].addresses]
+    addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    turned = {joint for joint, _ in scene.joint_torques.values()}
+    addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
     nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
     return {row for node in nodes for row in link.part.place[node]}
 

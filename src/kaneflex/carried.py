@@ -104,29 +104,22 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
 def check_elastic(scene: Scene) -> None:
     """What the elastic stage demands of a scene, before anything is derived.
 
-    A guide must hold a rigid body: an elastic one would slide through its own deformation. Loads and lumped masses on
-    a link lie on its axis, where its nodes are.
+    A guide must hold a rigid body: an elastic one would slide through its own deformation. Loads, springs and lumped
+    masses on a link lie on its axis, where its nodes are.
     """
-    carried = carried_bodies(scene)
+    carried_bodies(scene)  # raises where they can't follow the links
     for name, spring in scene.springs.items():
-        bodies = [end.body for end in spring.ends]
-        if spring.torsional_at is not None:
-            bodies = [address.body for address in scene.joints[spring.torsional_at].addresses]
-            if scene.solve.preset == "paper" and any(scene.bodies[b].elastic for b in bodies if b != "ground"):
-                raise SceneError(
-                    f"springs.{name}", spring.torsional_at, "preset paper lets elastic bodies turn at a drive",
-                    "Use another preset, or leave the spring out",
-                )  # fmt: skip
-            bodies = [] if spring.torsional_at in scene.drives else bodies
-        for body in bodies:
-            if body in carried and scene.solve.preset != "coupled":
-                raise SceneError(
-                    f"springs.{name}", body, "a spring on a body that elastic links carry is not available yet",
-                    "Use preset rigid or coupled, or attach the spring to driven bodies and the ground",
-                )  # fmt: skip
-    points = {f"loads.{name}.force_on": load.force_on for name, load in scene.forces.items()}
-    points |= {f"masses.{name}.at": mass.at for name, mass in scene.masses.items()}
-    for key, address in points.items():
+        joined = scene.joints[spring.torsional_at].addresses if spring.torsional_at is not None else ()
+        if scene.solve.preset == "paper" and any(a.body != "ground" and scene.bodies[a.body].elastic for a in joined):
+            raise SceneError(
+                f"springs.{name}", spring.torsional_at, "preset paper lets elastic bodies turn at a drive",
+                "Use another preset, or leave the spring out",
+            )  # fmt: skip
+    points = [(f"loads.{name}.force_on", load.force_on) for name, load in scene.forces.items()]
+    points += [(f"masses.{name}.at", mass.at) for name, mass in scene.masses.items()]
+    ends = ((name, end) for name, spring in scene.springs.items() for end in spring.ends)
+    points += [(f"springs.{name}.between", end) for name, end in ends if end.body != "ground"]
+    for key, address in points:
         x, y = scene.point(address)
         body = scene.bodies[address.body]
         if body.elastic and not (y == 0 and 0 <= x <= body.length):

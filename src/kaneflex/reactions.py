@@ -16,6 +16,7 @@ from kaneflex.deformation import Deformation, Rates, follow
 from kaneflex.model import Model, RigidMotion
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
+from kaneflex.springs import spring_force
 
 
 def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
@@ -147,6 +148,10 @@ class _Balances:
             if load.force_on.body == link and self._node(load.force_on) == node:
                 total[:2] -= self._load(name, load, link)
         total[2] -= self._torque(link, node)
+        for name, spring in self.model.scene.springs.items():
+            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
+                if end.body == link and self._node(end) == node:
+                    total[:2] -= sign * self._spring(name)
         for mass in self.model.scene.masses.values():
             if mass.at.body == link and self._node(mass.at) == node:
                 motion = self.model.frame.link_point(link, self.model.parts[link], node)
@@ -199,9 +204,9 @@ class _Balances:
         for name, spring in scene.springs.items():
             for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
                 if end.body == body:
-                    push = sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
-                    arm = self._turn(body, scene.point(end))
+                    push, arm = sign * self._spring(name), self._turn(body, scene.point(end))
                     total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+                    work += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
         total[2] -= self._torque(body, None)
         if carried and self.model.options.geometric:
             turn = self.rigid.apply(frame.bodies[body], self.coordinates[0])[2]
@@ -215,8 +220,12 @@ class _Balances:
         for name, (joint, on_second) in scene.joint_torques.items():
             for address, sign in zip(scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if address.body == body and (node is None or self._node(address) == node):
-                    total += sign * self.rigid[name]
+                    spring = name.removesuffix(".torque")
+                    total += sign * (-self._spring(spring)[0] if spring in scene.springs else self.rigid[name])
         return total
+
+    def _spring(self, name: str) -> np.ndarray:
+        return spring_force(self.model, self.rigid, self.coordinates, name)
 
     def _joint_work(self, body: str) -> np.ndarray:
         """Sum of a . F over the rigid mechanism's joint forces on a body."""

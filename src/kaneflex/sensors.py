@@ -14,7 +14,8 @@ from kaneflex.model import RigidMotion
 from kaneflex.reactions import consistent_reactions
 from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
+from kaneflex.springs import spring_tension
 
 if TYPE_CHECKING:
     from kaneflex.solution import Solution
@@ -103,6 +104,8 @@ class _Reader:
             return self._rigid_section(sensor.target)[0]
         if sensor.kind in DRIVE_KINDS:
             return self.rigid[f"{sensor.target}.drive"]
+        if sensor.kind in SPRING_KINDS:
+            return self.rigid[f"{sensor.target}.{'tension' if sensor.kind == 'spring_force' else 'torque'}"]
         return self._joint_component(sensor, lambda name: self.rigid[name])
 
     # ---- motion of points -------------------------------------------------------------------------------------
@@ -280,6 +283,10 @@ class _Reader:
             if load.force_on == address:
                 direction = np.outer(load.direction, np.ones(self.steps))
                 force += self.rigid[name] * (direction if load.axes == "global" else self._turn(link, load.direction))
+        for name, spring in self.scene.springs.items():
+            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
+                if end == address:
+                    force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
         for name, (joint, on_second) in self.scene.joint_torques.items():
             for side, sign in zip(self.scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if side == address:
@@ -343,15 +350,11 @@ class _Reader:
     _drive_force = _drive_torque
 
     def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        return self._spring(sensor.target, "tension")
-
-    def _spring_torque(self, sensor: Sensor) -> np.ndarray:
-        return self._spring(sensor.target, "torque")
-
-    def _spring(self, name: str, kind: str) -> np.ndarray:
         if self.solution.coupled is not None:
-            return self.solution.coupled.spring(name)
-        return self.rigid[f"{name}.{kind}"]
+            return self.solution.coupled.spring(sensor.target)
+        return spring_tension(self.model, self.rigid, self.solution.coordinates, sensor.target)
+
+    _spring_torque = _spring_force
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""

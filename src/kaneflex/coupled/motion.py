@@ -242,6 +242,8 @@ class FloatingMotion(RigidMotion):
         own = self.coupled.system
         if name in self.coupled.reactions:
             return self.coupled.reactions[name]
+        if owner in self.coupled.model.scene.springs:
+            return self._spring(owner, key)
         if owner in own.start and key in _FRAME:
             order, row = _FRAME[key]
             return self.coupled.body(owner)[order][row]
@@ -254,6 +256,17 @@ class FloatingMotion(RigidMotion):
             c, s = self[f"{body}.c"], self[f"{body}.s"]
             return c * x + s * y if key == "a_x" else c * y - s * x
         return super().__getitem__(name)
+
+
+    def _spring(self, name: str, key: str) -> np.ndarray:
+        """Torque of a torsional spring, or a component of the force on its second point."""
+        tension = self.coupled.spring(name)
+        if key == "torque":
+            return tension
+        start, end = (self.coupled.joined(address)[0][:2] for address in self.coupled.model.scene.springs[name].between)
+        gap = end - start
+        length = np.hypot(*gap)
+        return -tension * np.divide(gap["xy".index(key[-1])], length, out=np.zeros_like(length), where=length > 0)
 
 
 _FRAME = {

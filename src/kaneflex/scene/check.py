@@ -11,7 +11,7 @@ from kaneflex.laws import parse_law
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, written
-from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
+from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
 
 
 def problems_of(scene: Scene) -> list[Problem]:
@@ -179,30 +179,21 @@ def _spread(scene: Scene, key: str, body: str) -> Iterator[Problem]:
 def _springs(scene: Scene) -> Iterator[Problem]:
     for name, spring in scene.springs.items():
         key = f"springs.{name}"
-        if scene.is_frame:
-            cure = "Leave the spring out"
-            yield Problem(key, None, "a spring between bodies with poses is not available in this version", cure)
         for end in spring.ends:
             yield from _address(scene, f"{key}.between", end, ground=True)
-            if end.body in scene.bodies and scene.bodies[end.body].elastic:
-                reason = f"{end.body} has a beam: a spring on elastic bodies is not available in this version"
-                yield Problem(f"{key}.between", str(end), reason, "Attach it to a rigid body or to the ground")
+            body = scene.bodies.get(end.body)
+            if body is not None and body.elastic and body.beam.axially_rigid:
+                cure = "Leave axially_rigid out, or attach the spring elsewhere"
+                yield Problem(f"{key}.between", str(end), f"{end.body} is axially rigid", cure)
         if spring.torsional_at is not None:
             yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
 
 
 def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
-    """Where elastic bodies meet without a drive, their rotations would stretch the spring."""
     if name not in scene.joints:
         yield Problem(key, name, "no joint of that name", nearest(name, scene.joints))
-        return
-    joint = scene.joints[name]
-    beams = [side.body for side in joint.addresses if side.body in scene.bodies and scene.bodies[side.body].elastic]
-    if joint.kind != "revolute":
-        yield Problem(key, name, f"a {joint.kind} joint does not turn", "Name a revolute joint")
-    elif beams and (name not in scene.drives or scene.drives[name].rotation != "held"):
-        reason = f"{beams[0]} has a beam: in this version a drive must hold the joint of an elastic body at a spring"
-        yield Problem(key, name, reason, f"Give drives.{name}, like {{free = true}}, or leave the beam out")
+    elif scene.joints[name].kind != "revolute":
+        yield Problem(key, name, f"a {scene.joints[name].kind} joint does not turn", "Name a revolute joint")
 
 
 def _sensors(scene: Scene) -> Iterator[Problem]:
@@ -212,7 +203,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield from _point_sensor(scene, key, sensor)
         elif sensor.kind in DRIVE_KINDS:
             yield from _drive_sensor(scene, key, sensor)
-        elif sensor.kind in ("spring_force", "spring_torque"):
+        elif sensor.kind in SPRING_KINDS:
             yield from _spring_sensor(scene, key, sensor)
         elif sensor.kind == "joint_force":
             yield from _joint_sensor(scene, key, sensor)

@@ -63,6 +63,10 @@ def stations(scene: Scene, link: str) -> list[Station]:
     for load in scene.forces.values():
         if load.force_on.body == link:
             at(load.force_on)
+    for spring in scene.springs.values():
+        for end in spring.ends:
+            if end.body == link:
+                at(end)
     for mass in scene.masses.values():
         if mass.at.body == link:
             at(mass.at).turned |= bool(mass.inertia)

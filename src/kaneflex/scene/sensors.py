@@ -14,8 +14,9 @@ MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
 SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
 POINT_KINDS = MOTION_KINDS + SECTION_KINDS
 DRIVE_KINDS = ("drive_torque", "drive_force")
-KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
-RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS)
+SPRING_KINDS = ("spring_force", "spring_torque")
+KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
+RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 """Kinds whose rigid value stands beside them under NAME_rigid."""
 
 _UNITS = {
