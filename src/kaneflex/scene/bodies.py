@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 from pydantic import Field, model_validator
@@ -112,8 +111,7 @@ class Body(SceneTable):
     @cached_property
     def profile(self) -> Profile:
         """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
-        profile = self.beam.profile(self.length, self.mass)
-        return replace(profile, rho=profile.rho * self.mass / profile.inertia(self.length).mass)
+        return self.beam.profile(self.length, self.mass).of_mass(self.mass)
 
     @property
     def rho_A(self) -> float:
