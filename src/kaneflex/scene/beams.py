@@ -12,6 +12,14 @@ from kaneflex.scene.profile import Piece, Profile
 from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveSecondMoment, WholeNumber
 from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient
 
+_THEORIES = {
+    "euler-bernoulli": (False, False),
+    "rayleigh": (True, False),
+    "shear": (False, True),
+    "timoshenko": (True, True),
+}
+"""Theory -> whether it knows rotary inertia, and shear; names as in Han, Benaroya & Wei (1999), J. Sound Vib. 225."""
+
 
 class Sectioned(Made):
     """A material and a section by area `A` and second moment `I`, or by its shape: `section`, at the far end `taper`.
@@ -86,11 +94,11 @@ class Beam(Sectioned):
     """A planar beam along the body's length: one section, tapered or not, or `segments` with a section each.
 
     `A` may be left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia
-    Rayleigh, with shear besides Timoshenko. An `axially_rigid` beam does not stretch.
+    Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch.
     """
 
     segments: dict[str, Segment] = Field(default={})
-    theory: Literal["euler-bernoulli", "rayleigh", "timoshenko"] = "euler-bernoulli"
+    theory: Literal["euler-bernoulli", "rayleigh", "shear", "timoshenko"] = "euler-bernoulli"
     axially_rigid: bool = False
     elements: WholeNumber = 4
 
@@ -125,14 +133,15 @@ class Beam(Sectioned):
 
     @model_validator(mode="after")
     def _shears(self) -> Beam:
-        if self.theory != "timoshenko":
+        if not self.shear:
             return self
+        kind = f"a {self.theory.capitalize() if self.rotary else self.theory} beam"
         if any(made_of.G is None for made_of in self._constants().values()):
-            raise Fault("a Timoshenko beam needs a shear modulus", "Give nu or G", below="theory")
+            raise Fault(f"{kind} needs a shear modulus", "Give nu or G", below="theory")
         for part in (self, *self.segments.values()):
             if part.section is None and part.kappa is None and part.I is not None:
                 cure = "Give kappa, or a section by its shape"
-                raise Fault("a Timoshenko beam needs a shear coefficient", cure, below="theory")
+                raise Fault(f"{kind} needs a shear coefficient", cure, below="theory")
         return self
 
     def _constants(self) -> dict[str | None, Constants]:
@@ -149,7 +158,18 @@ class Beam(Sectioned):
     @property
     def rotary(self) -> bool:
         """Whether the theory knows the rotary inertia of the sections."""
-        return self.theory != "euler-bernoulli"
+        return _THEORIES[self.theory][0]
+
+    @property
+    def shear(self) -> bool:
+        """Whether the theory knows the shear of the sections."""
+        return _THEORIES[self.theory][1]
+
+    def without(self, *, rotary: bool, shear: bool) -> Beam:
+        """The beam by the theory that leaves out rotary inertia, or shear, if it knows them at all."""
+        kept = (self.rotary and not rotary, self.shear and not shear)
+        theory = next(name for name, knows in _THEORIES.items() if knows == kept)
+        return self.model_copy(update={"theory": theory})
 
     def profile(self, length: float, mass: float) -> Profile:
         """What the beam is made of along its length [m]; where there is no area it follows from the mass [kg]."""
@@ -161,13 +181,13 @@ class Beam(Sectioned):
         if not pieces:
             made_of = self.constants()
             pieces = [self.piece(0.0, length, made_of, mass / (made_of.rho * length))]
-        return Profile(tuple(pieces), self.rotary, self.theory == "timoshenko")
+        return Profile(tuple(pieces), self.rotary, self.shear)
 
     def structure(self) -> dict[str, str | bool]:
         """What the equations depend on beyond those of a uniform Euler-Bernoulli beam."""
         found: dict[str, str | bool] = {}
-        if self.rotary:
-            found["theory"] = self.theory
+        if self.rotary or self.shear:
+            found["theory"] = "timoshenko" if self.shear else self.theory  # no rotary inertia is a number: zero
         if self.segments or self.tapered:
             found["varying"] = True
         return found

@@ -113,6 +113,13 @@ class Body(SceneTable):
         """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
         return self.beam.profile(self.length, self.mass).of_mass(self.mass)
 
+    def without(self, *, rotary: bool, shear: bool) -> Body:
+        """The body with its beam by a plainer theory, :meth:`Beam.without`; its inertia follows."""
+        if self.beam is None or self.beam.without(rotary=rotary, shear=shear) == self.beam:
+            return self
+        given = {name: getattr(self, name) for name in self.model_fields_set}
+        return Body(**given | {"beam": self.beam.without(rotary=rotary, shear=shear)})
+
     @property
     def rho_A(self) -> float:
         """Mass per length in kg/m, the mean if the section varies; elastic bodies only."""
