@@ -14,7 +14,7 @@ from kaneflex.laws import FUNCTIONS
 from kaneflex.loading import load
 from kaneflex.options import resolve_options
 from kaneflex.scene import Scene, json_schema, read_scene, with_settings
-from kaneflex.scene.beams import MATERIALS
+from kaneflex.scene.materials import MATERIALS
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
 from kaneflex.simulation import simulate
@@ -156,7 +156,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 
 def test_every_complete_scene_runs(solved):
-    assert set(solved) == {"cantilever", "arm", "frame", "slow-engine"}
+    assert set(solved) == {"cantilever", "arm", "frame", "shaft", "slow-engine"}
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
         assert all(np.isfinite(series.values).all() for series in solution.series.values()), name

@@ -260,7 +260,7 @@ BAD = {
     ),
     "unknown theory": (
         'section = {circle = 0.01}, theory = "euler"',
-        "bodies.arm.beam.theory = 'euler': must be 'euler-bernoulli', 'rayleigh' or 'timoshenko'. Correct it.",
+        "bodies.arm.beam.theory = 'euler': must be 'euler-bernoulli', 'rayleigh', 'shear' or 'timoshenko'. Correct it.",
     ),
     "shear without kappa": (
         'A = 1e-4, I = 1e-9, theory = "timoshenko"',

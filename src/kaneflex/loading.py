@@ -15,7 +15,7 @@ from kaneflex.coupled.system import build_system, with_stretch
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion, RigidMotion
-from kaneflex.options import UNUSED_TERMS, Options, resolve_options
+from kaneflex.options import UNUSED_TERMS, Options, has_term, resolve_options
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.seeding import seed_loops
@@ -58,6 +58,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     if options.dynamics != "rigid":
         check_elastic(scene)
     module, derived = find_module(scene, progress)
+    ignored, scene = _ignored(scene, options), _acting(scene, options)
     coupled = None
     if options.dynamics == "coupled":
         coupled, more = build_system(scene, progress)
@@ -69,7 +70,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     if coupled is not None:
         coupled.compile()
     compiled = time.perf_counter()
-    warnings = _ignored(scene, options)
+    warnings = ignored
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
         horizon = scene.period if options.cycles else options.duration
@@ -102,7 +103,21 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     idle = [name for name, on in scene.solve.terms.items() if on and name in UNUSED_TERMS[options.dynamics]]
     if idle:
         found.append(f"preset {options.preset} has no use for solve.terms.{', solve.terms.'.join(idle)}: left out")
+    idle = [name for name in scene.solve.terms if name not in idle and not has_term(scene, name)]
+    if idle:
+        found.append(f"the scene has no use for solve.terms.{', solve.terms.'.join(idle)}: it has no such terms")
     return tuple(found)
+
+
+def _acting(scene: Scene, options: Options) -> Scene:
+    """The scene without the gravity, rotary inertia and shear that the options leave out, in both stages.
+
+    Its module stays that of the scene as it is written, in which they are numbers like others.
+    """
+    left_out = {"rotary": not options.rotary, "shear": not options.shear}
+    bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
+    gravity = scene.gravity if options.gravity else (0.0, 0.0)
+    return scene.model_copy(update={"bodies": bodies, "gravity": gravity})
 
 
 def _compile(motion: Motion) -> None:

@@ -28,6 +28,8 @@ class Options:
         paper (143)) or "dynamic" (time-varying coefficients).
     spin, gyroscopic, euler, geometric, damping : bool
         Complete term groups: proportional to omega^2, omega, epsilon, the axial force, and the material damping.
+    rotary, shear, gravity : bool
+        Groups that a scene has or has not: rotary inertia of the sections, their shear, gravity; in both stages.
     convective : bool
         Keep T' and T'' of the joint displacements' transformation.
     weld_pins, free_drives : bool
@@ -65,6 +67,9 @@ class Options:
     euler: bool
     geometric: bool
     damping: bool
+    rotary: bool
+    shear: bool
+    gravity: bool
     convective: bool
     weld_pins: bool
     free_drives: bool
@@ -85,9 +90,12 @@ class Options:
         return asdict(self)
 
 
-_ALL = dict(spin=True, gyroscopic=True, euler=True, geometric=True, damping=True, convective=True)
+_ALL = dict.fromkeys(
+    ("spin", "gyroscopic", "euler", "geometric", "damping", "convective", "rotary", "shear", "gravity"), True
+)
+_RIGID = {"rotary": True, "gravity": True}  # the groups that the rigid mechanism knows, too
 _PRESETS: dict[str, dict[str, object]] = {
-    "rigid": dict.fromkeys(_ALL, False) | {"dynamics": "rigid", "foreshortening": False},
+    "rigid": dict.fromkeys(_ALL, False) | _RIGID | {"dynamics": "rigid", "foreshortening": False},
     # Without any damping: C_s L' would act like a force that no structure knows.
     "quasistatic": _ALL | {"gyroscopic": False, "damping": False, "dynamics": "quasistatic", "foreshortening": True},
     "paper": _ALL
@@ -99,7 +107,7 @@ _PRESETS: dict[str, dict[str, object]] = {
     "coupled": _ALL | {"dynamics": "coupled", "foreshortening": False},
 }
 UNUSED_TERMS = {
-    "rigid": tuple(_ALL),
+    "rigid": tuple(name for name in _ALL if name not in _RIGID),
     "quasistatic": ("gyroscopic", "damping"),
     "frozen": ("gyroscopic",),
     "dynamic": (),
@@ -149,6 +157,15 @@ def resolve_options(scene: Scene) -> Options:
     )
     _check(options)
     return options
+
+
+def has_term(scene: Scene, name: str) -> bool:
+    """Whether the scene has what a group of terms is about: gravity, or a beam whose theory knows it."""
+    if name == "gravity":
+        return scene.gravity != (0.0, 0.0)
+    if name in ("rotary", "shear"):
+        return any(getattr(body.beam, name) for body in scene.bodies.values() if body.elastic)
+    return True
 
 
 def _truncates(modes: int | str, dynamics: str) -> bool:

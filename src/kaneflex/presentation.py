@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from kaneflex.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def description(model: Model) -> str:
             {
                 "degrees of freedom": str(model.equations.size),
                 "coordinates": " ".join(model.coordinates) or "none",
-                "structure": scene.structure_hash(),
+                "structure": model.motion.module.STRUCTURE,
                 "module": _module(model),
             },
         ),
@@ -154,7 +155,7 @@ def _options(model: Model) -> dict[str, str]:
         own = f", spectral radius {options.rho_infinity:g} at infinite frequency"
         said["integrator"] = options.integrator + (own if options.integrator == "generalised-alpha" else "")
         said["start"] = _STARTS[options.start]
-    terms = [name for name in TERM_NAMES if getattr(options, name)]
+    terms = [name for name in TERM_NAMES if getattr(options, name) and has_term(model.scene, name)]
     said["terms"] = ", ".join([*terms, *(["turning of the joint axes"] if options.convective else [])]) or "none"
     said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
     said["pins"] = "rotation shared by elastic links" if options.weld_pins else "rotation released, but where shared"

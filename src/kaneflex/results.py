@@ -54,7 +54,7 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
         "title": model.scene.description or model.scene.name,
         "source": f"kaneflex {kaneflex.__version__}",
         "scene": model.scene.name,
-        "structure": model.scene.structure_hash(),
+        "structure": model.motion.module.STRUCTURE,
         "preset": model.options.preset,
         "outcome": solution.outcome.name.lower(),
     }

@@ -2,65 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from pydantic import Field, model_validator
 
-from kaneflex.errors import Fault, nearest
+from kaneflex.errors import Fault
+from kaneflex.scene.materials import MATERIALS, Constants, Made
 from kaneflex.scene.profile import Piece, Profile
-from kaneflex.scene.quantities import (
-    NonNegativeRatio,
-    PositiveArea,
-    PositiveDensity,
-    PositiveLength,
-    PositiveModulus,
-    PositiveSecondMoment,
-    WholeNumber,
-)
+from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveSecondMoment, WholeNumber
 from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient
-from kaneflex.scene.table import SceneTable
 
-
-class Material(NamedTuple):
-    """Young's modulus E in Pa, density rho in kg/m^3 and Poisson's ratio nu."""
-
-    E: float
-    rho: float
-    nu: float
-
-
-MATERIALS = {
-    "steel": Material(2.1e11, 7850.0, 0.3),
-    "aluminium": Material(7.0e10, 2700.0, 0.33),
-    "titanium": Material(1.1e11, 4500.0, 0.34),
+_THEORIES = {
+    "euler-bernoulli": (False, False),
+    "rayleigh": (True, False),
+    "shear": (False, True),
+    "timoshenko": (True, True),
 }
+"""Theory -> whether it knows rotary inertia, and shear; names as in Han, Benaroya & Wei (1999), J. Sound Vib. 225."""
 
 
-def _of_material(field: str):
-    def default(data: dict) -> float | None:
-        material = data.get("material")
-        return getattr(MATERIALS[material], field) if material in MATERIALS else None
+class Sectioned(Made):
+    """A material and a section by area `A` and second moment `I`, or by its shape: `section`, at the far end `taper`.
 
-    return default
-
-
-class Sectioned(SceneTable):
-    """A section by area `A` and second moment `I`, or by its shape: `section`, at the far end `taper`.
-
-    Between the two the shape's dimensions change linearly. `kappa` is the shear coefficient; a shape has its own.
+    Between the two the shape's dimensions change linearly; towards `A_end` and `I_end` area and second moment do.
+    `kappa` is the shear coefficient; a shape has its own.
     """
 
     A: PositiveArea | None = None
     I: PositiveSecondMoment | None = None
+    A_end: PositiveArea | None = Field(default=None, description="A at the far end, changing linearly")
+    I_end: PositiveSecondMoment | None = Field(default=None, description="I at the far end, changing linearly")
     section: Shape | None = None
     taper: Shape | None = None
     kappa: ShearCoefficient | None = None
 
     @model_validator(mode="after")
     def _one_section(self) -> Sectioned:
-        for field in ("A", "I"):
+        for field in ("A", "I", "A_end", "I_end"):
             if self.section is not None and getattr(self, field) is not None:
                 raise Fault("the shape of the section has its own", f"Leave {field} out", below=field)
+        for field in ("A", "I"):
+            if getattr(self, f"{field}_end") is not None and getattr(self, field) is None:
+                raise Fault(f"no {field} to start from", f"Give {field}, too", below=f"{field}_end")
         if self.taper is not None and self.section is None:
             raise Fault("no section to start from", "Give section, too, with the same shape", below="taper")
         if self.taper is not None and self.taper.kind != self.section.kind:
@@ -68,26 +51,35 @@ class Sectioned(SceneTable):
             raise Fault(reason, "Give both ends the same shape", below="taper")
         return self
 
-    def piece(self, start: float, stop: float, nu: float | None, area: float | None = None) -> Piece:
+    @property
+    def tapered(self) -> bool:
+        """Whether the section at the far end is another one."""
+        return not (self.taper is None and self.A_end is None and self.I_end is None)
+
+    def piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
         """The stretch of beam from start to stop [m]; `area` stands for an `A` that is left out."""
         if self.section is None:
 
             def given(A: float, I: float) -> SectionNumbers:
                 return SectionNumbers(A, I, self.kappa)
 
-            dimensions = (self.A if self.A is not None else area, self.I)
-            return Piece(start, stop, given, dimensions, dimensions)
+            first = (self.A if self.A is not None else area, self.I)
+            last = (first[0] if self.A_end is None else self.A_end, self.I if self.I_end is None else self.I_end)
+            return Piece(start, stop, given, first, last, made_of)
 
         def shaped(*dimensions: float) -> SectionNumbers:
-            numbers = self.section.numbers_of(dimensions, nu)
+            numbers = self.section.numbers_of(dimensions, made_of.nu)
             return numbers if self.kappa is None else numbers._replace(kappa=self.kappa)
 
         last = self.section if self.taper is None else self.taper
-        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions)
+        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of)
 
 
 class Segment(Sectioned):
-    """A stretch of a beam up to the distance `to` from the body's start; the last one ends where the body ends."""
+    """A stretch of a beam up to the distance `to` from the body's start; the last one ends where the body ends.
+
+    What it does not say of its material is the beam's.
+    """
 
     to: PositiveLength | None = None
 
@@ -101,31 +93,21 @@ class Segment(Sectioned):
 class Beam(Sectioned):
     """A planar beam along the body's length: one section, tapered or not, or `segments` with a section each.
 
-    `E`, `rho` and Poisson's ratio `nu` come from `material` unless given; `G` stands for E/(2 (1 + nu)). `A` may be
-    left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia Rayleigh,
-    with shear besides Timoshenko. An `axially_rigid` beam does not stretch.
+    `A` may be left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia
+    Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch.
     """
 
-    material: str | None = None
-    E: PositiveModulus = Field(default_factory=_of_material("E"), description="Young's modulus")
-    rho: PositiveDensity = Field(default_factory=_of_material("rho"), description="density")
-    nu: NonNegativeRatio = Field(default_factory=_of_material("nu"), description="Poisson's ratio")
-    G: PositiveModulus | None = Field(default=None, description="shear modulus")
     segments: dict[str, Segment] = Field(default={})
-    theory: Literal["euler-bernoulli", "rayleigh", "timoshenko"] = "euler-bernoulli"
+    theory: Literal["euler-bernoulli", "rayleigh", "shear", "timoshenko"] = "euler-bernoulli"
     axially_rigid: bool = False
     elements: WholeNumber = 4
 
     @model_validator(mode="after")
     def _has_material(self) -> Beam:
-        if self.material is not None and self.material not in MATERIALS:
-            raise Fault("unknown material", nearest(self.material, MATERIALS), below="material")
-        if self.E is None or self.rho is None:
-            raise Fault("neither a material nor both E and rho", f"Give material, one of {', '.join(MATERIALS)}")
-        if self.nu is not None and self.nu > 0.5:
-            raise Fault("no solid has a Poisson's ratio above 0.5", "Write one like 0.3", below="nu")
-        if self.G is not None and "nu" in self.model_fields_set:
-            raise Fault("nu and G exclude each other", "Give one of them", below="G")
+        for below, made_of in self._constants().items():
+            if made_of.E is None or made_of.rho is None:
+                cure = f"Give material, one of {', '.join(MATERIALS)}"
+                raise Fault("neither a material nor both E and rho", cure, below=below)
         return self
 
     @model_validator(mode="after")
@@ -134,7 +116,7 @@ class Beam(Sectioned):
             if self.section is None and self.I is None:
                 raise Fault("missing", "Give I, or a section by its shape", below="I")
             return self
-        for field in ("A", "I", "section", "taper", "kappa"):
+        for field in ("A", "I", "A_end", "I_end", "section", "taper", "kappa"):
             if getattr(self, field) is not None:
                 raise Fault("every segment has its own", f"Leave {field} out, or the segments", below=field)
         reached = 0.0
@@ -151,20 +133,22 @@ class Beam(Sectioned):
 
     @model_validator(mode="after")
     def _shears(self) -> Beam:
-        if self.theory != "timoshenko":
+        if not self.shear:
             return self
-        if self.nu is None and self.G is None:
-            raise Fault("a Timoshenko beam needs a shear modulus", "Give nu or G", below="theory")
+        kind = f"a {self.theory.capitalize() if self.rotary else self.theory} beam"
+        if any(made_of.G is None for made_of in self._constants().values()):
+            raise Fault(f"{kind} needs a shear modulus", "Give nu or G", below="theory")
         for part in (self, *self.segments.values()):
             if part.section is None and part.kappa is None and part.I is not None:
                 cure = "Give kappa, or a section by its shape"
-                raise Fault("a Timoshenko beam needs a shear coefficient", cure, below="theory")
+                raise Fault(f"{kind} needs a shear coefficient", cure, below="theory")
         return self
 
-    @property
-    def poisson(self) -> float | None:
-        """Poisson's ratio, where it or the shear modulus is known."""
-        return self.nu if self.G is None else self.E / (2 * self.G) - 1
+    def _constants(self) -> dict[str | None, Constants]:
+        """Of each segment, by its key, or of the whole beam."""
+        if not self.segments:
+            return {None: self.constants()}
+        return {f"segments.{name}": segment.constants(self) for name, segment in self.segments.items()}
 
     @property
     def has_area(self) -> bool:
@@ -174,26 +158,36 @@ class Beam(Sectioned):
     @property
     def rotary(self) -> bool:
         """Whether the theory knows the rotary inertia of the sections."""
-        return self.theory != "euler-bernoulli"
+        return _THEORIES[self.theory][0]
+
+    @property
+    def shear(self) -> bool:
+        """Whether the theory knows the shear of the sections."""
+        return _THEORIES[self.theory][1]
+
+    def without(self, *, rotary: bool, shear: bool) -> Beam:
+        """The beam by the theory that leaves out rotary inertia, or shear, if it knows them at all."""
+        kept = (self.rotary and not rotary, self.shear and not shear)
+        theory = next(name for name, knows in _THEORIES.items() if knows == kept)
+        return self.model_copy(update={"theory": theory})
 
     def profile(self, length: float, mass: float) -> Profile:
         """What the beam is made of along its length [m]; where there is no area it follows from the mass [kg]."""
-        nu = self.poisson
         pieces, start = [], 0.0
         for segment in self.segments.values():
             stop = length if segment.to is None else segment.to
-            pieces.append(segment.piece(start, stop, nu))
+            pieces.append(segment.piece(start, stop, segment.constants(self)))
             start = stop
-        area = mass / (self.rho * length)
-        pieces = pieces or [self.piece(0.0, length, nu, area)]
-        G = self.G if self.G is not None or nu is None else self.E / (2 * (1 + nu))
-        return Profile(tuple(pieces), self.E, self.rho, G, self.rotary, self.theory == "timoshenko")
+        if not pieces:
+            made_of = self.constants()
+            pieces = [self.piece(0.0, length, made_of, mass / (made_of.rho * length))]
+        return Profile(tuple(pieces), self.rotary, self.shear)
 
     def structure(self) -> dict[str, str | bool]:
         """What the equations depend on beyond those of a uniform Euler-Bernoulli beam."""
         found: dict[str, str | bool] = {}
-        if self.rotary:
-            found["theory"] = self.theory
-        if self.segments or self.taper is not None:
+        if self.rotary or self.shear:
+            found["theory"] = "timoshenko" if self.shear else self.theory  # no rotary inertia is a number: zero
+        if self.segments or self.tapered:
             found["varying"] = True
         return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 from pydantic import Field, model_validator
@@ -112,8 +111,14 @@ class Body(SceneTable):
     @cached_property
     def profile(self) -> Profile:
         """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
-        profile = self.beam.profile(self.length, self.mass)
-        return replace(profile, rho=profile.rho * self.mass / profile.inertia(self.length).mass)
+        return self.beam.profile(self.length, self.mass).of_mass(self.mass)
+
+    def without(self, *, rotary: bool, shear: bool) -> Body:
+        """The body with its beam by a plainer theory, :meth:`Beam.without`; its inertia follows."""
+        if self.beam is None or self.beam.without(rotary=rotary, shear=shear) == self.beam:
+            return self
+        given = {name: getattr(self, name) for name in self.model_fields_set}
+        return Body(**given | {"beam": self.beam.without(rotary=rotary, shear=shear)})
 
     @property
     def rho_A(self) -> float:

@@ -33,7 +33,7 @@ from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
-TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping")
+TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
 class Joint(SceneTable):

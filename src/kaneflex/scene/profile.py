@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from kaneflex.scene.materials import Constants
 from kaneflex.scene.sections import SectionNumbers
 
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for x^2 A and (x - middle) I of every tapered shape
@@ -41,13 +42,17 @@ class Inertia(NamedTuple):
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a beam from `start` to `stop` [m] whose section's dimensions change linearly from end to end."""
+    """A stretch of a beam from `start` to `stop` [m] whose section's dimensions change linearly from end to end.
+
+    `made_of`: its material's constants.
+    """
 
     start: float
     stop: float
     numbers: Callable[..., SectionNumbers]
     first: tuple[float, ...]
     last: tuple[float, ...]
+    made_of: Constants
 
     def at(self, x: float) -> SectionNumbers:
         s = (x - self.start) / (self.stop - self.start)
@@ -56,15 +61,9 @@ class Piece:
 
 @dataclass(frozen=True)
 class Profile:
-    """The pieces of a beam and its material: Young's modulus E [Pa], density rho [kg/m^3], shear modulus G [Pa].
-
-    `rotary` and `shear`: whether the beam's theory knows them.
-    """
+    """The pieces of a beam; `rotary` and `shear`: whether its theory knows them."""
 
     pieces: tuple[Piece, ...]
-    E: float
-    rho: float
-    G: float
     rotary: bool
     shear: bool
 
@@ -84,13 +83,16 @@ class Profile:
     def at(self, x: float) -> Properties:
         """The properties at distance x [m] from the start; at a border those of the piece before it."""
         piece = next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
-        return self._properties(piece.at(x))
+        (A, I, kappa), (E, rho, G, _) = piece.at(x), piece.made_of
+        rho_I = rho * I if self.rotary else 0.0
+        G_A = kappa * G * A if self.shear else math.inf
+        return Properties(rho * A, E * A, E * I, rho_I, G_A)
 
-    def _properties(self, section: SectionNumbers) -> Properties:
-        A, I, kappa = section
-        rho_I = self.rho * I if self.rotary else 0.0
-        G_A = kappa * self.G * A if self.shear else math.inf
-        return Properties(self.rho * A, self.E * A, self.E * I, rho_I, G_A)
+    def of_mass(self, mass: float) -> Profile:
+        """The same with its densities in proportion, so that the beam's mass is exactly `mass` [kg]."""
+        share = mass / self.inertia(self.length).mass
+        scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
+        return replace(self, pieces=tuple(scaled))
 
     def element(self, x_0: float, length: float) -> dict[str, float]:
         """Every parameter of the element from x_0 to x_0 + length [m], by its name in ``kaneflex.contract``.
