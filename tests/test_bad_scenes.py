@@ -331,6 +331,13 @@ BAD = {
     "no modes": (
         "[solve]", "[solve]\nmodes = 0",
         "solve.modes = 0: too few. Write a whole number of one or more."),
+    "unknown method of the forward dynamics": (
+        "[solve]", '[solve]\nforward = {method = "RK4"}',
+        "solve.forward.method = 'RK4': must be 'DOP853', 'RK45', 'Radau' or 'LSODA'. Correct it."),
+    "a tolerance of the forward dynamics beyond rounding": (
+        "[solve]", "[solve]\nforward = {tolerance = 1e-15}",
+        "solve.forward.tolerance = 1e-15: not from 1e-13, where rounding begins, to 1. "
+        "Give a number between, like 1e-9."),
     "unknown integrator": (
         "[solve]", '[solve]\nintegrator = "rk4"',
         "solve.integrator = 'rk4': must be 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' or "

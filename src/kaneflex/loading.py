@@ -66,13 +66,13 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     if coupled is not None:
         coupled.compile()
     compiled = time.perf_counter()
-    warnings = _ignored(scene, options)
+    warnings, energy = _ignored(scene, options), None
     if module.FREE and coupled is not None:
         motion = Motion(module, at_initial_speed(scene, module, motion.parameters, options.duration))
     elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
-        p = integrate_free_joints(scene, module, motion.parameters, options.duration)
-        motion, warnings = Motion(module, p), (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+        motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
+        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
     check_springs(scene, motion, options)
     model = build_model(scene, options, motion)
@@ -81,7 +81,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
-    return replace(model, coupled=coupled, seconds=seconds, warnings=(*model.warnings, *warnings))
+    return replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
@@ -95,6 +95,10 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     idle = [name for name, on in scene.solve.terms.items() if on and name in UNUSED_TERMS[options.dynamics]]
     if idle:
         found.append(f"preset {options.preset} has no use for solve.terms.{', solve.terms.'.join(idle)}: left out")
+    free = any(drive.free for drive in scene.drives.values())
+    if "forward" in scene.solve.model_fields_set and (not free or options.dynamics == "coupled"):
+        why = "preset coupled integrates them with the links" if free else "no joint is free"
+        found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
     return tuple(found)
 
 

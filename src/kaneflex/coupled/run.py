@@ -11,43 +11,12 @@ import numpy as np
 
 from kaneflex.coupled import stepping
 from kaneflex.coupled.system import BODY, CoupledSystem
+from kaneflex.energy import Energy
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.model import RigidMotion
 
 _PIECE = 100
 """Stored instants between two reports of progress, at each of which a run can be interrupted."""
-
-
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """Energy of the mechanism at the stored instants [J], each of shape (n_times,).
-
-    ``stored`` is kinetic, strain and potential energy together; ``dissipated`` by damping and ``supplied`` by loads and
-    prescribed drives since the start.
-    """
-
-    kinetic: np.ndarray
-    strain: np.ndarray
-    weight: np.ndarray
-    dissipated: np.ndarray
-    supplied: np.ndarray
-
-    @property
-    def stored(self) -> np.ndarray:
-        return self.kinetic + self.strain + self.weight
-
-    @property
-    def gap(self) -> np.ndarray:
-        """Stored + dissipated - supplied, less what was stored at first: zero for an exact solution."""
-        return self.stored - self.stored[0] + self.dissipated - self.supplied
-
-    @property
-    def drift(self) -> float:
-        """Largest gap against the largest energy that was turned over."""
-        turned = max(
-            float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
-        )
-        return float(abs(self.gap).max()) / turned if turned else 0.0
 
 
 @dataclass(frozen=True, eq=False)
