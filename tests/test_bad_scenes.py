@@ -356,6 +356,90 @@ BAD = {
     "like itself as a scene": (
         "schema = 1", 'schema = 1\nlike = "bad.toml"',
         "like = 'bad': scenes start from each other: bad.toml -> bad.toml. Break the circle."),
+    "drive of a scene with poses": (
+        'piston = {mass = "0.214 kg"}', 'piston = {mass = "0.214 kg", pose = {at = [0, 0]}}',
+        "bodies.crank.pose: other bodies stand in given poses, this one does not. Give its pose.\n"
+        "bodies.rod.pose: other bodies stand in given poses, this one does not. Give its pose.\n"
+        "drives.main: bodies with poses don't move. Leave the drive out, or the poses."),
+    "chord of a body without length": (
+        'tip_axial = {displacement = "rod.end", relative_to = "start"',
+        'tip_axial = {displacement = "piston.start", relative_to = "chord"',
+        "sensors.tip_axial.relative_to = 'chord': piston has no length. Give the body a length."),
+    "cycles of different times": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}\n',
+        'main = {speed = "6000 rpm", cycle = "720 deg"}\npin = {law = "t", period = "0.05 s"}\n',
+        "drives.pin.period = '0.05 s': this cycle takes 0.05 s, another drive's 0.02 s. Give cycles that "
+        "take the same time."),
+    "name of a point": (
+        'crank = {length = "40 mm", ', 'crank = {length = "40 mm", points = {"big end" = [0, 0]}, ',
+        "bodies.crank.points.big end: not a name. Use letters, digits and underscores."),
+    "torque at no joint": (
+        "[loads.gas]", '[loads.motor]\ntorque_at = "mian"\nvalue = 1\n[loads.gas]',
+        "loads.motor.torque_at = 'mian': no joint of that name. The nearest known one is 'main'."),
+    "torque at a guide": (
+        "[loads.gas]", '[loads.motor]\ntorque_at = "bore"\nvalue = 1\n[loads.gas]',
+        "loads.motor.torque_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
+    "torque with a direction": (
+        "[loads.gas]", '[loads.motor]\ntorque_at = "main"\nvalue = 1\ndirection = [1, 0]\n[loads.gas]',
+        "loads.motor.direction = [1, 0]: a torque has none. Leave it out."),
+    "force without direction": (
+        "[loads.gas]", '[loads.wind]\nforce_on = "piston"\nvalue = 1\n[loads.gas]',
+        "loads.wind.direction: a force without direction. Give it, like direction = [1, 0]."),
+    "constant load with a period": (
+        "[loads.gas]",
+        '[loads.wind]\nforce_on = "piston"\ndirection = [1, 0]\nvalue = 1\nperiod = "1 deg"\n[loads.gas]',
+        "loads.wind.period = '1 deg': belongs to a table; this load has a value. Leave it out."),
+    "negative period of a table": (
+        'period = "720 deg"', 'period = "-720 deg"',
+        "loads.gas.period = '-720 deg': not positive. Give a positive period, like '720 deg'."),
+    "speed with a period": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", period = "0.02 s"}',
+        "drives.main.period = '0.02 s': a drive by speed repeats after an angle or never. Leave period out."),
+    "spin-up with a cycle": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}',
+        'main = {speed = "6000 rpm", spin_up = "1 s", cycle = "720 deg"}',
+        "drives.main.cycle = '720 deg': a drive that spins up does not repeat. Leave it out."),
+    "law with an angle": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {law = "t", angle = "1 deg"}',
+        "drives.main.angle = '1 deg': a law says where the joint starts. Leave it out."),
+    "speed with a column": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", column = "angle"}',
+        "drives.main.column = 'angle': belongs to a table; this drive has a speed. Leave it out."),
+    "revolute joint with a direction": (
+        'pin = {revolute = ["crank.end", "rod.start"]}',
+        'pin = {revolute = ["crank.end", "rod.start"], direction = [1, 0]}',
+        "joints.pin.direction = [1, 0]: a revolute joint has no direction. Leave it out."),
+    "revolute joint with an angle": (
+        'pin = {revolute = ["crank.end", "rod.start"]}',
+        'pin = {revolute = ["crank.end", "rod.start"], relative_angle = "1 deg"}',
+        "joints.pin.relative_angle = '1 deg': a revolute joint has no angle of its own. Leave it out."),
+    "spectral radius above one": (
+        "[solve]", "[solve]\nrho_infinity = 1.1",
+        "solve.rho_infinity = 1.1: above one, the integrator would amplify. Give a number from 0 to 1."),
+    "direction of three components": (
+        "direction = [-1, 0]", "direction = [-1, 0, 0]",
+        "loads.gas.direction = [-1, 0, 0]: not a direction in the plane. Write two components, like [1, 0]."),
+    "address of three words": (
+        'force_on = "piston"', 'force_on = "rod.end.x"',
+        "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'."),
+    "negative damping ratio": (
+        'rayleigh = {ratio = 0.02, at = ["3039 Hz", "4549 Hz"]}', "modal = {ratio = [0.02, -0.01]}",
+        "damping.modal.ratio = [0.02, -0.01]: a damping ratio is zero or more. Write one ratio like 0.02, or "
+        "one for each mode."),
+    "Rayleigh damping at one frequency": (
+        'at = ["3039 Hz", "4549 Hz"]', 'at = ["3039 Hz"]',
+        "damping.rayleigh.at = ['3039 Hz']: Rayleigh damping is fixed at two frequencies. Write like at = "
+        "['3039 Hz', '4549 Hz']."),
+    "words for a length": (
+        'length = "137 mm"', 'length = "long"',
+        "bodies.rod.length = 'long': not a number with a unit; a length is wanted. Write a length like '137 "
+        "mm', or a plain number in m."),
+    "drive of a weld": (
+        'main = {revolute = ["ground", "crank.start"]}', 'main = {weld = ["ground", "crank.start"]}',
+        "drives.main: a weld does not move. Drive a revolute or a prismatic joint."),
+    "drive by a law with an unknown name": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {law = "2*x", period = "1 s"}',
+        "drives.main.law = '2*x': unknown name 'x'. Known: pi, t."),
     "two problems": (
         'elements = 4}}\npiston = {mass = "0.214 kg"}', 'elements = 0}}\npiston = {mass = "1 m"}',
         "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more.\n"
