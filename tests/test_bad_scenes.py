@@ -3,6 +3,7 @@
 import pytest
 
 from kaneflex.errors import SceneError
+from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
 ENGINE = shipped_scenes()["engine"]
@@ -528,3 +529,61 @@ def test_a_scene_that_is_not_there_is_looked_for_beside_it(tmp_path, monkeypatch
 def test_unknown_scene(name):
     with pytest.raises(SceneError, match=r"^scene = .*[Ee]ngine"):
         read_scene(name)
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    (["solve.duration=1 s"],
+     "solve.start = 'periodic': there is no cycle to repeat: solve.duration sets a horizon of its own. "
+     "Give a drive a cycle and no duration, or start from zero or quasistatic."),
+    (["solve.reduction=craig-bampton", "solve.preset=paper"],
+     "solve.reduction = 'craig-bampton': preset paper superposes modes of the whole mechanism. "
+     "Leave the reduction out."),
+    (["solve.integrator=scipy"],
+     "solve.integrator = 'scipy': it finds no periodic state, and solve.start is periodic. "
+     "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator."),
+    (["solve.integrator=exact-modal"],
+     "solve.integrator = 'exact-modal': the equations of preset stiffened are coupled. "
+     "Use newmark, generalised-alpha or gauss."),
+    (["solve.integrator=newmark", "solve.preset=paper"],
+     "solve.integrator = 'newmark': the equations of preset paper are decoupled. Leave the integrator out."),
+])  # fmt: skip
+def test_options_that_exclude_each_other(settings, message):
+    with pytest.raises(SceneError) as caught:
+        resolve_options(with_settings(read_scene("engine"), settings))
+    assert str(caught.value) == message
+
+
+def test_settings_are_a_list():
+    with pytest.raises(SceneError, match=r"^settings = 'solve\.steps=9': one text, .* Write \['solve\.steps=9'\]\.$"):
+        with_settings(read_scene("engine"), "solve.steps=9")
+
+
+def test_files_that_are_not_text(tmp_path):
+    (tmp_path / "bad.toml").write_text(ENGINE.read_text())
+    (tmp_path / "gas.csv").write_bytes(b"\xff\xfe")
+    with pytest.raises(SceneError, match=r"^loads\.gas\.table = .*: cannot be read: .*\. Give a readable UTF-8 file"):
+        read_scene(tmp_path / "bad.toml")
+    (tmp_path / "bad.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(SceneError, match=r"^scene = 'bad\.toml': cannot be read: .*\. Give a readable UTF-8 file"):
+        read_scene(tmp_path / "bad.toml")
+
+
+def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
+    text = ENGINE.read_text().replace("pin = {revolute", "main_speed = {revolute").replace('"pin"', '"main_speed"')
+    second = 'main_speed = {law = "t", period = "0.02 s"}\n\n[loads.gas]'
+    (tmp_path / "bad.toml").write_text(text.replace("[loads.gas]", second))
+    (tmp_path / "gas.csv").write_text(GAS)
+    with pytest.raises(SceneError) as caught:
+        read_scene(tmp_path / "bad.toml")
+    assert str(caught.value) == (
+        "drives.main_speed: in a law this is the speed of another drive. Choose another name for the joint."
+    )
+
+
+def test_a_spring_in_a_structure_that_stands_still():
+    rope = 'springs={rope={between=["bottom.start", "top.start"], stiffness=1}}'
+    with pytest.raises(SceneError) as caught:
+        with_settings(read_scene("free-frame"), [rope])
+    assert str(caught.value.problems[0]) == (
+        "springs.rope: a spring between bodies with poses is not available in this version. Leave the spring out."
+    )
