@@ -1,7 +1,7 @@
 # `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test derive check-derived lint clean
+.PHONY: help setup run test derive check-derived bench-derive lint clean
 
 PYTHON ?= python3
 BUILD := .build
@@ -43,6 +43,9 @@ check-derived: $(READY)  ## show that generated/ is what the scenes derive to, b
 	mkdir -p $(DERIVED)
 	$(BIN)/python -m kaneflex.derive -o $(DERIVED)
 	diff --recursive --exclude=__pycache__ generated $(DERIVED)
+
+bench-derive: $(READY)  ## time deriving and compiling of chains of links into docs/derive-times.md
+	$(BIN)/python tests/bench_derive.py
 
 lint: $(READY)  ## check the style of the sources
 	$(BIN)/ruff check .

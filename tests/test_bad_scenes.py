@@ -3,6 +3,7 @@
 import pytest
 
 from kaneflex.errors import SceneError
+from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
 ENGINE = shipped_scenes()["engine"]
@@ -327,6 +328,13 @@ BAD = {
     "no modes": (
         "[solve]", "[solve]\nmodes = 0",
         "solve.modes = 0: too few. Write a whole number of one or more."),
+    "unknown method of the forward dynamics": (
+        "[solve]", '[solve]\nforward = {method = "RK4"}',
+        "solve.forward.method = 'RK4': must be 'DOP853', 'RK45', 'Radau' or 'LSODA'. Correct it."),
+    "a tolerance of the forward dynamics beyond rounding": (
+        "[solve]", "[solve]\nforward = {tolerance = 1e-15}",
+        "solve.forward.tolerance = 1e-15: not from 1e-13, where rounding begins, to 1. "
+        "Give a number between, like 1e-9."),
     "unknown integrator": (
         "[solve]", '[solve]\nintegrator = "rk4"',
         "solve.integrator = 'rk4': must be 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' or "
@@ -345,6 +353,90 @@ BAD = {
     "like itself as a scene": (
         "schema = 1", 'schema = 1\nlike = "bad.toml"',
         "like = 'bad': scenes start from each other: bad.toml -> bad.toml. Break the circle."),
+    "drive of a scene with poses": (
+        'piston = {mass = "0.214 kg"}', 'piston = {mass = "0.214 kg", pose = {at = [0, 0]}}',
+        "bodies.crank.pose: other bodies stand in given poses, this one does not. Give its pose.\n"
+        "bodies.rod.pose: other bodies stand in given poses, this one does not. Give its pose.\n"
+        "drives.main: bodies with poses don't move. Leave the drive out, or the poses."),
+    "chord of a body without length": (
+        'tip_axial = {displacement = "rod.end", relative_to = "start"',
+        'tip_axial = {displacement = "piston.start", relative_to = "chord"',
+        "sensors.tip_axial.relative_to = 'chord': piston has no length. Give the body a length."),
+    "cycles of different times": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}\n',
+        'main = {speed = "6000 rpm", cycle = "720 deg"}\npin = {law = "t", period = "0.05 s"}\n',
+        "drives.pin.period = '0.05 s': this cycle takes 0.05 s, another drive's 0.02 s. Give cycles that "
+        "take the same time."),
+    "name of a point": (
+        'crank = {length = "40 mm", ', 'crank = {length = "40 mm", points = {"big end" = [0, 0]}, ',
+        "bodies.crank.points.big end: not a name. Use letters, digits and underscores."),
+    "torque at no joint": (
+        "[loads.gas]", '[loads.motor]\ntorque_at = "mian"\nvalue = 1\n[loads.gas]',
+        "loads.motor.torque_at = 'mian': no joint of that name. The nearest known one is 'main'."),
+    "torque at a guide": (
+        "[loads.gas]", '[loads.motor]\ntorque_at = "bore"\nvalue = 1\n[loads.gas]',
+        "loads.motor.torque_at = 'bore': a prismatic joint does not turn. Name a revolute joint."),
+    "torque with a direction": (
+        "[loads.gas]", '[loads.motor]\ntorque_at = "main"\nvalue = 1\ndirection = [1, 0]\n[loads.gas]',
+        "loads.motor.direction = [1, 0]: a torque has none. Leave it out."),
+    "force without direction": (
+        "[loads.gas]", '[loads.wind]\nforce_on = "piston"\nvalue = 1\n[loads.gas]',
+        "loads.wind.direction: a force without direction. Give it, like direction = [1, 0]."),
+    "constant load with a period": (
+        "[loads.gas]",
+        '[loads.wind]\nforce_on = "piston"\ndirection = [1, 0]\nvalue = 1\nperiod = "1 deg"\n[loads.gas]',
+        "loads.wind.period = '1 deg': belongs to a table; this load has a value. Leave it out."),
+    "negative period of a table": (
+        'period = "720 deg"', 'period = "-720 deg"',
+        "loads.gas.period = '-720 deg': not positive. Give a positive period, like '720 deg'."),
+    "speed with a period": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", period = "0.02 s"}',
+        "drives.main.period = '0.02 s': a drive by speed repeats after an angle or never. Leave period out."),
+    "spin-up with a cycle": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}',
+        'main = {speed = "6000 rpm", spin_up = "1 s", cycle = "720 deg"}',
+        "drives.main.cycle = '720 deg': a drive that spins up does not repeat. Leave it out."),
+    "law with an angle": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {law = "t", angle = "1 deg"}',
+        "drives.main.angle = '1 deg': a law says where the joint starts. Leave it out."),
+    "speed with a column": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {speed = "6000 rpm", column = "angle"}',
+        "drives.main.column = 'angle': belongs to a table; this drive has a speed. Leave it out."),
+    "revolute joint with a direction": (
+        'pin = {revolute = ["crank.end", "rod.start"]}',
+        'pin = {revolute = ["crank.end", "rod.start"], direction = [1, 0]}',
+        "joints.pin.direction = [1, 0]: a revolute joint has no direction. Leave it out."),
+    "revolute joint with an angle": (
+        'pin = {revolute = ["crank.end", "rod.start"]}',
+        'pin = {revolute = ["crank.end", "rod.start"], relative_angle = "1 deg"}',
+        "joints.pin.relative_angle = '1 deg': a revolute joint has no angle of its own. Leave it out."),
+    "spectral radius above one": (
+        "[solve]", "[solve]\nrho_infinity = 1.1",
+        "solve.rho_infinity = 1.1: above one, the integrator would amplify. Give a number from 0 to 1."),
+    "direction of three components": (
+        "direction = [-1, 0]", "direction = [-1, 0, 0]",
+        "loads.gas.direction = [-1, 0, 0]: not a direction in the plane. Write two components, like [1, 0]."),
+    "address of three words": (
+        'force_on = "piston"', 'force_on = "rod.end.x"',
+        "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'."),
+    "negative damping ratio": (
+        'rayleigh = {ratio = 0.02, at = ["3039 Hz", "4549 Hz"]}', "modal = {ratio = [0.02, -0.01]}",
+        "damping.modal.ratio = [0.02, -0.01]: a damping ratio is zero or more. Write one ratio like 0.02, or "
+        "one for each mode."),
+    "Rayleigh damping at one frequency": (
+        'at = ["3039 Hz", "4549 Hz"]', 'at = ["3039 Hz"]',
+        "damping.rayleigh.at = ['3039 Hz']: Rayleigh damping is fixed at two frequencies. Write like at = "
+        "['3039 Hz', '4549 Hz']."),
+    "words for a length": (
+        'length = "137 mm"', 'length = "long"',
+        "bodies.rod.length = 'long': not a number with a unit; a length is wanted. Write a length like '137 "
+        "mm', or a plain number in m."),
+    "drive of a weld": (
+        'main = {revolute = ["ground", "crank.start"]}', 'main = {weld = ["ground", "crank.start"]}',
+        "drives.main: a weld does not move. Drive a revolute or a prismatic joint."),
+    "drive by a law with an unknown name": (
+        'main = {speed = "6000 rpm", cycle = "720 deg"}', 'main = {law = "2*x", period = "1 s"}',
+        "drives.main.law = '2*x': unknown name 'x'. Known: pi, t."),
     "two problems": (
         'elements = 4}}\npiston = {mass = "0.214 kg"}', 'elements = 0}}\npiston = {mass = "1 m"}',
         "bodies.rod.beam.elements = 0: too few. Write a whole number of one or more.\n"
@@ -433,3 +525,61 @@ def test_a_scene_that_is_not_there_is_looked_for_beside_it(tmp_path, monkeypatch
 def test_unknown_scene(name):
     with pytest.raises(SceneError, match=r"^scene = .*[Ee]ngine"):
         read_scene(name)
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    (["solve.duration=1 s"],
+     "solve.start = 'periodic': there is no cycle to repeat: solve.duration sets a horizon of its own. "
+     "Give a drive a cycle and no duration, or start from zero or quasistatic."),
+    (["solve.reduction=craig-bampton", "solve.preset=paper"],
+     "solve.reduction = 'craig-bampton': preset paper superposes modes of the whole mechanism. "
+     "Leave the reduction out."),
+    (["solve.integrator=scipy"],
+     "solve.integrator = 'scipy': it finds no periodic state, and solve.start is periodic. "
+     "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator."),
+    (["solve.integrator=exact-modal"],
+     "solve.integrator = 'exact-modal': the equations of preset stiffened are coupled. "
+     "Use newmark, generalised-alpha or gauss."),
+    (["solve.integrator=newmark", "solve.preset=paper"],
+     "solve.integrator = 'newmark': the equations of preset paper are decoupled. Leave the integrator out."),
+])  # fmt: skip
+def test_options_that_exclude_each_other(settings, message):
+    with pytest.raises(SceneError) as caught:
+        resolve_options(with_settings(read_scene("engine"), settings))
+    assert str(caught.value) == message
+
+
+def test_settings_are_a_list():
+    with pytest.raises(SceneError, match=r"^settings = 'solve\.steps=9': one text, .* Write \['solve\.steps=9'\]\.$"):
+        with_settings(read_scene("engine"), "solve.steps=9")
+
+
+def test_files_that_are_not_text(tmp_path):
+    (tmp_path / "bad.toml").write_text(ENGINE.read_text())
+    (tmp_path / "gas.csv").write_bytes(b"\xff\xfe")
+    with pytest.raises(SceneError, match=r"^loads\.gas\.table = .*: cannot be read: .*\. Give a readable UTF-8 file"):
+        read_scene(tmp_path / "bad.toml")
+    (tmp_path / "bad.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(SceneError, match=r"^scene = 'bad\.toml': cannot be read: .*\. Give a readable UTF-8 file"):
+        read_scene(tmp_path / "bad.toml")
+
+
+def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
+    text = ENGINE.read_text().replace("pin = {revolute", "main_speed = {revolute").replace('"pin"', '"main_speed"')
+    second = 'main_speed = {law = "t", period = "0.02 s"}\n\n[loads.gas]'
+    (tmp_path / "bad.toml").write_text(text.replace("[loads.gas]", second))
+    (tmp_path / "gas.csv").write_text(GAS)
+    with pytest.raises(SceneError) as caught:
+        read_scene(tmp_path / "bad.toml")
+    assert str(caught.value) == (
+        "drives.main_speed: in a law this is the speed of another drive. Choose another name for the joint."
+    )
+
+
+def test_a_spring_in_a_structure_that_stands_still():
+    rope = 'springs={rope={between=["bottom.start", "top.start"], stiffness=1}}'
+    with pytest.raises(SceneError) as caught:
+        with_settings(read_scene("free-frame"), [rope])
+    assert str(caught.value.problems[0]) == (
+        "springs.rope: a spring between bodies with poses is not available in this version. Leave the spring out."
+    )

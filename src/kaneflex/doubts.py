@@ -12,7 +12,7 @@ FEWEST_STEPS = 10
 LARGEST_BEND = 0.1
 """Bending in a floating frame, as a share of a link's length, beyond which coupled equations are in doubt."""
 LARGEST_GAP = 1e-4
-"""Share of the energy turned over that a coupled run may lose or gain without a word."""
+"""Share of the energy turned over that a run with free joints may lose or gain without a word."""
 LARGEST_DEFLECTION = 0.05
 """Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
 
@@ -32,6 +32,11 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
             )
     if solution.coupled is not None:
         return [*found, *_of_coupled(solution)]
+    if model.energy is not None and model.energy.drift > LARGEST_GAP:
+        found.append(
+            f"the energy balance of the rigid mechanism does not close: {model.energy.drift:.2g} of the energy turned "
+            f"over is missing or too much; lower solve.forward.tolerance from {model.options.forward_tolerance:g}"
+        )
     for name, link in model.links.items() if len(solution.times) else ():
         largest = abs(deform(model, solution.rigid, solution.coordinates, name).q[1::3]).max()
         if largest > LARGEST_DEFLECTION * link.length:

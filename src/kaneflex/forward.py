@@ -11,12 +11,16 @@ from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
+from numba import njit
 
+from kaneflex.energy import Energy, rigid_energy
 from kaneflex.errors import SceneError
+from kaneflex.model import Motion
+from kaneflex.options import Options
 from kaneflex.scene import Scene
 
-RELATIVE, ABSOLUTE = 1e-9, 1e-11
-"""Tolerances of the integration."""
+_ABSOLUTE = 1e-2
+"""Absolute tolerance, in rad, m and their rates, as a share of the relative one."""
 _PIECES = 10
 """Cubics for each step of an integrator of eighth order: between its steps it is as exact as on them."""
 
@@ -25,16 +29,18 @@ def integrate_free_joints(
     scene: Scene,
     module: ModuleType,
     parameters: np.ndarray,
-    duration: float,
+    options: Options,
     progress: Callable[[float], None] | None = None,
-) -> np.ndarray:
-    """Integrate the free joints over ``duration`` [s] and append their courses to the kernels' argument p.
+) -> tuple[Motion, Energy]:
+    """Integrate the free joints over the duration of ``options``, by its method and tolerance.
 
     Returns
     -------
-    ndarray
-        ``parameters`` with the tables of each free joint's coordinate, speed and acceleration, piecewise cubics on a
+    Motion
+        Its parameters end in the tables of each free joint's coordinate, speed and acceleration, piecewise cubics on a
         tenth of the integration's own steps.
+    Energy
+        Of the rigid mechanism, at the ends of these steps.
 
     Raises
     ------
@@ -43,30 +49,36 @@ def integrate_free_joints(
     """
     from scipy.integrate import solve_ivp
 
-    free = module.FREE
+    free, duration, tolerance = module.FREE, options.duration, options.forward_tolerance
     start = np.array(
         [scene.drives[name].start for name in free] + [scene.drives[name].initial_speed for name in free]
     )
 
+    accelerations = forward_equations(module, parameters)
+
     def rates(t: float, state: np.ndarray) -> np.ndarray:
         if progress is not None:
             progress(min(1.0, t / duration))
-        return np.concatenate([state[len(free) :], accelerations(module, parameters, t, state)])
+        return np.concatenate([state[len(free) :], accelerations(t, state)])
 
     with np.errstate(all="ignore"):
         solution = solve_ivp(
-            rates, (0.0, duration), start, method="DOP853", rtol=RELATIVE, atol=ABSOLUTE, dense_output=True
-        )
-    if not solution.success or not np.isfinite(solution.y).all():
+            rates, (0.0, duration), start, method=options.forward_method, rtol=tolerance, atol=_ABSOLUTE * tolerance,
+            dense_output=True,
+        )  # fmt: skip
+    finite = np.isfinite(solution.y).all(axis=0)
+    if not solution.success or not finite.all():
+        why = solution.message.rstrip(".") if finite.all() else "the forces are not finite there"
         raise SceneError(
-            f"drives.{free[0]}", "free", f"the motion can't go on after t = {solution.t[-1]:.6g} s: {solution.message}",
+            f"drives.{free[0]}", "free", f"the motion can't go on after t = {solution.t[finite][-1]:.6g} s: {why}",
             "Shorten the duration, or change loads or start so that no linkage locks",
         )  # fmt: skip
     shares = np.arange(_PIECES) / _PIECES
     times = np.append((solution.t[:-1, None] + np.diff(solution.t)[:, None] * shares).ravel(), duration)
     states = solution.sol(times)
-    epsilon = np.array([accelerations(module, parameters, t, s) for t, s in zip(times, states.T, strict=True)]).T
-    return with_courses(module, parameters, times, states, epsilon)
+    epsilon = np.array([accelerations(t, s) for t, s in zip(times, states.T, strict=True)]).T
+    motion = Motion(module, with_courses(module, parameters, times, states, epsilon))
+    return motion, rigid_energy(scene, motion, times, _PIECES)
 
 
 def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
@@ -78,19 +90,53 @@ def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, d
     return with_courses(module, parameters, times, states, np.zeros((len(module.FREE), 3)))
 
 
-def accelerations(module: ModuleType, parameters: np.ndarray, t: float, state: np.ndarray) -> np.ndarray:
-    """Accelerations of the free joints [rad/s^2] at time t [s] and state (coordinates, then speeds)."""
-    count = len(module.FREE)
-    y = np.zeros((count, 3))
-    y[:, 0], y[:, 1] = state[:count], state[count:]
-    needed = np.zeros((count + 1, count))
-    for k in range(count + 1):
-        y[:, 2] = 0.0
-        if k < count:
-            y[k, 2] = 1.0
-        module.inverse(t, y.ravel(), parameters, needed[k])
-    inertia = (needed[:count] - needed[count]).T
-    return np.linalg.solve(inertia, -needed[count])
+def forward_equations(module: ModuleType, parameters: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
+    """M epsilon = -h as a function of time t [s] and state, coordinates, then speeds of the n free joints.
+
+    It gives epsilon [rad/s^2 or m/s^2], shape (n,), not finite where M is singular. Its work arrays are made once:
+    an integration calls it a hundred thousand times.
+    """
+    inverse, n = module.inverse, len(module.FREE)
+    y, h, M = np.zeros(3 * n), np.zeros(n), np.zeros((n, n))
+
+    def accelerations(t: float, state: np.ndarray) -> np.ndarray:
+        y[0::3], y[1::3] = state[:n], state[n:]
+        inverse(t, y, parameters, h)
+        for k in range(n):
+            y[3 * k + 2] = 1.0
+            inverse(t, y, parameters, M[k])  # M[k] + h: M is symmetric, so its rows are its columns
+            y[3 * k + 2] = 0.0
+        return _solve(M, h)
+
+    return accelerations
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(M, h):
+    """x of (M - 1 h^T) x = -h, by elimination with row exchanges; M is overwritten."""
+    n = len(h)
+    x = -h
+    for k in range(n):
+        for j in range(n):
+            M[k, j] -= h[j]
+    for k in range(n):
+        row = k
+        for i in range(k + 1, n):
+            if abs(M[i, k]) > abs(M[row, k]):
+                row = i
+        for j in range(n):
+            M[k, j], M[row, j] = M[row, j], M[k, j]
+        x[k], x[row] = x[row], x[k]
+        for i in range(k + 1, n):
+            factor = M[i, k] / M[k, k]
+            for j in range(k, n):
+                M[i, j] -= factor * M[k, j]
+            x[i] -= factor * x[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            x[k] -= M[k, j] * x[j]
+        x[k] /= M[k, k]
+    return x
 
 
 def with_courses(module, parameters, times, states, epsilon) -> np.ndarray:

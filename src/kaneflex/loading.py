@@ -70,7 +70,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     if coupled is not None:
         coupled.compile()
     compiled = time.perf_counter()
-    warnings = ignored
+    warnings, energy = ignored, None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
         horizon = scene.period if options.cycles else options.duration
@@ -79,8 +79,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         motion = Motion(module, at_initial_speed(scene, module, motion.parameters, options.duration))
     elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
-        p = integrate_free_joints(scene, module, motion.parameters, options.duration)
-        motion, warnings = Motion(module, p), (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+        motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
+        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
     check_springs(scene, motion, options)
     model = build_model(scene, options, motion)
@@ -89,7 +89,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
-    return replace(model, coupled=coupled, seconds=seconds, warnings=(*model.warnings, *warnings))
+    return replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
@@ -106,6 +106,10 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     idle = [name for name in scene.solve.terms if name not in idle and not has_term(scene, name)]
     if idle:
         found.append(f"the scene has no use for solve.terms.{', solve.terms.'.join(idle)}: it has no such terms")
+    free = any(drive.free for drive in scene.drives.values())
+    if "forward" in scene.solve.model_fields_set and (not free or options.dynamics == "coupled"):
+        why = "preset coupled integrates them with the links" if free else "no joint is free"
+        found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
     return tuple(found)
 
 

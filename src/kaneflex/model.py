@@ -22,6 +22,7 @@ from kaneflex.scene import Scene
 
 if TYPE_CHECKING:
     from kaneflex.coupled.system import CoupledSystem
+    from kaneflex.energy import Energy
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
@@ -117,6 +118,8 @@ class Model:
         Instant [s] at which the first drive stands at ``options.mode_angle``.
     coupled : CoupledSystem or None
         The coupled equations, under preset ``coupled``.
+    energy : Energy or None
+        Of the rigid mechanism, where its free joints were integrated before anything deforms.
     seconds : mapping
         Wall time of the stages of loading.
     """
@@ -134,6 +137,7 @@ class Model:
     modal_basis: np.ndarray | None
     reference_time: float
     coupled: CoupledSystem | None = None
+    energy: Energy | None = None
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 

@@ -58,6 +58,10 @@ class Options:
         Spectral radius of generalised-alpha at infinite frequency.
     tolerance : float
         Error of a step of the coupled equations, as a share of the longest body, and in rad.
+    forward_method : str
+        Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
+    forward_tolerance : float
+        Its relative tolerance.
     """
 
     preset: str
@@ -85,6 +89,8 @@ class Options:
     duration: float
     rho_infinity: float
     tolerance: float
+    forward_method: str
+    forward_tolerance: float
 
     def as_dict(self) -> dict[str, object]:
         return asdict(self)
@@ -154,6 +160,8 @@ def resolve_options(scene: Scene) -> Options:
         duration=duration,
         rho_infinity=solve.rho_infinity,
         tolerance=solve.tolerance,
+        forward_method=solve.forward.method,
+        forward_tolerance=solve.forward.tolerance,
     )
     _check(options)
     return options

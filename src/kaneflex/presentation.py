@@ -142,6 +142,8 @@ def _options(model: Model) -> dict[str, str]:
         "duration": f"{_time(options.duration)}{', one cycle' if options.cycles else ''}",
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
+    if model.module.FREE and dynamics != "coupled":
+        said["forward"] = f"{options.forward_method} for free joints, tolerance {options.forward_tolerance:g}"
     if dynamics == "rigid":
         return said
     if dynamics == "coupled":

@@ -73,7 +73,7 @@ class PeakSpread(_Table):
 
 
 class EnergyBalance(_Table):
-    """Where the energy of a coupled run went, in J, from its start to its end."""
+    """Where the energy went, in J, from start to end; but for preset coupled that of the rigid mechanism."""
 
     stored: float = Field(description="growth of kinetic, strain and potential energy")
     dissipated: float = Field(description="by damping")
@@ -115,7 +115,7 @@ class Summary(_Table):
         description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
-    energy: EnergyBalance | None = Field(description="energy of a run of preset coupled; null for every other")
+    energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
 
@@ -226,9 +226,9 @@ def _spread(solution: Solution) -> dict[str, PeakSpread]:
 
 
 def _energy(solution: Solution) -> EnergyBalance | None:
-    if solution.coupled is None or not len(solution.times):
+    energy = solution.model.energy if solution.coupled is None else solution.coupled.trajectory.energy
+    if energy is None or not len(solution.times):
         return None
-    energy = solution.coupled.trajectory.energy
     return EnergyBalance(
         stored=energy.stored[-1] - energy.stored[0],
         dissipated=energy.dissipated[-1],

@@ -11,45 +11,12 @@ import numpy as np
 
 from kaneflex.coupled import stepping
 from kaneflex.coupled.system import BODY, CoupledSystem
+from kaneflex.energy import Energy
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.model import RigidMotion
 
 _PIECE = 100
 """Stored instants between two reports of progress, at each of which a run can be interrupted."""
-
-
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """Energy of the mechanism at the stored instants [J], each of shape (n_times,).
-
-    ``stored`` is kinetic, strain and potential energy together; ``dissipated`` by damping and ``supplied`` by loads and
-    prescribed drives since the start. ``loss`` and ``power`` are the rates of these two [W].
-    """
-
-    kinetic: np.ndarray
-    strain: np.ndarray
-    weight: np.ndarray
-    dissipated: np.ndarray
-    supplied: np.ndarray
-    loss: np.ndarray
-    power: np.ndarray
-
-    @property
-    def stored(self) -> np.ndarray:
-        return self.kinetic + self.strain + self.weight
-
-    @property
-    def gap(self) -> np.ndarray:
-        """Stored + dissipated - supplied, less what was stored at first: zero for an exact solution."""
-        return self.stored - self.stored[0] + self.dissipated - self.supplied
-
-    @property
-    def drift(self) -> float:
-        """Largest gap against the largest energy that was turned over."""
-        turned = max(
-            float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
-        )
-        return float(abs(self.gap).max()) / turned if turned else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +31,8 @@ class CoupledTrajectory:
     multipliers : ndarray (n_times, m)
         Joint reactions and forces or torques of prescribed drives, as CONSTRAINTS names them.
     energy : Energy
+    loss, power : ndarray (n_times,)
+        Rates of what is dissipated and of what is supplied [W].
     steps, rejected : int
         Steps that were taken, and those that were tried in vain.
     drift : (float, float)
@@ -76,6 +45,8 @@ class CoupledTrajectory:
     a: np.ndarray
     multipliers: np.ndarray
     energy: Energy
+    loss: np.ndarray
+    power: np.ndarray
     steps: int
     rejected: int
     drift: tuple[float, float]
@@ -253,8 +224,8 @@ class _Run:
         steps, rejected = int(self.counts[0]), int(self.counts[1])
         drift = (float(self.counts[3]), float(self.counts[4]))
         times, q, v, a, multipliers, works = (table[rows] for table in self.tables)
-        energy = energies(self.system, times, q, v, multipliers, works[:, 0], works[:, 1:].sum(axis=1))
-        return CoupledTrajectory(times, q, v, a, multipliers, energy, steps, rejected, drift, outcome, message, ns)
+        balance = energies(self.system, times, q, v, multipliers, works[:, 0], works[:, 1:].sum(axis=1))
+        return CoupledTrajectory(times, q, v, a, multipliers, *balance, steps, rejected, drift, outcome, message, ns)
 
 
 def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
@@ -275,15 +246,20 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
             system.module.equations, system.module.constraints, system.parameters, float(t), q[k], v[k], a[k],
             multipliers[k], 1, np.zeros(2),
         )  # fmt: skip
-    energy = trajectory.energy
-    dissipated = CubicHermiteSpline(knots, energy.dissipated, energy.loss)(times)
-    supplied = CubicHermiteSpline(knots, energy.supplied, energy.power)(times)
-    energy = energies(system, times, q, v, multipliers, dissipated, supplied)
-    return replace(trajectory, times=times, q=q, v=v, a=a, multipliers=multipliers, energy=energy)
+    dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
+    supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
+    energy, loss, power = energies(system, times, q, v, multipliers, dissipated, supplied)
+    found = {"q": q, "v": v, "a": a, "multipliers": multipliers, "energy": energy, "loss": loss, "power": power}
+    return replace(trajectory, times=times, **found)
 
 
-def energies(system: CoupledSystem, times, q, v, multipliers, dissipated, supplied) -> Energy:
-    """Energies and powers at given states; what was dissipated and supplied since the start is known already."""
+def energies(
+    system: CoupledSystem, times, q, v, multipliers, dissipated, supplied
+) -> tuple[Energy, np.ndarray, np.ndarray]:
+    """Energies at given states, and the powers lost and supplied there.
+
+    What was dissipated and supplied since the start is known already.
+    """
     n, m, count = system.size, len(system.constraints), len(times)
     loads = len(system.module.LOADS)
     out, kinetic, power = np.zeros((count, 3 + loads)), np.zeros(count), np.zeros(count)
@@ -296,7 +272,7 @@ def energies(system: CoupledSystem, times, q, v, multipliers, dissipated, suppli
         system.module.constraints(*state, g, g_t, G, gamma)
         kinetic[i] = 0.5 * v[i] @ M @ v[i]
         power[i] = out[i, 3:].sum() - multipliers[i] @ g_t
-    return Energy(kinetic, out[:, 1], out[:, 0], dissipated, supplied, out[:, 2], power)
+    return Energy(kinetic, out[:, 1], out[:, 0], dissipated, supplied), out[:, 2], power
 
 
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a linkage stretched to its limit"

@@ -33,6 +33,8 @@ from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
+_TIGHTEST = 1e-13
+"""Tolerance of the forward dynamics below which rounding would stand in its way."""
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
@@ -204,6 +206,22 @@ class Damping(SceneTable):
         return the_one_given(self, ("rayleigh", "modal", "viscous"))
 
 
+class Forward(SceneTable):
+    """How the motion of free joints is integrated, before anything deforms: `method` of scipy's `solve_ivp` and
+    relative `tolerance` of a step.
+    """
+
+    method: Literal["DOP853", "RK45", "Radau", "LSODA"] = "DOP853"
+    tolerance: PositiveRatio = 1e-9
+
+    @field_validator("tolerance")
+    @classmethod
+    def _above_rounding(cls, tolerance: float) -> float:
+        if not _TIGHTEST <= tolerance < 1:
+            raise Fault(f"not from {_TIGHTEST:g}, where rounding begins, to 1", "Give a number between, like 1e-9")
+        return tolerance
+
+
 class Solve(SceneTable):
     """How the scene is solved; every entry can also be set from the command line."""
 
@@ -221,6 +239,7 @@ class Solve(SceneTable):
     tolerance: PositiveRatio = Field(
         default=1e-8, description="preset coupled: error of a step, as a share of the longest body, and in rad"
     )
+    forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
     )

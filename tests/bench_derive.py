@@ -1,0 +1,110 @@
+"""How deriving and compiling grow with the number of links: ``make bench-derive`` writes ``docs/derive-times.md``.
+
+Run it on an idle machine: each number is the smallest of several tries.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+from chains import chain
+
+from kaneflex.binding import generate_text, import_file
+from kaneflex.contract import REQUIRED_ATTRIBUTES
+from kaneflex.writing import write_text
+
+PAGE = Path(__file__).parent.parent / "docs" / "derive-times.md"
+COUNTS = {False: (1, 2, 4, 6, 8), True: (4, 6, 8)}
+COMPILE = """
+import sys, time
+import numpy as np
+from numba import njit
+from kaneflex.binding import import_file
+from kaneflex.contract import REQUIRED_ATTRIBUTES
+from pathlib import Path
+njit(lambda: 0)()  # numba's own start-up
+module = import_file(Path(sys.argv[1]), sys.argv[2], REQUIRED_ATTRIBUTES)
+p, s = np.ones(len(module.PARAMETERS)), np.zeros(len(module.SCALARS))
+started = time.perf_counter()
+module.motion(0.0, p, s)
+print(time.perf_counter() - started)
+"""
+HEAD = """# Times to derive and to compile
+
+Chains of elastic links, each hinged to the one before: open ones with all joints driven, and closed ones from ground to
+ground, the last two links following the others (`tests/chains.py`). For each the seconds to derive its module, the
+module's size, the arithmetic operations of the kernel `motion` as the equations stand and as they are emitted, with
+common subexpressions shared, and the seconds to compile it, in a process and with a cache of its own. Written out, the
+operations multiply with each link, since each angle is a sum of all before it; shared, each link adds the same number.
+Kernels of the elements do not depend on the number of links.
+
+| chain | links | derive [s] | module [kB] | operations written out | operations shared | compile `motion` [s] |
+| --- | --- | --- | --- | --- | --- | --- |
+"""
+FOOT = """
+{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries}. Made by
+`make bench-derive`; do not edit.
+"""
+
+
+def derive_seconds(count: int, closed: bool, folder: Path) -> tuple[float, Path, str]:
+    """Seconds to derive the module of a chain, its file and its structure."""
+    scene = chain(count, closed, folder)
+    started = time.perf_counter()
+    text = generate_text(scene)
+    seconds = time.perf_counter() - started
+    path = folder / f"{scene.name.replace('-', '_')}.py"
+    write_text(path, text)
+    return seconds, path, scene.structure_hash()
+
+
+def compile_seconds(path: Path, structure: str) -> float:
+    """Seconds of the first call of ``motion`` in a process of its own that finds nothing compiled."""
+    with tempfile.TemporaryDirectory() as cache:
+        done = subprocess.run(
+            [sys.executable, "-c", COMPILE, str(path), structure],
+            env=os.environ | {"NUMBA_CACHE_DIR": cache}, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+    return float(done.stdout)
+
+
+def row(count: int, closed: bool, tries: int, folder: Path) -> str:
+    """One row of the table."""
+    derived = [derive_seconds(count, closed, folder) for _ in range(tries)]
+    _, path, structure = derived[0]
+    compiled = min(compile_seconds(path, structure) for _ in range(tries))
+    written_out, shared = import_file(path, structure, REQUIRED_ATTRIBUTES).OPERATIONS["motion"]
+    return (
+        f"| {'closed' if closed else 'open'} | {count} | {min(seconds for seconds, *_ in derived):.2f} "
+        f"| {path.stat().st_size / 1e3:.0f} | {written_out:,} | {shared} | {compiled:.2f} |\n"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="file to write")
+    parser.add_argument("--most", type=int, default=8, metavar="N", help="links of the longest chain")
+    parser.add_argument("--tries", type=int, default=3, metavar="N", help="of which the fastest counts")
+    asked = parser.parse_args()
+    chains = [(count, closed) for closed, counts in COUNTS.items() for count in counts if count <= asked.most]
+    with tempfile.TemporaryDirectory() as folder:
+        derive_seconds(1, False, Path(folder))  # SymPy's own start-up
+        rows = [row(count, closed, asked.tries, Path(folder)) for count, closed in chains]
+    foot = FOOT.format(
+        date=datetime.date.today().isoformat(), cores=os.cpu_count(), python=platform.python_version(),
+        sympy=version("sympy"), numba=version("numba"), tries=asked.tries,
+    )  # fmt: skip
+    asked.output.write_text(HEAD + "".join(rows) + foot, encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""Nothing grows faster than the equations: operations of the motion of chains of elastic links."""
+
+from ast import literal_eval
+
+import pytest
+from chains import chain
+
+from kaneflex.derive.generate import generate
+from kaneflex.scene import Scene
+
+
+def operations(scene: Scene) -> int:
+    """Operations of the kernel ``motion`` as it is emitted."""
+    table = generate(scene).partition("\nOPERATIONS = ")[2].partition("\n}\n")[0]
+    return literal_eval(table + "}")["motion"][1]
+
+
+@pytest.mark.parametrize(("closed", "counts"), [(False, (2, 4, 8)), (True, (4, 6, 8))])
+def test_each_link_adds_the_same_number_of_operations(closed, counts, tmp_path):
+    """A pose is its predecessor's and one turn more, a reaction what its neighbours leave: shared, each link costs
+    alike.
+
+    Written out, the terms of the last link hold the turns of all others and multiply with each of them.
+    """
+    found = [operations(chain(count, closed, tmp_path)) for count in counts]
+    a_link = [(b - a) / (n - m) for a, b, m, n in zip(found, found[1:], counts, counts[1:], strict=False)]
+    assert a_link[1] == pytest.approx(a_link[0], rel=0.02)
+    assert 30 < a_link[0] < 100
