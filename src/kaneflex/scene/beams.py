@@ -103,7 +103,7 @@ class Beam(Sectioned):
 
     `E`, `rho` and Poisson's ratio `nu` come from `material` unless given; `G` stands for E/(2 (1 + nu)). `A` may be
     left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia Rayleigh,
-    with shear besides Timoshenko. An `axially_rigid` beam does not stretch.
+    with shear besides Timoshenko. An `axially_rigid` beam does not stretch. `shapes` are those of preset coupled.
     """
 
     material: str | None = None
@@ -115,6 +115,7 @@ class Beam(Sectioned):
     theory: Literal["euler-bernoulli", "rayleigh", "timoshenko"] = "euler-bernoulli"
     axially_rigid: bool = False
     elements: WholeNumber = 4
+    shapes: Literal["craig-bampton", "sine", "clamped-free", "polynomial"] = "craig-bampton"
 
     @model_validator(mode="after")
     def _has_material(self) -> Beam:
