@@ -12,38 +12,8 @@ from kaneflex.coupled.moments import link_numbers
 from kaneflex.coupled.system import CoupledSystem
 from kaneflex.links import Link
 from kaneflex.scene import Scene
+from kaneflex.scene.modal_data import ARRAYS, FORMAT, POINT_ARRAYS
 from kaneflex.writing import refuse_existing, write_bytes
-
-FORMAT = 1
-"""Number of the file's format."""
-ARRAYS: dict[str, tuple[str, str, str]] = {
-    "mass": ("", "{}", "kg"),
-    "mass_X": ("", "{}", "kg m"),
-    "mass_X_X": ("", "{}", "kg m^2"),
-    "inertia": ("", "{}", "kg m^2"),
-    "mass_s": ("s", "mass_s_{}", "kg"),
-    "mass_w": ("w", "mass_w_{}", "kg"),
-    "mass_X_s": ("s", "mass_X_s_{}", "kg m"),
-    "mass_X_w": ("w", "mass_X_w_{}", "kg m"),
-    "mass_s_s": ("ss", "mass_s_{}_s_{}", "kg"),
-    "mass_w_w": ("ww", "mass_w_{}_w_{}", "kg"),
-    "mass_s_w": ("sw", "mass_s_{}_w_{}", "kg"),
-    "mass_H": ("ww", "mass_H_{}_{}", "kg/m"),
-    "mass_X_H": ("ww", "mass_X_H_{}_{}", "kg"),
-    "inertia_psi": ("w", "inertia_psi_{}", "kg m"),
-    "inertia_psi_psi": ("ww", "inertia_psi_{}_psi_{}", "kg"),
-    "stiffness": ("a", "stiffness_{}", "N/m"),
-    "damping": ("aa", "damping_{}_{}", "N s/m"),
-}
-"""Array -> its axes (s axial shapes, w transverse ones, a all), its numbers' names in PARAMETERS, unit."""
-POINT_ARRAYS: dict[str, tuple[str, str, str]] = {
-    "X": ("", "X", "m"),
-    "s": ("s", "s_{}", "1"),
-    "w": ("w", "w_{}", "1"),
-    "psi": ("w", "psi_{}", "1/m"),
-    "H": ("ww", "H_{}_{}", "1/m"),
-}
-"""The same of what each point has: the points are the first axis."""
 
 
 def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.ndarray]:
@@ -74,26 +44,6 @@ def _packed(numbers: Mapping[str, float], pattern: str, shape: list[int], axes: 
     for index in np.ndindex(*shape):
         found[index] = numbers[pattern.format(*(sorted(index) if symmetric else index))]
     return found
-
-
-def unpacked(data: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """The numbers of a link by their names in PARAMETERS, from its arrays: the inverse of :func:`modal_data`."""
-    found: dict[str, float] = {}
-    for name, (axes, pattern, _) in ARRAYS.items():
-        found |= _named(data[name], pattern if axes else name, axes)
-    for k, point in enumerate(data["points"]):
-        for name, (axes, pattern, _) in POINT_ARRAYS.items():
-            found |= _named(data[name][k], f"{point}.{pattern}", axes)
-    return found
-
-
-def _named(array: np.ndarray, pattern: str, axes: str) -> dict[str, float]:
-    symmetric = len(axes) == 2 and axes[0] == axes[1]
-    return {
-        pattern.format(*index): float(array[index])
-        for index in np.ndindex(*array.shape)
-        if not symmetric or index[0] <= index[1]
-    }
 
 
 def export(scene: Scene, system: CoupledSystem, folder: Path, force: bool) -> list[Path]:

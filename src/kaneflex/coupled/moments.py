@@ -21,6 +21,8 @@ def body_numbers(
     for name in module.BODIES:
         if name in links:
             own = _with_lumped(scene, name, link_numbers(scene, links[name], shapes[name]))
+        elif scene.bodies[name].modal is not None:
+            own = _with_lumped(scene, name, scene.bodies[name].modal.numbers())
         else:
             own = _rigid_numbers(scene, name)
         numbers |= {f"{name}.{key}": float(value) for key, value in own.items()}

@@ -91,11 +91,12 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
     Returns the system and the seconds spent on deriving its module.
     """
     counts = shape_counts(scene)
-    for name in counts:
+    beams = [name for name in counts if scene.bodies[name].elastic]
+    for name in beams:
         check_modes(scene, name)
     module, seconds = find_coupled_module(scene, counts, progress)
     stretching = with_stretch(scene)
-    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in counts}
+    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in beams}
     shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
     numbers = body_numbers(scene, module, links, shapes)
     return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.laws import parse_law
 from kaneflex.scene.drive_check import drive_problems
+from kaneflex.scene.modal_check import modal_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, Sensor
@@ -26,6 +27,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_loads(scene),
         *_springs(scene),
         *_sensors(scene),
+        *modal_problems(scene),
         *_horizon(scene),
     ]
     return found or list(_periods(scene))
@@ -225,9 +227,8 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if body is None or body.elastic:
         return
     if sensor.kind not in MOTION_KINDS:
-        yield Problem(
-            f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam"
-        )
+        reason = f"{address.body} is rigid" if body.modal is None else "modal data have no sections"
+        yield Problem(f"{key}.{sensor.kind}", str(address), reason, "Give the body a beam")
     if sensor.relative_to == "chord" and body.length is None:
         yield Problem(
             f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"
