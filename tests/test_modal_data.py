@@ -12,7 +12,7 @@ from kaneflex.cli import main
 from kaneflex.coupled.modal_data import modal_data
 from kaneflex.coupled.moments import link_numbers
 from kaneflex.errors import SceneError
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
 
 PAGE = (Path(__file__).parent.parent / "docs" / "commands.md").read_text(encoding="utf-8")
@@ -120,6 +120,27 @@ def test_data_fed_back_give_the_same_motion(exported, fed_back):
     assert here.coupled.trajectory.energy.drift < 1e-6
 
 
+def test_several_links_with_lumped_masses(tmp_path):
+    """The four-bar's three links, damped, from equilibrium, off and on again."""
+    result = CliRunner().invoke(main, ["modes", "four-bar", "--export", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    links = "\n".join(f'[bodies.{name}]\nmodal_data = "{name}.npz"' for name in ("crank", "coupler", "follower"))
+    text = shipped_scenes()["four-bar"].read_text().replace('coupler_force = {axial_force = "coupler.mid"}\n', "")
+    head, rest = text.split("[bodies.crank]")
+    damping = '[damping]\nrayleigh = {ratio = 0.02, at = ["46 Hz", "75 Hz"]}\n'
+    assert damping in rest
+    joints = rest[rest.index("[joints]") :].replace(damping, "")
+    (tmp_path / "scene.toml").write_text(head + links + "\n" + joints)
+    settings = ["solve.preset=coupled", "solve.start=quasistatic"]
+    there, here = (
+        kaneflex.simulate(kaneflex.load(with_settings(read_scene(scene), settings))).series
+        for scene in ("four-bar", tmp_path / "scene.toml")
+    )
+    for name, series in here.items():
+        gap = abs(series.values - there[name].values).max()
+        assert gap <= 1e-7 * abs(there[name].values).max(), name
+
+
 def test_the_rigid_preset_takes_mass_centre_and_inertia(fed_back):
     rod = read_scene(fed_back).bodies["rod"]
     beam = read_scene("slider-crank-150").bodies["rod"]
@@ -191,6 +212,7 @@ def test_what_a_file_must_be(exported, tmp_path, change, message):
          "rod has modal data: in this version a scene has either these or beams"),
         ('"data/rod.npz"', '"data/rod.npz", points = {mark = ["0.1 m", 0]}', None),
         ('{displacement = "rod.mid", component = "angle"}', '{bending_moment = "rod.mid"}', "sections"),
+        ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data and would slide through its own deformation"),
         ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "damping in the file"),
     ],
 )  # fmt: skip

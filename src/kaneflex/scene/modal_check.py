@@ -12,7 +12,7 @@ from kaneflex.scene.sensors import POINT_KINDS
 
 
 def modal_problems(scene: Scene) -> Iterator[Problem]:
-    """Beams besides, points that a file lacks, springs, and damping that the file has already."""
+    """Beams besides, guides, points that a file lacks, springs, and damping that the file has already."""
     links = {name: body for name, body in scene.bodies.items() if body.modal is not None}
     if not links:
         return
@@ -28,6 +28,11 @@ def modal_problems(scene: Scene) -> Iterator[Problem]:
             if end.body in links:
                 reason = f"{end.body} has modal data: a spring on elastic bodies is not available in this version"
                 yield Problem(f"springs.{name}.between", str(end), reason, "Attach it to a rigid body or to the ground")
+    for name, joint in scene.joints.items():
+        slid = [address.body for address in joint.addresses if joint.kind == "prismatic" and address.body in links]
+        if slid:
+            reason = f"{slid[0]} has modal data and would slide through its own deformation"
+            yield Problem(f"joints.{name}.prismatic", slid[0], reason, "Let the guide hold a rigid body")
     for key, address in _addresses(scene):
         if address.body not in links or address.point not in links[address.body].points_all:
             continue

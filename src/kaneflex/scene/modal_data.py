@@ -101,7 +101,6 @@ def _symmetric(axes: str) -> bool:
     return len(axes) == 2 and axes[0] == axes[1]
 
 
-@lru_cache
 def read_modal_data(path: str) -> ModalData:
     """The modal data of a file.
 
@@ -110,6 +109,16 @@ def read_modal_data(path: str) -> ModalData:
     Fault
         It names the array that is missing, of the wrong shape, not finite, or no mass, stiffness or damping, and how.
     """
+    try:
+        state = Path(path).stat()
+    except OSError as error:
+        raise Fault(f"cannot be read: {error.strerror}", "Give an npz file of arrays") from None
+    return _read(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache
+def _read(path: str, _changed: int, _size: int) -> ModalData:
+    """A file as it was when it was last changed: every default of a body asks for it."""
     try:
         with np.load(Path(path), allow_pickle=False) as file:
             found = {name: file[name] for name in file.files}
