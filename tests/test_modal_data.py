@@ -115,7 +115,7 @@ def test_data_fed_back_give_the_same_motion(exported, fed_back):
     assert set(here.series) == set(there.series) - {"rod_force", "rod_force_rigid"}
     for name, series in here.series.items():
         gap = abs(series.values - there.series[name].values).max()
-        assert gap <= 1e-7 * abs(there.series[name].values).max(), name
+        assert gap <= 1e-10 * abs(there.series[name].values).max(), name
     assert abs(here.series["mid_transverse"].values).max() > 4e-3
     assert here.coupled.trajectory.energy.drift < 1e-6
 
@@ -138,7 +138,7 @@ def test_several_links_with_lumped_masses(tmp_path):
     )
     for name, series in here.items():
         gap = abs(series.values - there[name].values).max()
-        assert gap <= 1e-7 * abs(there[name].values).max(), name
+        assert gap <= 1e-10 * abs(there[name].values).max(), name
 
 
 def test_the_rigid_preset_takes_mass_centre_and_inertia(fed_back):
