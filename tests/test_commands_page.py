@@ -35,8 +35,8 @@ def outputs(folder) -> dict[str, str]:
 
 def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
-    assert files == {"press.toml", "press.png", "engine.svg", "engine.npz", "engine.mat", "engine.tex"}
-    assert {command.split()[1] for command in outputs} == {"new", "show", "linearise", "equations"}
+    assert files == {"press.toml", "press.png", "engine.svg", "engine.npz", "engine.mat", "engine.tex", "modal"}
+    assert {command.split()[1] for command in outputs} == {"new", "show", "linearise", "equations", "modes"}
 
 
 def test_the_count_is_printed_as_the_page_shows_it(outputs):
@@ -46,7 +46,8 @@ def test_the_count_is_printed_as_the_page_shows_it(outputs):
 
 
 def test_the_file_has_the_names_of_the_table(outputs):
-    table = re.findall(r"^\| (`.*?) \| ", TEXT, flags=re.MULTILINE)
+    state_space = TEXT[TEXT.index("## A state space") : TEXT.index("## The equations")]
+    table = re.findall(r"^\| (`.*?) \| ", state_space, flags=re.MULTILINE)
     names = {name for cell in table for name in re.findall(r"`(\w+)`", cell)}
     with np.load("engine.npz") as found:
         assert set(found) == names

@@ -28,7 +28,7 @@ _NARROW = 12
 def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     """Mesh the links, assemble, reduce."""
     reference = _reference_time(scene, options, motion)
-    if options.dynamics == "rigid":
+    if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         empty = {
             key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
         }

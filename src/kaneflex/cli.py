@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from kaneflex.model import Model
+    from kaneflex.scene import Scene
     from kaneflex.summary import Summary
 
 USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
@@ -159,9 +160,14 @@ def _report(summary: Summary, folder: Path) -> None:
 )  # fmt: skip
 @click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
+@click.option(
+    "--export", type=click.Path(path_type=Path), metavar="FOLDER",
+    help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz.",
+)  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace existing files of --export.")
 def modes(
     name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None,
-    at: str | None, count: int | None, as_json: bool,
+    at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool,
 ) -> None:  # fmt: skip
     """Undamped natural frequencies and mode shapes of SCENE at a configuration, from K_s and M alone.
 
@@ -174,6 +180,9 @@ def modes(
 
     chosen = all_settings(preset, settings, steps, integrator)
     scene = read(name, chosen)
+    if export is not None:
+        _export(scene, export, force)
+        return
     if at is not None:
         scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
     with Waiting() as waiting:
@@ -186,6 +195,20 @@ def modes(
     from kaneflex.presentation import modes_table
 
     click.echo(modes_table(model, hertz, shapes))
+
+
+def _export(scene: Scene, folder: Path, force: bool) -> None:
+    from kaneflex.coupled.modal_data import export
+    from kaneflex.coupled.system import build_system
+    from kaneflex.terminal import Waiting
+
+    if not any(body.elastic for body in scene.bodies.values()):
+        raise SceneError("--export", str(folder), "no body has a beam: there are no shapes", "Give a body a beam")
+    with Waiting() as waiting:
+        system, _ = build_system(scene, waiting.stage)
+        written = export(scene, system, folder, force)
+    for path in written:
+        click.echo(f"Written to {path}")
 
 
 def _mode_count(model: Model, count: int | None) -> int:

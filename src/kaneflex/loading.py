@@ -55,7 +55,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
-    if options.dynamics != "rigid":
+    if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
     module, derived = find_module(scene, progress)
     ignored, scene = _ignored(scene, options), _acting(scene, options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
@@ -140,6 +141,14 @@ def resolve_options(scene: Scene) -> Options:
     for name, on in solve.terms.items():
         chosen[name] = on and name not in UNUSED_TERMS[dynamics]
     elastic = any(body.elastic for body in scene.bodies.values())
+    modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
+    if modal is not None and dynamics not in ("rigid", "coupled"):
+        raise SceneError(
+            f"bodies.{modal}.modal_data", Path(scene.bodies[modal].modal_data).name,
+            f"preset {solve.preset} takes a link's elements, which modal data don't have",
+            "Take preset coupled or rigid, or give the body a beam",
+        )  # fmt: skip
+    elastic = elastic or modal is not None
     if not elastic:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":

@@ -85,10 +85,10 @@ class _Reader:
 
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
-        if not self.model.links:
-            return {}
         if self.solution.coupled is not None:
             return self.solution.coupled.reactions
+        if not self.model.links:
+            return {}
         return consistent_reactions(self.model, self.rigid, self.solution.coordinates, self.deformed)
 
     def read(self, sensor: Sensor) -> np.ndarray:
@@ -121,6 +121,10 @@ class _Reader:
     def _elastic(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacement (x, y, angle) of a point in its body's axes and its first and second rates, (3, n_times)."""
         still = np.zeros((3, self.steps))
+        if self.solution.coupled is not None and not self.model.links:  # links by modal data have no coordinates z
+            motion = self.solution.coupled
+            moved = motion.displacement(address.body, self.scene.point(address), motion.node(address))
+            return motion.in_body_axes(address.body, moved)
         if address.body in self.model.links:
             x, y = self.scene.point(address)
             d, d_rate, d_accel = self.deformed[address.body].at(x)

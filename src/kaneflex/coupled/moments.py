@@ -19,7 +19,12 @@ def body_numbers(
     """Path -> value (SI) of every moment, stiffness, damping and shape that belongs to a body."""
     numbers: dict[str, float] = {}
     for name in module.BODIES:
-        own = _link_numbers(scene, links[name], shapes[name]) if name in links else _rigid_numbers(scene, name)
+        if name in links:
+            own = _with_lumped(scene, name, link_numbers(scene, links[name], shapes[name]))
+        elif scene.bodies[name].modal is not None:
+            own = _with_lumped(scene, name, scene.bodies[name].modal.numbers())
+        else:
+            own = _rigid_numbers(scene, name)
         for load in (load for load, entry in scene.spreads.items() if entry.spread_on == name):
             spread = _spread_numbers(scene, load, links.get(name), shapes.get(name))
             own |= {f"load_{load}.{key}": value for key, value in spread.items()}
@@ -45,9 +50,10 @@ def _rigid_numbers(scene: Scene, name: str) -> dict[str, float]:
     }
 
 
-def _link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
-    """Moments of the finite elements: rigid displacements and shapes through the elements' own matrices.
+def link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
+    """Moments of the finite elements without lumped masses, and shapes at every named point on a node.
 
+    Rigid displacements and shapes go through the elements' own matrices.
     H_jk = int_0^X w_j' w_k' under the sum is, by exchange of the integrals, a geometric stiffness: that of the tension
     which the mass beyond X (or its first moment) would raise.
     """
@@ -88,9 +94,6 @@ def _link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
         node = link.node_at(x)
         if node is not None:
             found |= {f"{name}.{key}": value for key, value in _point_numbers(link, shapes, node).items()}
-    for mass in scene.masses.values():
-        if mass.at.body == link.name:
-            _add_lumped(found, mass, _point_numbers(link, shapes, link.node_at(scene.point(mass.at)[0])))
     return found
 
 
@@ -131,14 +134,21 @@ def _point_numbers(link: Link, shapes: Shapes, node: int) -> dict[str, float]:
     return found | _vector("psi", shapes.transverse[3 * node + 2]) | _pairs("H", "", H)
 
 
-def _add_lumped(found: dict[str, float], mass, at: Mapping[str, float]) -> None:
+def _with_lumped(scene: Scene, name: str, link: dict[str, float]) -> dict[str, float]:
     """A lumped mass is one more slice."""
-    for key in found:
-        of, *factors = _factors(key)
-        if of == "mass":
-            found[key] += mass.mass * np.prod([at[factor] for factor in factors])
-        elif of == "inertia":
-            found[key] += mass.inertia * np.prod([at[factor] for factor in factors])
+    found = dict(link)
+    for mass in scene.masses.values():
+        if mass.at.body != name:
+            continue
+        own = f"{mass.at.point}."
+        at = {key.removeprefix(own): value for key, value in link.items() if key.startswith(own)}
+        for key in (key for key in link if "." not in key):
+            of, *factors = _factors(key)
+            if of == "mass":
+                found[key] += mass.mass * np.prod([at[factor] for factor in factors])
+            elif of == "inertia":
+                found[key] += mass.inertia * np.prod([at[factor] for factor in factors])
+    return found
 
 
 def _factors(name: str) -> list[str]:

@@ -102,12 +102,10 @@ class CoupledMotion:
         zero = np.zeros((BODY, frame.shape[1]))
         d, d_rate, d_accel = zero, zero.copy(), zero.copy()
         if node is not None:
-            shapes = self.system.shapes[body]
-            rows = shapes.all[3 * node : 3 * node + 3]
+            rows, H = self._sections(body, node)
             modal = self.modal(body)
             d, d_rate, d_accel = (rows @ part for part in modal)
-            a, a_rate, a_accel = (part[shapes.axial.shape[1] :] for part in modal)
-            H = self._shortening[body][node]
+            a, a_rate, a_accel = (part[rows.shape[1] - len(H) :] for part in modal)
             d[0] -= 0.5 * _form(a, H, a)
             d_rate[0] -= _form(a, H, a_rate)
             d_accel[0] -= _form(a_rate, H, a_rate) + _form(a, H, a_accel)
@@ -135,8 +133,24 @@ class CoupledMotion:
         if address.body == "ground":
             still = np.zeros((3, len(self.trajectory.times)))
             return still + np.array([[at[0]], [at[1]], [0.0]]), still, still
-        link = self.system.links.get(address.body)
-        return self.place(address.body, at, link.node_at(at[0]) if link is not None else None)
+        return self.place(address.body, at, self.node(address))
+
+    def node(self, address: Address) -> int | None:
+        """The node of a link's elements, or the point of its modal data, at an address; None on a rigid body."""
+        x = self.model.scene.point(address)[0]
+        if address.body in self.system.links:
+            return self.system.links[address.body].node_at(x)
+        modal = self.model.scene.bodies[address.body].modal
+        return None if modal is None else modal.at(x)
+
+    def _sections(self, body: str, node: int) -> tuple[np.ndarray, np.ndarray]:
+        """Shapes u, v, theta (3, n) and shortening H (n_w, n_w) at a node of a link or a point of its modal data."""
+        modal = self.model.scene.bodies[body].modal
+        if modal is None:
+            return self.system.shapes[body].all[3 * node : 3 * node + 3], self._shortening[body][node]
+        s, w, psi = (modal.arrays[key][node] for key in ("s", "w", "psi"))
+        none = np.zeros(len(s))
+        return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), modal.arrays["H"][node]
 
     def spring(self, name: str) -> np.ndarray:
         """Tension of a spring with its damper [N], or what a torsional one opposes to the joint's turning [N m]."""

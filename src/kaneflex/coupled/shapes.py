@@ -1,4 +1,4 @@
-"""Modal coordinates of elastic links: Craig-Bampton shapes of a link's own finite elements in its floating frame."""
+"""Modal coordinates of elastic links: shapes of a link's own finite elements in its floating frame."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
+from kaneflex.coupled.families import family
 from kaneflex.links import Link
 from kaneflex.scene import Scene
 from kaneflex.scene.floating import frame_of, stations
@@ -40,20 +41,24 @@ class Shapes:
 def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
     """Static shapes of the points where forces enter, and ``modes`` fixed-interface modes (Craig & Bampton 1968).
 
-    Axial shapes are the stretch by forces at those points and by the link's own centrifugal load.
+    The beam's ``shapes`` can put functions of another family in the place of these modes. Axial shapes are the stretch
+    by forces at those points and by the link's own centrifugal load.
     """
     rows = _rows(scene, link)
     count = modes + rows.turns
     stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
     u = 3 * np.arange(len(link.nodes))
+    beam = scene.bodies[link.name].beam
     axial = np.zeros((len(mass), 0))
-    if not scene.bodies[link.name].beam.axially_rigid:
+    if not beam.axially_rigid:
         loose = np.setdiff1d(u[1:], rows.pulled)
         inertia = np.zeros((len(mass), 1))
         inertia[loose, 0] = np.linalg.solve(stiffness[np.ix_(loose, loose)], mass[np.ix_(loose, u)] @ link.nodes)
         axial = _orthogonal(np.hstack([_static(stiffness, rows.pulled, loose), inertia]), stiffness, mass)
     dynamic = np.zeros((len(mass), count))
-    if count:
+    if count and beam.shapes != "craig-bampton":
+        dynamic = family(beam.shapes, link.nodes, [*rows.fixed, *rows.held], count)
+    elif count:
         square = np.ix_(rows.free, rows.free)
         dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, count - 1))[1]
     transverse = _orthogonal(np.hstack([_static(stiffness, rows.held, rows.free), dynamic]), stiffness, mass)

@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.binding import bind_parameters, find_coupled_module
+from kaneflex.coupled.families import check_family
 from kaneflex.coupled.moments import body_numbers
 from kaneflex.coupled.shapes import Shapes, link_shapes
 from kaneflex.errors import SceneError
@@ -105,11 +106,12 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
     Returns the system and the seconds spent on deriving its module.
     """
     counts = shape_counts(scene)
-    for name in counts:
+    beams = [name for name in counts if scene.bodies[name].elastic]
+    for name in beams:
         check_modes(scene, name)
     module, seconds = find_coupled_module(scene, counts, progress)
     stretching = with_stretch(scene)
-    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in counts}
+    links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in beams}
     shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
     numbers = body_numbers(scene, module, links, shapes)
     return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds
@@ -119,6 +121,7 @@ def check_modes(scene: Scene, name: str) -> None:
     """A link's elements must have the modes that the scene asks for, before equations with as many are derived."""
     nodes = len(mesh(scene, name, scene.bodies[name].beam.elements))
     modes, static = modes_of(scene), shape_counts(scene)[name][1] - modes_of(scene)
+    check_family(scene, name, nodes - 1)
     frame = frame_of(stations(scene, name))
     limit = min(2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static, MOST_MODES)
     if modes > limit:

@@ -94,13 +94,15 @@ class Beam(Sectioned):
     """A planar beam along the body's length: one section, tapered or not, or `segments` with a section each.
 
     `A` may be left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia
-    Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch.
+    Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch. `shapes` are
+    those of preset coupled.
     """
 
     segments: dict[str, Segment] = Field(default={})
     theory: Literal["euler-bernoulli", "rayleigh", "shear", "timoshenko"] = "euler-bernoulli"
     axially_rigid: bool = False
     elements: WholeNumber = 4
+    shapes: Literal["craig-bampton", "sine", "clamped-free", "polynomial"] = "craig-bampton"
 
     @model_validator(mode="after")
     def _has_material(self) -> Beam:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from kaneflex.errors import Fault
 from kaneflex.scene.beams import Beam
+from kaneflex.scene.modal_data import ModalData, modal_data_of, read_modal_data
 from kaneflex.scene.profile import Profile
 from kaneflex.scene.quantities import Angle, Inertia, Point, PositiveLength, PositiveMass
 from kaneflex.scene.table import SceneTable
@@ -22,12 +23,23 @@ def _profile(data: dict) -> Profile | None:
     return beam.profile(length, data.get("mass") or 0.0)
 
 
+def _default_length(data: dict) -> float | None:
+    modal = modal_data_of(data)
+    return modal.length if modal else None
+
+
 def _default_mass(data: dict) -> float:
+    modal = modal_data_of(data)
+    if modal is not None:
+        return modal.rigid[0]
     profile = _profile(data)
     return profile.inertia(profile.length).mass if profile else 0.0
 
 
 def _default_centre(data: dict) -> tuple[float, float]:
+    modal = modal_data_of(data)
+    if modal is not None:
+        return (modal.rigid[1], 0.0)
     profile, length = _profile(data), data.get("length") or 0.0
     if profile is None or not profile.varying:
         return (length / 2, 0.0)
@@ -36,6 +48,9 @@ def _default_centre(data: dict) -> tuple[float, float]:
 
 
 def _default_inertia(data: dict) -> float:
+    modal = modal_data_of(data)
+    if modal is not None:
+        return modal.rigid[2]
     profile, length = _profile(data), data.get("length") or 0.0
     slender = data["mass"] * length**2 / 12
     if profile is None:
@@ -52,7 +67,7 @@ class Pose(SceneTable):
 
 
 class Body(SceneTable):
-    """A body; rigid unless it has a `beam`. Its frame starts at `start`, with `end` on its x axis.
+    """A body; rigid unless it has a `beam` or `modal_data`. Its frame starts at `start`, with `end` on its x axis.
 
     length in m; mass in kg (left out: massless, or rho A length of its beam); centre of mass in m in the
     body's axes (half the length); inertia in kg m^2 about the centre of mass (uniform bar); further named
@@ -60,13 +75,33 @@ class Body(SceneTable):
     """
 
     like: str | None = Field(default=None, description="another body of this scene to start from")
-    length: PositiveLength | None = None
+    modal_data: str | None = Field(default=None, description="npz file of a link's modal data")
+    length: PositiveLength | None = Field(default_factory=_default_length)
     beam: Beam | None = None
     mass: PositiveMass = Field(default_factory=_default_mass)
     centre: Point = Field(default_factory=_default_centre)
     inertia: Inertia = Field(default_factory=_default_inertia)
     pose: Pose | None = None
     points: dict[str, Point] = Field(default={})
+
+    @field_validator("modal_data")
+    @classmethod
+    def _readable(cls, path: str | None) -> str | None:
+        if path is not None:
+            read_modal_data(path)
+        return path
+
+    @model_validator(mode="after")
+    def _modal_data_fit(self) -> Body:
+        if self.modal is None:
+            return self
+        for field in ("beam", "mass", "centre", "inertia", "pose"):
+            if field in self.model_fields_set:
+                raise Fault("not beside modal_data", f"Leave {field} or modal_data out", below=field)
+        if abs(self.length - self.modal.length) > _SAME_MASS * self.length:
+            reason = f"modal_data is of a link of {self.modal.length:.6g} m"
+            raise Fault(reason, "Leave length out", below="length")
+        return self
 
     @model_validator(mode="after")
     def _beam_fits(self) -> Body:
@@ -107,6 +142,11 @@ class Body(SceneTable):
     @property
     def elastic(self) -> bool:
         return self.beam is not None
+
+    @cached_property
+    def modal(self) -> ModalData | None:
+        """The modal data of a link that has them instead of a beam."""
+        return modal_data_of({"modal_data": self.modal_data})
 
     @cached_property
     def profile(self) -> Profile:

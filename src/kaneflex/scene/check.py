@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.laws import parse_law
 from kaneflex.scene.drive_check import drive_problems
+from kaneflex.scene.modal_check import modal_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
@@ -27,6 +28,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *_springs(scene),
         *_sensors(scene),
         *_events(scene),
+        *modal_problems(scene),
         *_horizon(scene),
     ]
     return found or list(_periods(scene))
@@ -174,6 +176,9 @@ def _spread(scene: Scene, key: str, body: str) -> Iterator[Problem]:
         yield Problem(key, body, "no body of that name", nearest(body, scene.bodies))
     elif scene.bodies[body].length is None:
         yield Problem(key, body, f"{body} has no length to spread a load along", "Give the body a length")
+    elif scene.bodies[body].modal_data is not None:
+        reason = f"the modal data of {body} say nothing of what is between its points"
+        yield Problem(key, body, reason, "Let forces act on its points, or give the body a beam")
 
 
 def _springs(scene: Scene) -> Iterator[Problem]:
@@ -226,9 +231,8 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     if body is None or body.elastic:
         return
     if sensor.kind not in MOTION_KINDS:
-        yield Problem(
-            f"{key}.{sensor.kind}", str(address), f"{address.body} is rigid", "Give the body a beam"
-        )
+        reason = f"{address.body} is rigid" if body.modal is None else "modal data have no sections"
+        yield Problem(f"{key}.{sensor.kind}", str(address), reason, "Give the body a beam")
     if sensor.relative_to == "chord" and body.length is None:
         yield Problem(
             f"{key}.relative_to", "chord", f"{address.body} has no length", "Give the body a length"

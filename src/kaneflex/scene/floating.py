@@ -93,7 +93,11 @@ def modes_of(scene: Scene) -> int:
 
 def shape_counts(scene: Scene) -> dict[str, tuple[int, int]]:
     """Elastic link -> its numbers of axial and of transverse shapes."""
-    return {name: _counts(scene, name, modes_of(scene)) for name, body in scene.bodies.items() if body.elastic}
+    return {
+        name: _counts(scene, name, modes_of(scene)) if body.elastic else body.modal.counts
+        for name, body in scene.bodies.items()
+        if body.elastic or body.modal is not None
+    }
 
 
 def _counts(scene: Scene, name: str, modes: int) -> tuple[int, int]:

@@ -87,7 +87,7 @@ def _other_scene(text: str, path: Path, shipped: Iterable[str]) -> str:
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
-    """The file's tables over those that `like` names; the paths of CSV tables are absolute."""
+    """The file's tables over those that `like` names; the paths of CSV tables and modal data are absolute."""
     path = path.resolve()
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
@@ -104,6 +104,9 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     for entry in (*_tables(raw.get("loads")), *_tables(raw.get("drives"))):
         if isinstance(entry.get("table"), str) and entry["table"] != "none":
             entry["table"] = str((path.parent / entry["table"]).resolve())
+    for entry in _tables(raw.get("bodies")):
+        if isinstance(entry.get("modal_data"), str):
+            entry["modal_data"] = str((path.parent / entry["modal_data"]).resolve())
     if isinstance(raw.get("like"), str):
         raw = merged(_read_raw(_located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)

@@ -59,6 +59,8 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
     body = scene.bodies[name]
     mass, inertia = _zeros((body.mass, body.inertia))
     entry = {"elastic": body.elastic, "mass": mass, "inertia": inertia, "centre": _zeros(body.centre)}
+    if body.modal is not None and body.modal.rotary:
+        entry["theory"] = "rayleigh"
     return entry | (body.beam.structure() if body.elastic else {})
 
 

@@ -1,0 +1,66 @@
+"""What a scene may ask of links that have modal data instead of a beam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from kaneflex.errors import Problem
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.scene import Scene
+from kaneflex.scene.sensors import POINT_KINDS
+
+
+def modal_problems(scene: Scene) -> Iterator[Problem]:
+    """Beams besides, guides, points that a file lacks, springs, and damping that the file has already."""
+    links = {name: body for name, body in scene.bodies.items() if body.modal is not None}
+    if not links:
+        return
+    for name, body in scene.bodies.items():
+        if body.elastic:
+            reason = f"{next(iter(links))} has modal data: in this version a scene has either these or beams"
+            yield Problem(f"bodies.{name}.beam", None, reason, "Export this link, too, and give its modal data")
+    if scene.damping is not None:
+        reason = "links by modal data have their damping in the file"
+        yield Problem("damping", None, reason, "Leave the table out")
+    for name, spring in scene.springs.items():
+        for end in spring.ends:
+            if end.body in links:
+                reason = f"{end.body} has modal data: a spring on elastic bodies is not available in this version"
+                yield Problem(f"springs.{name}.between", str(end), reason, "Attach it to a rigid body or to the ground")
+    for name, joint in scene.joints.items():
+        slid = [address.body for address in joint.addresses if joint.kind == "prismatic" and address.body in links]
+        if slid:
+            reason = f"{slid[0]} has modal data and would slide through its own deformation"
+            yield Problem(f"joints.{name}.prismatic", slid[0], reason, "Let the guide hold a rigid body")
+    for key, address in _addresses(scene):
+        if address.body not in links or address.point not in links[address.body].points_all:
+            continue
+        x, y = scene.point(address)
+        modal, file = links[address.body].modal, Path(links[address.body].modal_data).name
+        here = modal.at(x) if y == 0 else None
+        if address.point not in modal.points:
+            reason = f"{file} has no such point: its points are {', '.join(modal.points)}"
+            yield Problem(key, str(address), reason, "Add it to the file's arrays, or name another point")
+            continue
+        at = float(modal.arrays["X"][modal.points.index(address.point)])
+        if here is None or modal.at(at) != here:
+            reason = f"in {file} it lies at {at:.6g} m on the axis, here at ({x:.6g}, {y:.6g}) m"
+            yield Problem(key, str(address), reason, "Give the point the file's place")
+
+
+def _addresses(scene: Scene) -> Iterator[tuple[str, Address]]:
+    """Every address of a point whose deformation is needed, with its key."""
+    for name, joint in scene.joints.items():
+        for address in joint.addresses:
+            yield f"joints.{name}.{joint.kind}", address
+    for name, load in scene.forces.items():
+        yield f"loads.{name}.force_on", load.force_on
+    for name, mass in scene.masses.items():
+        yield f"masses.{name}.at", mass.at
+    for name, sensor in scene.sensors.items():
+        if sensor.kind not in POINT_KINDS or sensor.target.body not in scene.bodies:
+            continue
+        yield f"sensors.{name}.{sensor.kind}", sensor.target
+        for end in {"chord": ("start", "end"), "start": ("start",)}.get(sensor.relative_to, ()):
+            yield f"sensors.{name}.relative_to", Address(sensor.target.body, end)

@@ -1,0 +1,193 @@
+"""A link's modal data from elsewhere: the arrays of a file, checked, and the numbers that equations take of them."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from kaneflex.errors import Fault
+
+FORMAT = 1
+"""Number of the file's format."""
+ARRAYS: dict[str, tuple[str, str, str]] = {
+    "mass": ("", "{}", "kg"),
+    "mass_X": ("", "{}", "kg m"),
+    "mass_X_X": ("", "{}", "kg m^2"),
+    "inertia": ("", "{}", "kg m^2"),
+    "mass_s": ("s", "mass_s_{}", "kg"),
+    "mass_w": ("w", "mass_w_{}", "kg"),
+    "mass_X_s": ("s", "mass_X_s_{}", "kg m"),
+    "mass_X_w": ("w", "mass_X_w_{}", "kg m"),
+    "mass_s_s": ("ss", "mass_s_{}_s_{}", "kg"),
+    "mass_w_w": ("ww", "mass_w_{}_w_{}", "kg"),
+    "mass_s_w": ("sw", "mass_s_{}_w_{}", "kg"),
+    "mass_H": ("ww", "mass_H_{}_{}", "kg/m"),
+    "mass_X_H": ("ww", "mass_X_H_{}_{}", "kg"),
+    "inertia_psi": ("w", "inertia_psi_{}", "kg m"),
+    "inertia_psi_psi": ("ww", "inertia_psi_{}_psi_{}", "kg"),
+    "stiffness": ("a", "stiffness_{}", "N/m"),
+    "damping": ("aa", "damping_{}_{}", "N s/m"),
+}
+"""Array -> its axes (s axial shapes, w transverse ones, a all), its numbers' names in PARAMETERS, unit."""
+POINT_ARRAYS: dict[str, tuple[str, str, str]] = {
+    "X": ("", "X", "m"),
+    "s": ("s", "s_{}", "1"),
+    "w": ("w", "w_{}", "1"),
+    "psi": ("w", "psi_{}", "1/m"),
+    "H": ("ww", "H_{}_{}", "1/m"),
+}
+"""The same of what each point has: the points are the first axis."""
+
+
+_SAME = 1e-9
+"""Relative difference up to which numbers of a file are the same."""
+_EXPORT = "Compare the file with what kaneflex modes --export writes"
+
+
+@dataclass(frozen=True, eq=False)
+class ModalData:
+    """Arrays of a link by the names of ARRAYS and, points first, POINT_ARRAYS (SI), with the length [m] and points."""
+
+    length: float
+    points: tuple[str, ...]
+    arrays: Mapping[str, np.ndarray]
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of axial and of transverse shapes."""
+        return len(self.arrays["mass_s"]), len(self.arrays["mass_w"])
+
+    @property
+    def rotary(self) -> bool:
+        """Whether the sections have rotary inertia."""
+        return any(self.arrays[name].any() for name in ("inertia", "inertia_psi", "inertia_psi_psi"))
+
+    @property
+    def rigid(self) -> tuple[float, float, float]:
+        """Mass [kg], distance of its centre from the start [m], moment of inertia about it [kg m^2]."""
+        mass, first = float(self.arrays["mass"]), float(self.arrays["mass_X"])
+        return mass, first / mass, float(self.arrays["mass_X_X"] + self.arrays["inertia"]) - first**2 / mass
+
+    def at(self, x: float) -> int | None:
+        """Which of the points is at the distance x [m] from the start, if one is."""
+        found = np.flatnonzero(abs(self.arrays["X"] - x) <= _SAME * self.length)
+        return int(found[0]) if len(found) else None
+
+    def numbers(self) -> dict[str, float]:
+        """The numbers of the link by their names in PARAMETERS, without the body's own."""
+        found: dict[str, float] = {}
+        for name, (axes, pattern, _) in ARRAYS.items():
+            found |= _named(self.arrays[name], pattern if axes else name, axes)
+        for k, point in enumerate(self.points):
+            for name, (axes, pattern, _) in POINT_ARRAYS.items():
+                found |= _named(self.arrays[name][k], f"{point}.{pattern}", axes)
+        return found
+
+
+def _named(array: np.ndarray, pattern: str, axes: str) -> dict[str, float]:
+    return {
+        pattern.format(*index): float(array[index])
+        for index in np.ndindex(*array.shape)
+        if not _symmetric(axes) or index[0] <= index[1]
+    }
+
+
+def _symmetric(axes: str) -> bool:
+    return len(axes) == 2 and axes[0] == axes[1]
+
+
+def read_modal_data(path: str) -> ModalData:
+    """The modal data of a file.
+
+    Raises
+    ------
+    Fault
+        It names the array that is missing, of the wrong shape, not finite, or no mass, stiffness or damping, and how.
+    """
+    try:
+        state = Path(path).stat()
+    except OSError as error:
+        raise Fault(f"cannot be read: {error.strerror}", "Give an npz file of arrays") from None
+    return _read(path, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache
+def _read(path: str, _changed: int, _size: int) -> ModalData:
+    """A file as it was when it was last changed: every default of a body asks for it."""
+    try:
+        with np.load(Path(path), allow_pickle=False) as file:
+            found = {name: file[name] for name in file.files}
+    except (OSError, ValueError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        raise Fault(f"cannot be read: {error}", "Give an npz file of arrays") from None
+    for name in ("format", "length", "points", *ARRAYS, *POINT_ARRAYS):
+        if name not in found:
+            raise Fault(f"the file has no array {name}", _EXPORT)
+    if found["format"] != FORMAT:
+        raise Fault(f"format = {found['format']}: this version reads format {FORMAT}", "Export the file anew")
+    points = tuple(str(name) for name in np.atleast_1d(found["points"]))
+    sizes = {"s": np.size(found["mass_s"]), "w": np.size(found["mass_w"])}
+    sizes["a"] = sizes["s"] + sizes["w"]
+    arrays = {}
+    for name, (axes, _, unit) in (ARRAYS | POINT_ARRAYS).items():
+        shape = ((len(points),) if name in POINT_ARRAYS else ()) + tuple(sizes[axis] for axis in axes)
+        arrays[name] = _checked(name, found[name], shape, axes, unit)
+    data = ModalData(float(_checked("length", found["length"], (), "", "m")), points, arrays)
+    _check_physics(data)
+    return data
+
+
+def _checked(name: str, array: np.ndarray, shape: tuple[int, ...], axes: str, unit: str) -> np.ndarray:
+    """An array of numbers of its shape, finite, and symmetric where it has to be."""
+    if array.shape != shape:
+        raise Fault(f"{name} has the shape {array.shape}, not {shape}", _EXPORT)
+    if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+        raise Fault(f"{name} holds what is no finite number", f"Give it in {unit}")
+    mirrored = np.swapaxes(array, -1, -2) if _symmetric(axes) else array
+    if abs(array - mirrored).max(initial=0.0) > _SAME * abs(array).max(initial=0.0):
+        worst = np.unravel_index(abs(array - mirrored).argmax(), array.shape)
+        reason = f"{name}{[int(k) for k in worst]} = {array[worst]:.6g} is not symmetric to {mirrored[worst]:.6g}"
+        raise Fault(reason, "Give a symmetric array")
+    return array.astype(float)
+
+
+def _check_physics(data: ModalData) -> None:
+    a = data.arrays
+    for name, value in (("length", data.length), ("mass", a["mass"]), *(("stiffness", k) for k in a["stiffness"])):
+        if value <= 0:
+            raise Fault(f"{name} = {value:.6g} is not above zero", "Give what resists")
+    s, w = data.counts
+    if not w:
+        raise Fault("mass_w is empty: there is no transverse shape", "Give one at least")
+    # Kinetic energy of the link as a rigid body along and across its axis, and of its shapes.
+    along = np.block([[a["mass"].reshape(1, 1), a["mass_s"][None]], [a["mass_s"][:, None], a["mass_s_s"]]])
+    turn = (a["mass_X_w"] + a["inertia_psi"])[:, None]
+    across = np.block([
+        [a["mass"].reshape(1, 1), a["mass_X"].reshape(1, 1), a["mass_w"][None]],
+        [a["mass_X"].reshape(1, 1), (a["mass_X_X"] + a["inertia"]).reshape(1, 1), turn.T],
+        [a["mass_w"][:, None], turn, a["mass_w_w"] + a["inertia_psi_psi"]],
+    ])  # fmt: skip
+    for name, matrix in (("mass_s_s", along), ("mass_w_w", across)):
+        scale = np.sqrt(abs(np.diag(matrix)))
+        lowest = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] if scale.all() else 0.0
+        if lowest <= 0:
+            reason = f"{name} with the link's mass and first moments is not positive definite: {lowest:.3g}"
+            raise Fault(reason, "Give independent shapes, none of them a motion of the whole link")
+    damping = a["damping"]
+    if damping[:s, s:].any():
+        raise Fault("damping couples axial and transverse shapes", "Leave these entries at zero")
+    if np.linalg.eigvalsh(damping)[0] < -_SAME * abs(damping).max():
+        raise Fault(f"damping has the eigenvalue {np.linalg.eigvalsh(damping)[0]:.3g}", "Give damping that dissipates")
+    for k in np.flatnonzero(a["X"] == 0):
+        if a["s"][k].any() or a["w"][k].any():
+            raise Fault(f"s or w is not zero at {data.points[k]}", "Give shapes that leave the start in place")
+
+
+def modal_data_of(entries: Mapping[str, object]) -> ModalData | None:
+    """The modal data that a body's entries name, if they do."""
+    path = entries.get("modal_data")
+    return read_modal_data(path) if isinstance(path, str) else None

@@ -1,0 +1,237 @@
+"""Modal data of links as arrays: what `kaneflex modes --export` writes, and what a scene takes instead of beams."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kaneflex
+from kaneflex.cli import main
+from kaneflex.coupled.modal_data import modal_data
+from kaneflex.coupled.moments import link_numbers
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
+
+PAGE = (Path(__file__).parent.parent / "docs" / "commands.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return kaneflex.load(read_scene("slider-crank-150-coupled"))
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("modal")
+    result = CliRunner().invoke(main, ["modes", "slider-crank-150-coupled", "--export", str(folder / "data")])
+    assert result.exit_code == 0, result.output
+    return folder / "data"
+
+
+def test_the_arrays_are_those_of_the_link(model, exported):
+    data = dict(np.load(exported / "rod.npz"))
+    rod = model.scene.bodies["rod"]
+    assert float(data["mass"]) == pytest.approx(rod.mass, rel=1e-12)
+    assert float(data["mass_X"]) == pytest.approx(rod.mass * rod.length / 2, rel=1e-12)
+    assert float(data["mass_X_X"]) == pytest.approx(rod.mass * rod.length**2 / 3, rel=1e-12)
+    omega = np.sqrt(data["stiffness"][-3:] / np.diag(data["mass_w_w"]))
+    exact = (np.arange(1, 4) * np.pi / rod.length) ** 2 * np.sqrt(rod.E_I / rod.rho_A)
+    assert omega == pytest.approx(exact, rel=3e-3)
+    assert data["points"].tolist() == ["start", "mid", "end"]
+    # int w'^2 of a sine of height 1: pi^2 / (2 L) over the length, half of that to the middle.
+    assert data["H"][:, 0, 0] == pytest.approx(np.array([0, 0.5, 1]) * np.pi**2 / (2 * rod.length), rel=1e-3)
+
+
+def test_arrays_hold_every_number_of_the_link(model, tmp_path):
+    link = model.coupled.links["rod"]
+    numbers = link_numbers(model.scene, link, model.coupled.shapes["rod"])
+    np.savez(tmp_path / "rod.npz", **modal_data(model.scene, link, model.coupled))
+    assert read_modal_data(str(tmp_path / "rod.npz")).numbers() == pytest.approx(numbers, rel=1e-15)
+
+
+def test_the_page_names_every_array(exported):
+    table = re.search(r"^\| array \|.*\n\|[ -|]*\|\n((?:\|.*\n)+)", PAGE, flags=re.MULTILINE)[1]
+    named = [name for line in table.splitlines() for name in re.findall(r"`(\w+)`", line.split("|")[1])]
+    assert named == list(dict.fromkeys(named))
+    assert set(named) == set(np.load(exported / "rod.npz")) == {"format", "length", "points", *ARRAYS, *POINT_ARRAYS}
+
+
+def test_what_the_export_refuses(exported):
+    again = CliRunner().invoke(main, ["modes", "slider-crank-150-coupled", "--export", str(exported)])
+    assert again.exit_code == 2 and "the file exists" in again.output
+    rigid = CliRunner().invoke(main, ["modes", "double-pendulum", "--export", str(exported)])
+    assert rigid.exit_code == 2 and "no body has a beam" in rigid.output
+
+
+SENSORS = """
+[sensors]
+end_speed = {velocity = "rod.end", component = "x"}
+mid_kick = {acceleration = "rod.mid", component = "y", axes = "global"}
+mid_angle = {displacement = "rod.mid", component = "angle"}
+mid_place = {position = "rod.mid", component = "y"}
+slider_kick = {acceleration = "slider", component = "x"}
+wrist_force = {joint_force = "wrist", component = "x"}
+"""
+WITH_BEAM = 'schema = 1\nlike = "slider-crank-150-coupled"\n' + SENSORS
+WITH_DATA = """
+schema = 1
+[bodies]
+crank = {length = "150 mm"}
+rod = {modal_data = "data/rod.npz"}
+slider = {mass = "33.378 g"}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+pin = {revolute = ["crank.end", "rod.start"]}
+wrist = {revolute = ["rod.end", "slider"]}
+guide = {prismatic = ["ground", "slider"], direction = [1, 0], branch = "+"}
+[drives]
+main = {speed = "150 rad/s"}
+[solve]
+preset = "coupled"
+start = "zero"
+duration = "53.333333333333336 ms"
+steps = 4000
+""" + SENSORS + """
+mid_transverse = {displacement = "rod.mid", relative_to = "chord", component = "y"}
+slider_position = {position = "slider", component = "x"}
+crank_torque = {drive_torque = "main"}
+"""
+
+
+@pytest.fixture(scope="module")
+def fed_back(exported):
+    path = exported.parent / "fed-back.toml"
+    path.write_text(WITH_DATA)
+    return path
+
+
+def test_data_fed_back_give_the_same_motion(exported, fed_back):
+    beam = exported.parent / "with-beam.toml"
+    beam.write_text(WITH_BEAM)
+    there, here = (kaneflex.simulate(kaneflex.load(read_scene(path))) for path in (beam, fed_back))
+    assert set(here.series) == set(there.series) - {"rod_force", "rod_force_rigid"}
+    for name, series in here.series.items():
+        gap = abs(series.values - there.series[name].values).max()
+        assert gap <= 1e-10 * abs(there.series[name].values).max(), name
+    assert abs(here.series["mid_transverse"].values).max() > 4e-3
+    assert here.coupled.trajectory.energy.drift < 1e-6
+
+
+def test_several_links_with_lumped_masses(tmp_path):
+    """The four-bar's three links, damped, from equilibrium, off and on again."""
+    result = CliRunner().invoke(main, ["modes", "four-bar", "--export", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    links = "\n".join(f'[bodies.{name}]\nmodal_data = "{name}.npz"' for name in ("crank", "coupler", "follower"))
+    text = shipped_scenes()["four-bar"].read_text().replace('coupler_force = {axial_force = "coupler.mid"}\n', "")
+    head, rest = text.split("[bodies.crank]")
+    damping = '[damping]\nrayleigh = {ratio = 0.02, at = ["46 Hz", "75 Hz"]}\n'
+    assert damping in rest
+    joints = rest[rest.index("[joints]") :].replace(damping, "")
+    (tmp_path / "scene.toml").write_text(head + links + "\n" + joints)
+    settings = ["solve.preset=coupled", "solve.start=quasistatic"]
+    there, here = (
+        kaneflex.simulate(kaneflex.load(with_settings(read_scene(scene), settings))).series
+        for scene in ("four-bar", tmp_path / "scene.toml")
+    )
+    for name, series in here.items():
+        gap = abs(series.values - there[name].values).max()
+        assert gap <= 1e-10 * abs(there[name].values).max(), name
+
+
+def test_the_rigid_preset_takes_mass_centre_and_inertia(fed_back):
+    rod = read_scene(fed_back).bodies["rod"]
+    beam = read_scene("slider-crank-150").bodies["rod"]
+    assert (rod.mass, rod.length, rod.inertia) == pytest.approx((beam.mass, beam.length, beam.inertia), rel=1e-12)
+    assert rod.centre == pytest.approx(beam.centre, rel=1e-12)
+    scenes = [with_settings(read_scene(scene), ["solve.preset=rigid"]) for scene in (fed_back, "slider-crank-150")]
+    here, there = (kaneflex.simulate(kaneflex.load(scene)).series["crank_torque"].values for scene in scenes)
+    assert here == pytest.approx(there, rel=1e-9, abs=1e-9)
+
+
+def test_a_run_writes_its_results(fed_back, tmp_path):
+    result = CliRunner().invoke(main, ["run", str(fed_back), "--steps", "200", "-o", str(tmp_path / "results")])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "results" / "summary.json").exists()
+
+
+def asymmetric(data):
+    data["mass_w_w"][0, 1] += 1e-3
+
+
+def not_finite(data):
+    data["psi"][1, 0] = np.nan
+
+
+def without_mass(data):
+    data["mass_w_w"][:] *= 1e-3
+
+
+def moved_start(data):
+    data["w"][0, 0] = 0.1
+
+
+def unstable(data):
+    data["stiffness"][1] *= -1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.pop("mass_H"), "the file has no array mass_H"),
+        (lambda data: data.update(psi=data["psi"][:, :2]), "psi has the shape (3, 2), not (3, 3)"),
+        (lambda data: data.update(format=np.array(2)), "format = 2: this version reads format 1"),
+        (asymmetric, "mass_w_w[0, 1] = 0.001 is not symmetric to"),
+        (not_finite, "psi holds what is no finite number. Give it in 1/m."),
+        (without_mass, "mass_w_w with the link's mass and first moments is not positive definite"),
+        (moved_start, "s or w is not zero at start"),
+        (unstable, "is not above zero"),
+        (lambda data: data["damping"].__setitem__((0, -1), 1.0), "damping[0, 4] = 1 is not symmetric to 0"),
+    ],
+)
+def test_what_a_file_must_be(exported, tmp_path, change, message):
+    data = dict(np.load(exported / "rod.npz"))
+    change(data)
+    (tmp_path / "data").mkdir()
+    np.savez(tmp_path / "data" / "rod.npz", **data)
+    (tmp_path / "scene.toml").write_text(WITH_DATA)
+    with pytest.raises(SceneError) as error:
+        read_scene(tmp_path / "scene.toml")
+    assert str(error.value).startswith("bodies.rod.modal_data = ") and message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ('"data/rod.npz"', '"data/none.npz"', "cannot be read"),
+        ('"data/rod.npz"', '"data/rod.npz", mass = "1 kg"', "bodies.rod.mass = '1 kg': not beside modal_data"),
+        ('"data/rod.npz"', '"data/rod.npz", length = "1 m"', "modal_data is of a link of 0.3 m"),
+        ('"150 mm"}', '"150 mm", beam = {material = "steel", A = "1 cm^2", I = "1 cm^4"}}',
+         "rod has modal data: in this version a scene has either these or beams"),
+        ('"data/rod.npz"', '"data/rod.npz", points = {mark = ["0.1 m", 0]}', None),
+        ('{displacement = "rod.mid", component = "angle"}', '{bending_moment = "rod.mid"}', "sections"),
+        ('["ground", "slider"]', '["ground", "rod"]', "rod has modal data and would slide through its own deformation"),
+        ("[solve]", "[damping]\nviscous = {mu = 0.1}\n[solve]", "damping in the file"),
+    ],
+)  # fmt: skip
+def test_what_a_scene_must_not_ask(exported, before, after, message):
+    path = exported.parent / "bad.toml"
+    path.write_text(WITH_DATA.replace(before, after, 1))
+    if message is None:
+        assert read_scene(path).bodies["rod"].points_all["mark"] == (0.1, 0.0)
+        path.write_text(path.read_text().replace('"rod.mid", component = "angle"', '"rod.mark", component = "angle"'))
+        message = "sensors.mid_angle.displacement = 'rod.mark': rod.npz has no such point: its points"
+    with pytest.raises(SceneError) as error:
+        read_scene(path)
+    assert message in str(error.value)
+
+
+def test_presets_that_need_elements_refuse(fed_back):
+    with pytest.raises(SceneError) as error:
+        kaneflex.load(with_settings(read_scene(fed_back), ["solve.preset=stiffened"]))
+    assert str(error.value) == (
+        "bodies.rod.modal_data = 'rod.npz': preset stiffened takes a link's elements, which modal data don't have. "
+        "Take preset coupled or rigid, or give the body a beam."
+    )
