@@ -16,11 +16,16 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("name", metavar="SCENE")
 @click.option(
-    "--presets", metavar="NAMES", help="Presets to run, like linear,stiffened,coupled. [default: these three]"
-)
+    "--presets", metavar="NAMES",
+    help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with the scene's own]",
+)  # fmt: skip
+@click.option("--with", "peer", metavar="PROGRAM", help="Build and run SCENE in another program, too: exudyn.")
+@click.option("--peer-elements", type=click.IntRange(min=1), help="Its elements of each link. [default: twice SCENE's]")
+@click.option("--peer-steps", type=click.IntRange(min=1), help="Its steps. [default: four times SCENE's]")
 @click.option(
-    "--against", metavar="NAME", help="The one that the others are measured against. [default: the last that ran]"
-)
+    "--against", metavar="NAME",
+    help="The one that the others are measured against. [default: the other program, else the last]",
+)  # fmt: skip
 @click.option(
     "--set", "settings", multiple=True, metavar="PATH=VALUE", help="Change an entry of the scene. Can be repeated."
 )
@@ -31,22 +36,24 @@ if TYPE_CHECKING:
 @click.option("--plots/--no-plots", default=True, help="Draw the curves, PNG and SVG.", show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier comparison's folder.")
 def compare(
-    name: str, presets: str | None, against: str | None, settings: tuple[str, ...], steps: str | None,
-    output: Path | None, plots: bool, force: bool,
+    name: str, presets: str | None, peer: str | None, peer_elements: int | None, peer_steps: int | None,
+    against: str | None, settings: tuple[str, ...], steps: str | None, output: Path | None, plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Run SCENE by several models and say how far apart every sensor is.
 
     The folder holds differences.csv, comparison.json, curves.nc (every sensor of every model over time) and pictures
     in which the curves lie over each other. A preset that SCENE can't be run with is left out, with the reason.
+    Exudyn comes with pip install "kaneflex[peer]".
     """
-    from kaneflex.comparison import PRESETS_COMPARED
+    from kaneflex.comparison import Resolution
     from kaneflex.running import compare_into
 
     chosen = all_settings(None, settings, steps)
     scene = read(name, chosen)
-    asked = PRESETS_COMPARED if presets is None else [part.strip() for part in presets.split(",")]
+    asked = None if presets is None else [part.strip() for part in presets.split(",")]
     folder = output or Path(f"{scene.name}-comparison")
-    comparison = compare_into(scene, folder, asked, against, chosen, plots, force)
+    resolution = Resolution(peer_elements, peer_steps)
+    comparison = compare_into(scene, folder, asked, against, chosen, plots, force, peer, resolution)
     click.echo(difference_table(comparison))
     click.echo(f"Written to {folder}")
     for model, curves in comparison.curves.items():

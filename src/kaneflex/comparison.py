@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PRESETS_COMPARED = ("linear", "stiffened", "coupled")
 """From the plainest to the most complete: the last is what the others are measured against."""
+PEERS = ("exudyn",)
+"""Other programs that scenes can be built in."""
 Progress = Callable[[str], None]
 
 
@@ -43,6 +45,25 @@ class Curves:
     values: Mapping[str, np.ndarray]
     missing: Mapping[str, str]
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How fine another program computes.
+
+    Attributes
+    ----------
+    elements : int or None
+        Elements of each elastic link; None takes twice the scene's, at least 8.
+    steps : int or None
+        Steps per cycle or run; None takes four times the scene's.
+    """
+
+    elements: int | None = None
+    steps: int | None = None
+
+
+FINE_ENOUGH = Resolution()
 
 
 @dataclass(frozen=True)
@@ -145,21 +166,28 @@ class Comparison:
 
 def compare(
     scene: Scene,
-    presets: Sequence[str] = PRESETS_COMPARED,
+    presets: Sequence[str] | None = None,
     against: str | None = None,
     progress: Progress = lambda stage: None,
+    peer: str | None = None,
+    resolution: Resolution = FINE_ENOUGH,
 ) -> Comparison:
-    """Run a scene under several presets and put their sensors side by side.
+    """Run a scene under several presets, and in another program, and put their sensors side by side.
 
     Parameters
     ----------
     scene : Scene
         All but its preset stays as it is.
-    presets : sequence of str
+    presets : sequence of str, optional
+        By default PRESETS_COMPARED; beside another program the scene's own.
     against : str, optional
-        The preset that the others are measured against; by default the last that ran.
+        The model that the others are measured against; by default the other program, else the last preset that ran.
     progress : callable
         Called with the name of each stage that can take longer than a moment.
+    peer : str, optional
+        Another program that builds and runs the scene, too: "exudyn".
+    resolution : Resolution
+        How fine that program computes.
 
     Returns
     -------
@@ -170,10 +198,16 @@ def compare(
     Raises
     ------
     SceneError
-        For a preset that does not exist, a scene without sensors, a reference that did not run, or where fewer
-        than two ran.
+        For a preset that does not exist, a scene without sensors or that the other program can't build, a reference
+        that did not run, or where fewer than two ran.
     """
-    check_request(scene, presets, against)
+    if presets is None:
+        presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
+    check_request(scene, presets, against, () if peer is None else (peer,))
+    if peer is not None:
+        from kaneflex.peers import exudyn
+
+        exudyn.check(scene)
     found: dict[str, Curves] = {}
     left_out: dict[str, str] = {}
     for preset in presets:
@@ -181,6 +215,11 @@ def compare(
             found[preset] = _run(scene, preset, progress)
         except SceneError as error:
             left_out[preset] = str(error)
+    if peer is not None:
+        try:
+            found[peer] = exudyn.solve(scene, resolution, progress)
+        except SceneError as error:
+            left_out[peer] = str(error)
     return side_by_side(scene, found, left_out, against)
 
 
@@ -189,6 +228,9 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
     for preset in presets:
         if preset not in PRESETS:
             raise SceneError("--presets", preset, "unknown preset", nearest(preset, PRESETS))
+    for other in others:
+        if other not in PEERS:
+            raise SceneError("--with", other, "no program to compare with", nearest(other, PEERS))
     asked = [*presets, *others]
     if len(set(asked)) < max(2, len(asked)):
         raise SceneError("--presets", ",".join(presets), "not two or more different models", "Name each model once")

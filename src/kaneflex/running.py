@@ -11,7 +11,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.comparison import Difference
+from kaneflex.comparison import FINE_ENOUGH, Difference, Resolution
 from kaneflex.folders import whole_folder, writing
 from kaneflex.terminal import Waiting
 
@@ -111,10 +111,11 @@ def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
 
 
 def compare_into(
-    scene: Scene, folder: Path, presets: Sequence[str], against: str | None = None, settings: Sequence[str] = (),
-    plots: bool = True, force: bool = False,
+    scene: Scene, folder: Path, presets: Sequence[str] | None = None, against: str | None = None,
+    settings: Sequence[str] = (), plots: bool = True, force: bool = False, peer: str | None = None,
+    resolution: Resolution = FINE_ENOUGH,
 ) -> Comparison:  # fmt: skip
-    """Compare presets and write ``comparison.json``, ``differences.csv``, ``curves.nc`` and pictures into a new folder.
+    """Compare models and write ``comparison.json``, ``differences.csv``, ``curves.nc`` and pictures into a new folder.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def compare_into(
         With all settings laid over it.
     folder : Path
         Appears when it is complete.
-    presets, against
+    presets, against, peer, resolution
         As :func:`kaneflex.compare` takes them.
     settings : sequence of str
         The settings, for the file.
@@ -139,7 +140,7 @@ def compare_into(
     from kaneflex.comparison import compare
 
     with whole_folder(folder, mark=COMPARISON_FILE, force=force) as partial, Waiting() as waiting:
-        comparison = compare(scene, presets, against, waiting.stage)
+        comparison = compare(scene, presets, against, waiting.stage, peer, resolution)
         with writing(folder):
             _write_comparison(comparison, settings, partial)
             if plots:
