@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -39,12 +39,15 @@ class Curves:
         Sensors that the model can't give, with the reason.
     notes : tuple of str
         How the model differs from the scene as it is written.
+    seconds : float
+        Wall time of solving; compiling and building come before it.
     """
 
     times: np.ndarray
     values: Mapping[str, np.ndarray]
     missing: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -252,7 +255,7 @@ def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
         cure = "Compare the others, or shorten solve.duration"
         raise SceneError("solve.preset", preset, solution.trajectory.message.rstrip("."), cure)
     values = {name: solution.series[name].values for name in scene.sensors}
-    return Curves(solution.times, values, {}, tuple(model.warnings))
+    return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
 
 
 def side_by_side(
@@ -279,4 +282,4 @@ def side_by_side(
 
 def _at(curves: Curves, times: np.ndarray) -> Curves:
     values = {name: np.interp(times, curves.times, series) for name, series in curves.values.items()}
-    return Curves(times, values, curves.missing, curves.notes)
+    return replace(curves, times=times, values=values)

@@ -5,6 +5,7 @@ Exudyn: Gerstmayr (2023), Multibody System Dynamics. Elements: Gerstmayr & Shaba
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -57,9 +58,9 @@ def solve(
     recorder = Recorder(model, built)
     cycles = cycles_to_settle(scene, model.options)
     progress("solving in Exudyn")
-    _run(built, model, resolution.steps or 4 * model.options.steps, cycles)
+    seconds = _run(built, model, resolution.steps or 4 * model.options.steps, cycles)
     values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
-    return Curves(recorder.times, values, missing, _notes(model, built, cycles))
+    return Curves(recorder.times, values, missing, _notes(model, built, cycles), seconds)
 
 
 def check(scene: Scene) -> ModuleType:
@@ -88,7 +89,8 @@ def _notes(model: Model, built: Built, cycles: int) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _run(built: Built, model: Model, steps: int, cycles: int) -> None:
+def _run(built: Built, model: Model, steps: int, cycles: int) -> float:
+    """Solve; returns the wall time [s] of the solver alone."""
     system, horizon = built.system, model.step * model.options.steps
     system.Assemble()
     settings = built.exudyn.SimulationSettings()
@@ -101,6 +103,7 @@ def _run(built: Built, model: Model, steps: int, cycles: int) -> None:
     settings.solution.sensors.writePeriod = model.step * max(1, model.options.steps // steps)
     config = built.exudyn.config
     printed, config.printToConsole = config.printToConsole, False
+    started = time.perf_counter()
     try:
         system.SolveDynamic(settings)
     except built.exudyn.SolverError:
@@ -108,3 +111,4 @@ def _run(built: Built, model: Model, steps: int, cycles: int) -> None:
         raise SceneError("--with", "exudyn", "its Newton iteration did not converge", cure) from None
     finally:
         config.printToConsole = printed
+    return time.perf_counter() - started

@@ -25,19 +25,22 @@ class Recorder:
         import exudyn.itemInterface as items
 
         self.model, self.scene, self.built, self.items = model, model.scene, built, items
+        kinds = {sensor.kind for sensor in self.scene.sensors.values()}
+        rates = _RATES if kinds & {"velocity", "acceleration"} else _RATES[:1]
+        cut = bool(kinds & {"axial_force", "bending_moment", "strain"})
         self.free = any(drive.kind == "free" for drive in self.scene.drives.values())
         self.nodes = {
             (node, rate): self._record(items.SensorNode, rate, nodeNumber=node)
             for nodes in built.nodes.values()
             for node in nodes
-            for rate in _RATES
+            for rate in rates
         }
         self.sections = {
             (element, kind, share): self._record(
                 items.SensorBody, kind, bodyNumber=element, localPosition=[share * self._size(name), 0.0, 0.0]
             )
             for name, elements in built.elements.items()
-            if self.scene.bodies[name].elastic
+            if self.scene.bodies[name].elastic and cut
             for element in elements
             for kind in ("ForceLocal", "TorqueLocal")
             for share in _GAUSS
