@@ -2,6 +2,8 @@
 
 import csv
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,3 +119,20 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
     refused(cli(*arguments, "--no-plots"), "the folder exists")
     assert cli(*arguments, "--no-plots", "--force").exit_code == 0
     assert not (folder / "overlay.png").exists()
+
+
+def test_the_page_prints_what_it_says(capsys):
+    page = (Path(__file__).parents[1] / "docs" / "comparison.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    exec(compile(block, "comparison.md", "exec"), {})
+    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
+    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
+        assert (Path(__file__).parents[1] / "docs" / picture).exists()
+
+
+def test_the_pages_commands_are_accepted():
+    page = (Path(__file__).parents[1] / "docs" / "comparison.md").read_text(encoding="utf-8")
+    options = {option for command in re.findall(r"^kaneflex compare .*$", page, re.MULTILINE) for option in
+               re.findall(r"--[a-z-]+", command)}  # fmt: skip
+    shown = cli("compare", "--help").stdout
+    assert options and all(option in shown for option in options)
