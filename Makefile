@@ -4,6 +4,8 @@
 .PHONY: help setup run test derive check-derived bench-derive lint clean
 
 PYTHON ?= python3
+# EXTRAS=test,peer installs the programs to compare with, too; without them their tests skip and say so.
+EXTRAS ?= test
 BUILD := .build
 BIN := $(BUILD)/venv/bin
 READY := $(BUILD)/venv/ready
@@ -19,7 +21,7 @@ setup: $(READY)  ## make the virtual environment in .build/venv, once
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(BUILD)/venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
 	@touch $@
 
 run: $(READY)  ## run the reference engine; results, summary and pictures in .build/engine

@@ -14,6 +14,7 @@ from kaneflex._numba_cache import ensure_cache_folder
 ensure_cache_folder()  # before any jitted module can be imported
 
 _HOMES = {
+    "Comparison": "kaneflex.comparison",
     "Model": "kaneflex.model",
     "OutputError": "kaneflex.errors",
     "Scene": "kaneflex.scene",
@@ -21,6 +22,7 @@ _HOMES = {
     "Solution": "kaneflex.solution",
     "StateSpace": "kaneflex.statespace",
     "UserError": "kaneflex.errors",
+    "compare": "kaneflex.comparison",
     "linearise": "kaneflex.statespace",
     "load": "kaneflex.loading",
     "read_scene": "kaneflex.scene",

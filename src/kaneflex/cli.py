@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kaneflex.cli_compare import compare
 from kaneflex.cli_mechanism import equations, linearise, new, show
 from kaneflex.cli_scene import all_settings, mode_angle, read, scene_options
 from kaneflex.errors import SceneError, UserError
@@ -266,5 +267,5 @@ def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     click.echo(f"Written to {output}")
 
 
-for command in (show, new, linearise, equations):
+for command in (compare, show, new, linearise, equations):
     main.add_command(command)

@@ -60,7 +60,7 @@ def summary_table(summary: Summary) -> str:
     return table(head, [_sensor_row(name, entry) for name, entry in summary.sensors.items()], left=2)
 
 
-def _unit_shown(unit: str, largest: float) -> tuple[str, Callable[[float], str]]:
+def unit_shown(unit: str, largest: float) -> tuple[str, Callable[[float], str]]:
     """The unit for people of values up to ``largest`` (SI), and what writes an SI value in it."""
     shown, factor = _FOR_PEOPLE.get(unit, (unit, 1.0))
     if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
@@ -73,7 +73,7 @@ def _unit_shown(unit: str, largest: float) -> tuple[str, Callable[[float], str]]
 
 
 def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
-    unit, number = _unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))
+    unit, number = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))
 
     def where(instant: Instant) -> str:
         return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
@@ -86,7 +86,7 @@ def spread_table(summary: Summary) -> str:
     """How the peaks of a frozen model depend on the angle at which it is frozen."""
     rows = []
     for name, spread in summary.mode_angle_spread.items():
-        unit, number = _unit_shown(summary.sensors[name].unit, spread.largest)
+        unit, number = unit_shown(summary.sensors[name].unit, spread.largest)
         rows.append((name, unit, number(spread.smallest), number(spread.largest)))
     return table(("frozen at any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
 

@@ -1,0 +1,127 @@
+"""What of a scene another program can build, and the numbers that it needs for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from kaneflex.errors import Problem, SceneError
+from kaneflex.options import Options
+from kaneflex.scene import Scene
+
+_SETTLED = 1e-4
+"""What is left of the free vibration at the start when a cycle is taken for periodic."""
+_MOST_CYCLES = 60
+
+
+def check_buildable(scene: Scene) -> None:
+    """Raise SceneError that names everything in a scene that has no counterpart in the peer."""
+    problems = [*_bodies(scene), *_joints(scene), *_forces(scene), *_solving(scene)]
+    if problems:
+        raise SceneError.gather(problems)
+
+
+def _problem(key: str, value: object, reason: str) -> Problem:
+    return Problem(key, value, f"{reason} is not built in the peer", "Compare presets instead, or leave it out")
+
+
+def _bodies(scene: Scene) -> Iterator[Problem]:
+    if scene.is_frame:
+        yield _problem("bodies", None, "a structure that stands still")
+    for name, body in scene.bodies.items():
+        if not body.elastic:
+            continue
+        if body.beam.theory != "euler-bernoulli":
+            yield _problem(f"bodies.{name}.beam.theory", body.beam.theory, "shear or rotary inertia")
+        if body.profile.varying:
+            yield _problem(f"bodies.{name}.beam", None, "a section that varies")
+        if body.beam.axially_rigid:
+            yield _problem(f"bodies.{name}.beam.axially_rigid", True, "a beam that does not stretch")
+        for point, (_, y) in body.points_all.items():
+            if y:
+                yield _problem(f"bodies.{name}.points.{point}", None, "a point off the axis of an elastic link")
+    for name, mass in scene.masses.items():
+        if mass.inertia and mass.at.body != "ground" and scene.bodies[mass.at.body].elastic:
+            yield _problem(f"masses.{name}.inertia", mass.inertia, "a lumped inertia on an elastic link")
+
+
+def _joints(scene: Scene) -> Iterator[Problem]:
+    for name, joint in scene.joints.items():
+        elastic = [side.body for side in joint.addresses if side.body != "ground" and scene.bodies[side.body].elastic]
+        if joint.kind == "weld":
+            yield _problem(f"joints.{name}", "weld", "a weld")
+        elif joint.kind == "prismatic" and elastic:
+            yield _problem(f"joints.{name}", "prismatic", "a guide on an elastic link")
+        elif joint.rotation == "shared":
+            yield _problem(f"joints.{name}.rotation", "shared", "a welded pin")
+    for name, drive in scene.drives.items():
+        joint = scene.joints[name]
+        if drive.kind == "free":
+            continue
+        if joint.kind != "revolute" or "ground" not in [side.body for side in joint.addresses]:
+            yield _problem(f"drives.{name}", drive.kind, "a drive other than a turn from the ground")
+        if drive.rotation == "free":
+            yield _problem(f"drives.{name}.rotation", "free", "a drive that leaves the elastic rotation free")
+
+
+def _forces(scene: Scene) -> Iterator[Problem]:
+    free = any(drive.kind == "free" for drive in scene.drives.values())
+    for name, load in scene.loads.items():
+        if load.torque_at is not None:
+            yield _problem(f"loads.{name}", "torque_at", "a torque at a joint")
+        elif load.axes == "body":
+            yield _problem(f"loads.{name}.axes", "body", "a force that turns with its body")
+        elif free and load.kind != "value":
+            yield _problem(f"loads.{name}", load.kind, "a force that depends on a motion to be found")
+    for name in scene.springs:
+        yield _problem(f"springs.{name}", None, "a spring")
+    if scene.damping is not None and scene.damping.kind != "rayleigh":
+        yield _problem("damping", scene.damping.kind, "damping other than Rayleigh's")
+
+
+def _solving(scene: Scene) -> Iterator[Problem]:
+    if scene.solve.start == "quasistatic":
+        yield Problem(
+            "solve.start", "quasistatic", "the peer starts from the undeformed state", "Set solve.start=zero"
+        )
+    if scene.solve.start == "periodic" and (scene.damping is None or not scene.damping.rayleigh):
+        yield Problem(
+            "solve.start", "periodic", "the peer finds it by waiting, and without Rayleigh damping nothing settles",
+            "Set solve.start=zero and a duration, or give damping",
+        )  # fmt: skip
+
+
+def cycles_to_settle(scene: Scene, options: Options) -> int:
+    """Cycles after which the last one is periodic, from the undeformed state; 1 for a run that is not to repeat.
+
+    The slowest vibration falls with exp(-ratio omega t), omega at the lower of Rayleigh's two frequencies.
+
+    Raises
+    ------
+    SceneError
+        Where that takes too many.
+    """
+    if options.start != "periodic" or not options.cycles:
+        return 1
+    rayleigh = scene.damping.rayleigh
+    decay = rayleigh.ratio * 2.0 * math.pi * min(rayleigh.at) * scene.period
+    cycles = 1 + math.ceil(-math.log(_SETTLED) / decay) if decay else math.inf
+    if cycles > _MOST_CYCLES:
+        raise SceneError(
+            "damping.rayleigh.ratio", rayleigh.ratio, f"the peer needs {cycles} cycles to settle",
+            "Set solve.start=zero",
+        )  # fmt: skip
+    return cycles
+
+
+def lumped(scene: Scene, name: str) -> tuple[float, tuple[float, float], float]:
+    """Mass [kg], centre in the body's axes [m] and inertia about it [kg m^2] of a rigid body with its lumped masses."""
+    body = scene.bodies[name]
+    parts = [(body.mass, body.centre, body.inertia)]
+    parts += [(mass.mass, scene.point(mass.at), mass.inertia) for mass in scene.masses.values() if mass.at.body == name]
+    total = sum(mass for mass, *_ in parts)
+    if total == 0.0:
+        return 0.0, body.centre, sum(inertia for *_, inertia in parts)
+    centre = tuple(sum(mass * at[k] for mass, at, _ in parts) / total for k in (0, 1))
+    inertia = sum(J + mass * math.dist(at, centre) ** 2 for mass, at, J in parts)
+    return total, centre, inertia

@@ -1,0 +1,114 @@
+"""A scene in Exudyn: absolute coordinates, ANCF cable elements, joints by Lagrange multipliers, generalised-alpha.
+
+Exudyn: Gerstmayr (2023), Multibody System Dynamics. Elements: Gerstmayr & Shabana (2006), Nonlinear Dynamics 45.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from kaneflex.comparison import FINE_ENOUGH, Curves, Resolution
+from kaneflex.errors import SceneError
+from kaneflex.peers.buildable import check_buildable, cycles_to_settle
+
+if TYPE_CHECKING:
+    from kaneflex.model import Model
+    from kaneflex.peers.exudyn_system import Built
+    from kaneflex.scene import Scene
+
+_NEWTON_TOLERANCE = 1e-6
+"""Newton's absolute tolerance: a mechanism that starts from rest has no residual to be relative to."""
+_RHO_INFINITY = 0.9
+
+
+def solve(
+    scene: Scene, resolution: Resolution = FINE_ENOUGH, progress: Callable[[str], None] = lambda stage: None
+) -> Curves:
+    """Build a scene in Exudyn, run it and read the scene's sensors.
+
+    Parameters
+    ----------
+    scene : Scene
+    resolution : Resolution
+    progress : callable
+        Called with the name of each stage.
+
+    Returns
+    -------
+    Curves
+        Over one cycle or the scene's duration, at the instants at which the scene itself is solved.
+
+    Raises
+    ------
+    SceneError
+        Without the package exudyn, for what can't be built there, and where its solver stops.
+    """
+    exudyn = check(scene)
+    from kaneflex.loading import load
+    from kaneflex.peers.exudyn_system import build
+    from kaneflex.peers.readings import Recorder
+    from kaneflex.scene import with_settings
+
+    model = load(with_settings(scene, ["solve.preset=stiffened"]), progress)
+    progress("building the scene in Exudyn")
+    built = build(exudyn, model, resolution)
+    recorder = Recorder(model, built)
+    cycles = cycles_to_settle(scene, model.options)
+    progress("solving in Exudyn")
+    seconds = _run(built, model, resolution.steps or 4 * model.options.steps, cycles)
+    values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
+    return Curves(recorder.times, values, missing, _notes(model, built, cycles), seconds)
+
+
+def check(scene: Scene) -> ModuleType:
+    """The package exudyn; raise SceneError where it is missing or the scene can't be built there."""
+    try:
+        import exudyn
+    except ModuleNotFoundError as error:
+        if error.name != "exudyn":
+            raise
+        cure = 'Install it: pip install "kaneflex[peer]"'
+        raise SceneError("--with", "exudyn", "the package exudyn is not installed", cure) from None
+    check_buildable(scene)
+    return exudyn
+
+
+def _notes(model: Model, built: Built, cycles: int) -> tuple[str, ...]:
+    count = max(map(len, built.elements.values()), default=0)
+    notes = [f"{count} ANCF cable elements a link, nonlinear, joints at index 3, generalised-alpha"]
+    damping = model.scene.damping
+    if damping is not None:
+        notes.append(
+            "damping proportional to the stiffness alone, with the scene's ratio at the lower of its two frequencies"
+        )
+    if cycles > 1:
+        notes.append(f"from the undeformed state; cycle {cycles} is taken for the periodic state")
+    return tuple(notes)
+
+
+def _run(built: Built, model: Model, steps: int, cycles: int) -> float:
+    """Solve; returns the wall time [s] of the solver alone."""
+    system, horizon = built.system, model.step * model.options.steps
+    system.Assemble()
+    settings = built.exudyn.SimulationSettings()
+    settings.timeIntegration.endTime = cycles * horizon
+    settings.timeIntegration.numberOfSteps = cycles * steps
+    settings.timeIntegration.adaptiveStep = False
+    settings.timeIntegration.generalizedAlpha.spectralRadius = _RHO_INFINITY
+    settings.timeIntegration.newton.absoluteTolerance = _NEWTON_TOLERANCE
+    settings.solution.file.write = False
+    settings.solution.sensors.writePeriod = model.step * max(1, model.options.steps // steps)
+    config = built.exudyn.config
+    printed, config.printToConsole = config.printToConsole, False
+    started = time.perf_counter()
+    try:
+        system.SolveDynamic(settings)
+    except built.exudyn.SolverError:
+        cure = "Give it more steps with --peer-steps, or other elements with --peer-elements"
+        raise SceneError("--with", "exudyn", "its Newton iteration did not converge", cure) from None
+    finally:
+        config.printToConsole = printed
+    return time.perf_counter() - started

@@ -1,0 +1,67 @@
+"""Every sensor by several models, one curve over the other, as the paper overlays its model and Adams.
+
+Paper Figs. 18-22, 27, 28.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kaneflex.plots.style import PALETTE, new_figure, readable, save, styled
+
+if TYPE_CHECKING:
+    from kaneflex.comparison import Comparison
+
+_ONE_COLUMN = 4
+"""Most panels that stand one above the other."""
+_DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
+"""The later a curve is drawn, the more gaps it has, so that those below it are seen."""
+
+
+def draw_overlay(comparison: Comparison, folder: Path) -> list[Path]:
+    """Write ``overlay.png`` and ``overlay.svg`` into a folder that exists."""
+    with styled():
+        return save(figure(comparison), folder / "overlay")
+
+
+def figure(comparison: Comparison) -> Figure:
+    """A panel for each sensor; the reference is drawn first, as a broad grey line."""
+    names = list(comparison.scene.sensors)
+    columns = 1 if len(names) <= _ONE_COLUMN else 2
+    rows = -(-len(names) // columns)
+    title = f"{comparison.scene.name}: {', '.join(comparison.curves)}"
+    page = new_figure(7.2 * columns, 1.1 + 1.6 * rows, title)
+    panels = page.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
+    factor, label = readable("s", comparison.times)
+    for axes, name in zip(panels, names, strict=False):
+        _panel(axes, comparison, name, factor * comparison.times)
+    for axes in panels[len(names) :]:
+        axes.remove()
+    for last in {min(rows, len(names)), len(names)}:
+        panels[last - 1].tick_params(labelbottom=True)
+        panels[last - 1].set_xlabel(f"time [{label}]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    page.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    return page
+
+
+def _panel(axes, comparison: Comparison, name: str, x: np.ndarray) -> None:
+    sensor = comparison.scene.sensors[name]
+    shown = {model: curves.values[name] for model, curves in comparison.curves.items() if name in curves.values}
+    factor, unit = readable(sensor.unit, *shown.values())
+    others = [model for model in comparison.curves if model != comparison.against]
+    for model in (comparison.against, *others):
+        values = factor * shown[model] if model in shown else np.full(len(x), np.nan)
+        if model == comparison.against:
+            axes.plot(x, values, color="#BBBBBB", linewidth=3.2, label=f"{model} (reference)")
+            continue
+        k = others.index(model)
+        axes.plot(x, values, color=PALETTE[k % len(PALETTE)], linestyle=_DASHES[k % len(_DASHES)], label=model)
+    missing = [model for model in comparison.curves if model not in shown]
+    axes.set_title(name + (f" (not compared: {', '.join(missing)} can't give it)" if missing else ""))
+    axes.set_ylabel(f"[{unit}]")
+    axes.margins(x=0)

@@ -1,0 +1,107 @@
+"""Scenes built in Exudyn: an independent nonlinear answer to the same mechanism, and what can't be built there."""
+
+import builtins
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+
+from kaneflex.comparison import Comparison, Resolution, compare
+from kaneflex.errors import SceneError
+from kaneflex.peers.buildable import check_buildable, lumped
+from kaneflex.scene import read_scene, with_settings
+
+
+def compared(scene: str, *settings: str, elements: int, steps: int, presets=None) -> Comparison:
+    changed = with_settings(read_scene(scene), list(settings))
+    return compare(changed, presets, peer="exudyn", resolution=Resolution(elements, steps))
+
+
+def shares(comparison: Comparison) -> dict[str, float]:
+    """The largest difference of each sensor as a share of Exudyn's peak."""
+    return {entry.sensor: entry.peak_share for entry in comparison.differences}
+
+
+def test_engine(peer):
+    """-0.1464 and 0.0293 mm by both; what is left is the damping, which Exudyn has in proportion to K alone."""
+    peer("exudyn")
+    found = compared("engine", elements=4, steps=1440)
+    assert found.against == "exudyn"
+    tip, mid = (found.curves["exudyn"].values[name] for name in ("tip_axial", "mid_transverse"))
+    assert tip.min() == pytest.approx(-0.1464e-3, abs=1e-7) and tip.max() == pytest.approx(0.0253e-3, abs=2e-7)
+    assert mid.max() == pytest.approx(0.0293e-3, abs=1e-7)
+    apart = shares(found)
+    assert set(apart) == {*found.scene.sensors} - {"piston_side_force"} == set(found.curves["exudyn"].values)
+    assert max(apart.values()) < 0.02
+    assert all(apart[name] < 0.003 for name in ("tip_axial", "mid_transverse", "crank_pin_force_y", "crank_torque"))
+
+
+def test_slider_crank_by_the_coupled_equations(peer):
+    """At per cents of deflection coupled agrees to 0.3 %; stiffened is 6 % off."""
+    peer("exudyn")
+    settings = ("solve.duration=20 ms", "solve.steps=1500")
+    found = compared("slider-crank-150", *settings, elements=12, steps=3000, presets=("stiffened", "coupled"))
+    bend = {entry.model: entry.peak_share for entry in found.differences if entry.sensor == "mid_transverse"}
+    assert bend["coupled"] < 0.003 < 0.02 < bend["stiffened"]
+
+
+def test_a_driven_elastic_link_is_held_by_a_hub(peer):
+    """Spin-up, up to its largest deflection."""
+    peer("exudyn")
+    settings = ("solve.duration=8 s", "solve.steps=1600")
+    apart = shares(compared("spin-up", *settings, elements=12, steps=1600))
+    assert apart["tip_transverse"] < 0.005 and apart["hub_torque"] < 0.01 and apart["hub_angle"] < 1e-8
+
+
+def test_lumped_masses_join_their_rigid_body():
+    """Two equal masses at the ends of a bar: the centre stays, J grows by 2 m (l/2)^2."""
+    settings = ["masses.a={at='crank.start', mass=1}", "masses.b={at='crank.end', mass=1, inertia=2e-3}"]
+    scene = with_settings(read_scene("engine"), settings)
+    mass, centre, inertia = lumped(scene, "crank")
+    assert (mass, centre) == (pytest.approx(2.952), pytest.approx((0.02, 0.0)))
+    assert inertia == pytest.approx(0.952 * 0.04**2 / 12 + 2 * 0.02**2 + 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings", "words"),
+    [
+        ("engine-torque", (), ("loads.motor", "a torque at a joint")),
+        ("engine", ("bodies.rod.beam.theory=rayleigh",), ("bodies.rod.beam.theory", "rotary inertia")),
+        ("engine", ("damping.rayleigh=none", "damping.modal={ratio=0.02}"), ("damping", "other than Rayleigh's")),
+        ("engine", ("damping=none",), ("solve.start", "nothing settles")),
+        ("pin-ended-cross", (), ("stands still",)),
+    ],
+)
+def test_what_can_not_be_built_is_named(scene, settings, words):
+    with pytest.raises(SceneError) as caught:
+        check_buildable(with_settings(read_scene(scene), list(settings)))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_without_the_package_the_extra_is_named_and_nothing_runs(tmp_path, monkeypatch):
+    original = builtins.__import__
+
+    def without(name, *rest):
+        if name == "exudyn":
+            raise ModuleNotFoundError("No module named 'exudyn'", name="exudyn")
+        return original(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    result = cli("compare", "engine", "--with", "exudyn", "-o", tmp_path / "out")
+    refused(result, "exudyn is not installed", 'pip install "kaneflex[peer]"')
+    refused(cli("compare", "engine", "--with", "adams", "-o", tmp_path / "out"), "--with = 'adams'", "Known: exudyn")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_says_what_is_not_compared(peer, tmp_path):
+    peer("exudyn")
+    folder = tmp_path / "out"
+    result = cli(
+        "compare", "engine", "--with", "exudyn", "--peer-elements", 2, "--peer-steps", 1440, "--steps", 720,
+        "-o", folder,
+    )  # fmt: skip
+    assert result.exit_code == 0
+    assert "exudyn: piston_side_force is not compared: the peer has no counterpart" in result.stderr
+    assert "exudyn: 2 ANCF cable elements a link" in result.stderr
+    assert np.all([(folder / name).stat().st_size > 0 for name in ("overlay.png", "curves.nc", "differences.csv")])
