@@ -2,6 +2,7 @@
 
 import pytest
 
+from kaneflex.carried import check_elastic
 from kaneflex.errors import SceneError
 from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
@@ -583,3 +584,20 @@ def test_a_spring_in_a_structure_that_stands_still():
     assert str(caught.value.problems[0]) == (
         "springs.rope: a spring between bodies with poses is not available in this version. Leave the spring out."
     )
+
+
+@pytest.mark.parametrize(("scene", "settings", "message"), [
+    ("engine", ["rod.points={ear=[0.05, 0.01]}", "loads.gas.force_on=rod.ear"],
+     "loads.gas.force_on = 'rod.ear': the point lies off the axis of rod. "
+     "Move the point onto the axis, between start and end, or join a rigid body there."),
+    ("engine", ["bodies.piston={length=0.05, beam={material='steel', I='7008 mm^4'}}"],
+     "joints.bore = 'piston': an elastic body on a guide is not available yet. "
+     "Join it to a guided rigid body by a revolute joint or a weld."),
+    ("engine-elastic-crank", ["springs={coil={torsional_at='main', stiffness=1}}", "solve.preset=paper"],
+     "springs.coil = 'main': preset paper lets elastic bodies turn at a drive. "
+     "Use another preset, or leave the spring out."),
+])  # fmt: skip
+def test_what_elastic_links_can_not_have(scene, settings, message):
+    with pytest.raises(SceneError) as caught:
+        check_elastic(with_settings(read_scene(scene), settings))
+    assert str(caught.value) == message
