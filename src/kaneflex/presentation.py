@@ -146,6 +146,9 @@ def _options(model: Model) -> dict[str, str]:
     if dynamics == "coupled":
         said["integrator"] = f"gauss, error of a step {options.tolerance:g} of the longest body"
         said["start"] = _STARTS[options.start]
+        if not model.links:
+            said["shapes"] = "those of the modal data"
+            return said
         said["shapes"] = f"static ones and {options.modes} modes of each link"
         said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
         return said
@@ -235,6 +238,7 @@ def _module(model: Model) -> str:
 def _body(scene: Scene, name: str) -> str:
     body = scene.bodies[name]
     kind = f"elastic, {body.beam.elements} elements" if body.elastic else "rigid"
+    kind = kind if body.modal is None else "elastic by modal data"
     length = "" if body.length is None else f", {1e3 * body.length:.6g} mm"
     return f"{kind}{length}, {body.mass:.6g} kg"
 
