@@ -157,6 +157,19 @@ def test_a_run_writes_its_results(fed_back, tmp_path):
     assert (tmp_path / "results" / "summary.json").exists()
 
 
+@pytest.mark.parametrize("arguments", [("modes",), ("linearise", "-o", "out.npz")])
+def test_commands_that_need_elements_say_so(fed_back, arguments):
+    command, *options = arguments
+    result = CliRunner().invoke(main, [command, str(fed_back), *options])
+    assert result.exit_code == 2 and "links by modal data have no elements" in result.output
+
+
+def test_check_says_where_the_shapes_come_from(fed_back):
+    result = CliRunner().invoke(main, ["check", str(fed_back)])
+    assert result.exit_code == 0, result.output
+    assert "elastic by modal data, 300 mm" in result.output and "those of the modal data" in result.output
+
+
 def asymmetric(data):
     data["mass_w_w"][0, 1] += 1e-3
 

@@ -218,7 +218,10 @@ def _mode_count(model: Model, count: int | None) -> int:
     size = model.equations.size
     if size == 0:
         cure = "Give a body a beam, or choose another preset"
-        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
+        reason = "nothing is elastic: there are no modes"
+        if model.coupled is not None:
+            reason, cure = "links by modal data have no elements, whose modes these are", "Give the bodies beams"
+        raise SceneError("solve.preset", model.options.preset, reason, cure)
     if count is not None and count > size:
         raise SceneError("--count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
     return count or min(size, MOST_FREQUENCIES)

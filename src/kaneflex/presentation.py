@@ -150,6 +150,9 @@ def _options(model: Model) -> dict[str, str]:
         error = f"error of a step {options.tolerance:g} of the longest body"
         said["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == _FIXED else error}"
         said["start"] = _STARTS[options.start]
+        if not model.links:
+            said["shapes"] = "those of the modal data"
+            return said
         said["shapes"] = f"static ones and {options.modes} modes of each link"
         said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
         return said
@@ -242,6 +245,7 @@ def _module(model: Model) -> str:
 def _body(scene: Scene, name: str) -> str:
     body = scene.bodies[name]
     kind = f"elastic, {body.beam.elements} elements" if body.elastic else "rigid"
+    kind = kind if body.modal is None else "elastic by modal data"
     length = "" if body.length is None else f", {1e3 * body.length:.6g} mm"
     return f"{kind}{length}, {body.mass:.6g} kg"
 

@@ -138,6 +138,9 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
         reason = f"a {model.options.dynamics} model has no states"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"
         raise SceneError("solve.preset", model.options.preset, reason, cure)
+    if not model.links:
+        reason = "links by modal data have no elements, which the equations of a frozen instant are of"
+        raise SceneError("solve.preset", model.options.preset, reason, "Give the bodies beams")
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
     rigid = model.motion.at(t)
