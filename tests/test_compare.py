@@ -56,17 +56,17 @@ def test_labelled_curves(engine):
 
 
 def test_the_mean_square_is_over_time_and_curves_meet_at_the_references_instants():
-    """A constant gap of 2 on unequal steps has the rms 2; a straight line is met exactly on any instants."""
+    """A gap of 0, 2, 2 at 0, 1, 3 s has the mean square (2 + 8)/3; a straight line is met exactly on any instants."""
     scene = with_settings(read_scene("spin-up"), ["sensors.hub_torque=none"])
-    coarse, fine = np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.2, 2.0, 3.0, 4.0])
+    coarse, fine = np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.5, 2.0, 3.0, 4.0])
     line = Curves(coarse, {"hub_angle": coarse, "root_force": np.zeros(3)}, {})
-    above = Curves(fine, {"hub_angle": fine + 2.0}, {"root_force": "a reason"})
+    above = Curves(fine, {"hub_angle": fine + np.array([0.0, 2.0, 2.0, 2.0, 2.0])}, {"root_force": "a reason"})
     found = side_by_side(scene, {"above": above, "line": line}, {}, None)
     (difference,) = found.differences
-    assert difference.rms_difference == pytest.approx(2.0, rel=1e-14)
+    assert difference.rms_difference == pytest.approx((10 / 3) ** 0.5, rel=1e-14)
     assert (difference.sensor, difference.peak, difference.reference_peak) == ("hub_angle", 5.0, 3.0)
     assert np.isnan(found.dataset["root_force"].sel(model="above")).all()
-    assert side_by_side(scene, {"above": above, "line": line}, {}, "above").times[-1] == 3.0
+    assert side_by_side(scene, {"above": above, "line": line}, {}, "above").times[-1] == 3.0  # what both cover
 
 
 def test_a_preset_that_can_not_be_run_is_left_out_with_its_reason():

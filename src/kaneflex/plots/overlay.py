@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.plots.style import PALETTE, new_figure, readable, save, styled
@@ -49,7 +50,7 @@ def figure(comparison: Comparison) -> Figure:
     return page
 
 
-def _panel(axes, comparison: Comparison, name: str, x: np.ndarray) -> None:
+def _panel(axes: Axes, comparison: Comparison, name: str, x: np.ndarray) -> None:
     sensor = comparison.scene.sensors[name]
     shown = {model: curves.values[name] for model, curves in comparison.curves.items() if name in curves.values}
     factor, unit = readable(sensor.unit, *shown.values())
