@@ -9,7 +9,6 @@ from scipy.linalg import eigh
 from sympy import Matrix, diff
 
 from kaneflex.building import reference_modes
-from kaneflex.deformation import shape_functions
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.shapes import (
     E_I,
@@ -23,6 +22,7 @@ from kaneflex.derive.shapes import (
     x,
     x_0,
 )
+from kaneflex.shape_functions import shape_functions
 
 
 def terms(element: Element) -> dict[str, Matrix]:

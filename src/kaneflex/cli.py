@@ -175,7 +175,6 @@ def modes(
     Shapes are mass-normalised, one column of mode_shapes a mode, one row a coordinate (m or rad). Preset paper adds
     K_d, as the paper's eq. (99) does.
     """
-    from kaneflex.building import reference_modes
     from kaneflex.loading import load
     from kaneflex.terminal import Waiting
 
@@ -188,14 +187,27 @@ def modes(
         scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
-        omega, shapes = reference_modes(model, _mode_count(model, count))
+        names, omega, shapes = _modes_of(model, count)
     hertz = omega / (2.0 * math.pi)
     if as_json:
-        click.echo(json.dumps(_modes_as_data(model, hertz, shapes), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(_modes_as_data(model, names, hertz, shapes), indent=2, ensure_ascii=False))
         return
     from kaneflex.presentation import modes_table
 
-    click.echo(modes_table(model, hertz, shapes))
+    click.echo(modes_table(model, names, hertz, shapes))
+
+
+def _modes_of(model: Model, count: int | None) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Coordinates, angular frequencies and shapes; of a coupled model in modal coordinates, free joints with them."""
+    if model.coupled is None:
+        from kaneflex.building import reference_modes
+
+        return model.coordinates, *reference_modes(model, _mode_count(model.equations.size, model, count))
+    from kaneflex.coupled.frozen import modes_at_rest
+
+    names, omega, shapes = modes_at_rest(model)
+    count = _mode_count(len(names), model, count)
+    return names, omega[:count], shapes[:, :count]
 
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:
@@ -212,22 +224,20 @@ def _export(scene: Scene, folder: Path, force: bool) -> None:
         click.echo(f"Written to {path}")
 
 
-def _mode_count(model: Model, count: int | None) -> int:
+def _mode_count(size: int, model: Model, count: int | None) -> int:
     from kaneflex.summary import MOST_FREQUENCIES
 
-    size = model.equations.size
     if size == 0:
         cure = "Give a body a beam, or choose another preset"
-        reason = "nothing is elastic: there are no modes"
-        if model.coupled is not None:
-            reason, cure = "links by modal data have no elements, whose modes these are", "Give the bodies beams"
-        raise SceneError("solve.preset", model.options.preset, reason, cure)
+        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
     if count is not None and count > size:
         raise SceneError("--count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
     return count or min(size, MOST_FREQUENCIES)
 
 
-def _modes_as_data(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> dict[str, object]:
+def _modes_as_data(
+    model: Model, names: tuple[str, ...], hertz: np.ndarray, shapes: np.ndarray
+) -> dict[str, object]:
     drive = next(iter(model.scene.drives), None)
     at = {"at_deg": {}}
     if drive is not None and model.scene.slides(drive):
@@ -237,7 +247,7 @@ def _modes_as_data(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> dict[
     return {
         "scene": model.scene.name,
         **at,
-        "coordinates": list(model.coordinates),
+        "coordinates": list(names),
         "frequencies_hz": hertz.tolist(),
         "mode_shapes": shapes.tolist(),
     }

@@ -296,11 +296,11 @@ def _speed(scene: Scene, drive: str, speed: float) -> str:
     return f"{speed:.6g} m/s" if scene.slides(drive) else f"{speed * 30.0 / math.pi:.6g} rpm"
 
 
-def modes_table(model: Model, hertz: np.ndarray, shapes: np.ndarray) -> str:
+def modes_table(model: Model, names: Sequence[str], hertz: np.ndarray, shapes: np.ndarray) -> str:
     """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode."""
-    names, moved = _nodal(model, shapes)
+    names, moved = (list(names), shapes) if model.coupled is not None else _nodal(model, shapes)
     last = {name: name.rpartition(".")[2] for name in names}
-    turning = {name for name, what in last.items() if what in ("theta", "turn")}
+    turning = {name for name, what in last.items() if what in ("theta", "turn", "phi")}
     shifting = {name for name, what in last.items() if name not in turning and not what.startswith("mode_")}
 
     def largest(shape: np.ndarray, among: set[str]) -> str:

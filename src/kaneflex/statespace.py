@@ -118,6 +118,9 @@ def _undated(mat: bytes) -> bytes:
 def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
     """The elastic equations at one instant as a state space.
 
+    Under preset ``coupled`` those of all bodies, about the steady deformation: states are the modal coordinates of the
+    links and the coordinates of as many bodies as joints are free; outputs are central differences.
+
     Parameters
     ----------
     model : Model
@@ -138,11 +141,10 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
         reason = f"a {model.options.dynamics} model has no states"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"
         raise SceneError("solve.preset", model.options.preset, reason, cure)
-    if not model.links:
-        reason = "links by modal data have no elements, which the equations of a frozen instant are of"
-        raise SceneError("solve.preset", model.options.preset, reason, "Give the bodies beams")
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
+    if model.coupled is not None:
+        return _of_coupled(model, t, chosen)
     rigid = model.motion.at(t)
     M, damping, K = (_at(model.kept[name], rigid) for name in "MCK")
     shifts, units = _inputs(model, rigid)
@@ -160,6 +162,28 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
         (*names, *(f"{name}'" for name in names)), tuple(shifts), tuple(chosen), tuple(units),
         tuple(sensor.unit for sensor in chosen.values()), float(t),
         {name: float(rigid[f"{name}.angle"][0]) for name in model.scene.drives},
+    )  # fmt: skip
+
+
+def _of_coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> StateSpace:
+    """The coupled equations about the steady deformation; the sensors by central differences."""
+    from kaneflex.coupled.frozen import inputs, linear_about, loads_of, readings
+
+    found = linear_about(model, t)
+    pushes = inputs(model, found)
+    n, scene = len(found.names), model.scene
+    inertia = np.linalg.solve(found.M, loads_of(model, found, pushes))
+    rates = -np.linalg.solve(found.M, np.hstack([found.K, found.C]))
+    read = readings(model, found, pushes, chosen)
+    units = [load.si_unit for load in scene.loads.values()]
+    driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
+    units += ["m/s^2" if scene.slides(name) else "rad/s^2" for name in driven]
+    return StateSpace(
+        found.M, found.C, found.K, np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]),
+        np.vstack([np.zeros_like(inertia), inertia]), read[:, : 2 * n], read[:, 2 * n :],
+        (*found.names, *(f"{name}'" for name in found.names)), tuple(pushes), tuple(chosen), tuple(units),
+        tuple(sensor.unit for sensor in chosen.values()), float(t),
+        {name: float(model.motion.at(t)[f"{name}.angle"][0]) for name in scene.drives},
     )  # fmt: skip
 
 
@@ -190,6 +214,8 @@ def _chosen(model: Model, names: Sequence[str] | None) -> dict[str, Sensor]:
     return {name: available[name] for name in names}
 
 
+_NO_RATE = 1e-9
+"""What a unit acceleration of a drive may move a link by [m/s^2 or rad/s^2] and still count as leaving it alone."""
 Shift = dict[str, float]
 """Scalar of the motion -> what one unit of an input adds to it."""
 
@@ -210,9 +236,22 @@ def _inputs(model: Model, rigid: RigidMotion) -> tuple[dict[str, Shift], list[st
             c, s = rigid[f"{name}.c"][0], rigid[f"{name}.s"][0]
             shift |= {f"{name}.a_x": x, f"{name}.a_y": y, f"{name}.epsilon": turn}
             shift |= {f"{name}.link.a_x": c * x + s * y, f"{name}.link.a_y": c * y - s * x}
+        if not _has_terms(model, shift):
+            continue
         shifts[f"{drive}.acceleration"] = shift
         units.append("m/s^2" if model.scene.joints[drive].kind == "prismatic" else "rad/s^2")
     return shifts, units
+
+
+def _has_terms(model: Model, shift: Shift) -> bool:
+    """Whether the module has the inertia loads of an acceleration, which a steady motion does without."""
+    known = {factor for _, _, target, factors in model.motion.module.TERMS if target == "F" for factor in factors}
+    keys = {"epsilon": "{}.epsilon", "a_x": "{}.link.a_x", "a_y": "{}.link.a_y"}
+    return all(
+        key in known or abs(shift.get(path.format(link), 0.0)) < _NO_RATE
+        for link in model.links
+        for key, path in keys.items()
+    )
 
 
 @dataclass(frozen=True, eq=False)

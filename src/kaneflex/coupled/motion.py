@@ -9,7 +9,7 @@ forces follow from.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,12 +26,16 @@ Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class CoupledMotion:
-    """Where everything is in a coupled trajectory; ``rigid`` is the rigid mechanism at the same instants and drives."""
+    """Where everything is in a coupled trajectory; ``rigid`` is the rigid mechanism at the same instants and drives.
+
+    ``shift`` is what loads have beyond their sizes there, by name (n_times,).
+    """
 
     model: Model
     system: CoupledSystem
     trajectory: CoupledTrajectory
     rigid: RigidMotion
+    shift: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
@@ -269,7 +273,7 @@ class FloatingMotion(RigidMotion):
             x, y = self[f"{body}.a_x"] - g_x, self[f"{body}.a_y"] - g_y
             c, s = self[f"{body}.c"], self[f"{body}.s"]
             return c * x + s * y if key == "a_x" else c * y - s * x
-        return super().__getitem__(name)
+        return super().__getitem__(name) + self.coupled.shift.get(name, 0.0)
 
 
     def _spring(self, name: str, key: str) -> np.ndarray:

@@ -9,10 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from kaneflex.coupled.linear import settled
 from kaneflex.coupled.motion import CoupledMotion, Rates
 from kaneflex.coupled.run import CoupledTrajectory, Method, between, integrate, rigid_state
 from kaneflex.coupled.state import State
-from kaneflex.coupled.system import BODY, CoupledSystem
+from kaneflex.coupled.system import CoupledSystem
+from kaneflex.energy import Energy
 from kaneflex.errors import SceneError
 from kaneflex.events import happens
 from kaneflex.forward import with_courses
@@ -54,7 +56,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     system, first = model.coupled, model.motion.at(0.0)
     q, v = rigid_state(system, first)
     q = unwrapped(model.scene, system, q, first)
-    return (_settled(model, q, v, first) if model.options.start == "quasistatic" else q), v
+    return (_settled(model, q, first) if model.options.start == "quasistatic" else q), v
 
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
@@ -70,6 +72,16 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
         model = replace(model, motion=Motion(model.motion.module, p))
     return _seen(model, trajectory, seconds)
+
+
+def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledTrajectory:
+    """States (n, size) at rest, all at the time t [s]: for what depends on places alone."""
+    count, none = len(q), np.zeros((len(q), system.size))
+    zero = np.zeros(count)
+    energy = Energy(zero, zero, zero, zero, zero)
+    multipliers = np.zeros((count, len(system.constraints)))
+    ended = (0, 0, (0.0, 0.0), Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
+    return CoupledTrajectory(np.full(count, t), q, none, none, multipliers, energy, zero, zero, *ended)
 
 
 def resampled(solution: Solution, times: np.ndarray) -> Solution:
@@ -141,31 +153,17 @@ def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
     return base in counted and other not in counted
 
 
-def _settled(model: Model, q: np.ndarray, v: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q deformed as the rigid motion asks for: the balance with the rigid bodies' accelerations, by Newton's method."""
+def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+    """q deformed as the rigid motion asks for."""
     free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
     if free:
         raise SceneError(
             "solve.start", model.options.start, f"{free[0]} is free: nothing holds it in equilibrium",
             "Start from zero",
         )  # fmt: skip
-    system = model.coupled
-    n, m = system.size, len(system.constraints)
-    a = np.zeros(n)
-    for name, k in system.start.items():
-        a[k : k + BODY] = [rigid[f"{name}.{key}"][0] for key in ("a_x", "a_y", "epsilon")]
-    multipliers, q = np.zeros(m), q.copy()
-    for _ in range(50):
-        M, f, K, C = np.zeros((n, n)), np.zeros(n), np.zeros((n + m, n)), np.zeros((n + m, n))
-        g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
-        system.module.equations(0.0, q, v, system.parameters, M, f)
-        system.module.constraints(0.0, q, v, system.parameters, g, g_t, G, gamma)
-        system.module.tangent(0.0, q, v, a, multipliers, system.parameters, K, C)
-        square = np.block([[K[:n], -G.T], [G, np.zeros((m, m))]])
-        step = np.linalg.solve(square, -np.concatenate([M @ a - f - G.T @ multipliers, g]))
-        q, multipliers = q + step[:n], multipliers + step[n:]
-        if abs(step[:n]).max() < 1e-12 * longest(model.scene):
-            return q
+    found = settled(model.coupled, rigid, q, longest(model.scene))
+    if found is not None:
+        return found.q
     raise SceneError(
         "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
     )

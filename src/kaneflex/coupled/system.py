@@ -94,10 +94,10 @@ class CoupledSystem:
         x = np.linalg.solve(square, np.concatenate([f, -gamma]))
         return x[:n], x[n:], g_t
 
-    @property
-    def freedoms(self) -> int:
-        """Degrees of freedom: coordinates less constraints."""
-        return self.size - len(self.constraints)
+    @cached_property
+    def rigid_rows(self) -> np.ndarray:
+        """Where x, y, phi of the bodies are in q."""
+        return np.array([k + j for k in self.start.values() for j in range(BODY)])
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
