@@ -260,18 +260,13 @@ def energies(
 
     What was dissipated and supplied since the start is known already.
     """
-    n, m, count = system.size, len(system.constraints), len(times)
-    loads = len(system.module.LOADS)
-    out, kinetic, power = np.zeros((count, 3 + loads)), np.zeros(count), np.zeros(count)
-    g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
-    for i in range(count):
-        M, f = np.zeros((n, n)), np.zeros(n)
-        state = (times[i], q[i], v[i], system.parameters)
-        system.module.equations(*state, M, f)
-        system.module.energy(*state, out[i])
-        system.module.constraints(*state, g, g_t, G, gamma)
-        kinetic[i] = 0.5 * v[i] @ M @ v[i]
-        power[i] = out[i, 3:].sum() - multipliers[i] @ g_t
+    count, module = len(times), system.module
+    out, kinetic, power = np.zeros((count, 3 + len(module.LOADS))), np.zeros(count), np.zeros(count)
+    stepping.compile_stepper()
+    states = (np.ascontiguousarray(part) for part in (times, q, v, multipliers))
+    stepping.balance(
+        module.equations, module.constraints, module.energy, system.parameters, *states, out, kinetic, power
+    )
     return Energy(kinetic, out[:, 1], out[:, 0], dissipated, supplied), out[:, 2], power
 
 

@@ -426,9 +426,34 @@ def generalised_alpha(
     return DONE, times.size - 1
 
 
+@njit(**_OPTIONS)
+def balance(equations, constraints, energy, p, times, qs, vs, lambdas, energies, kinetic, power):
+    """Entries of ``energy``, kinetic energy [J] and what loads and moving constraints supply [W], row by row."""
+    n, m = qs.shape[1], lambdas.shape[1]
+    M, f = np.zeros((n, n)), np.zeros(n)
+    G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+    for row in range(times.size):
+        M[:, :] = 0.0
+        f[:] = 0.0
+        equations(times[row], qs[row], vs[row], p, M, f)
+        constraints(times[row], qs[row], vs[row], p, g, g_t, G, gamma)
+        energy(times[row], qs[row], vs[row], p, energies[row])
+        twice = 0.0
+        for i in range(n):
+            for j in range(n):
+                twice += vs[row, i] * M[i, j] * vs[row, j]
+        kinetic[row] = 0.5 * twice
+        power[row] = 0.0
+        for k in range(3, energies.shape[1]):
+            power[row] += energies[row, k]
+        for k in range(m):
+            power[row] -= lambdas[row, k] * g_t[k]
+
+
 _SIGNATURES = (
     (settle, types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1])),
     (integrate, int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V)),
+    (balance, void(EQUATIONS, CONSTRAINTS, ENERGY, _V, _V, _A, _A, _A, _A, _V, _V)),
     (
         generalised_alpha,
         types.UniTuple(int64, 2)(
@@ -438,9 +463,13 @@ _SIGNATURES = (
 )
 
 
-def compile_stepper(integrator: str = "gauss") -> None:
-    """Compile for kernels of any module, once on a machine: importing this file compiles nothing."""
-    needed = {"gauss": (settle, integrate), "generalised-alpha": (settle, generalised_alpha)}.get(integrator, (settle,))
+def compile_stepper(integrator: str | None = None) -> None:
+    """Compile for kernels of any module, once on a machine: importing this file compiles nothing.
+
+    Without an integrator only what projects states and sums up their energy.
+    """
+    loops = {"gauss": (integrate,), "generalised-alpha": (generalised_alpha,)}.get(integrator, ())
+    needed = (settle, balance, *loops)
     for function, signature in _SIGNATURES:
         if function in needed and not function.overloads:
             function.compile(signature)
