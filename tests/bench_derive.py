@@ -50,8 +50,32 @@ Kernels of the elements do not depend on the number of links.
 | chain | links | derive [s] | module [kB] | operations written out | operations shared | compile `motion` [s] |
 | --- | --- | --- | --- | --- | --- | --- |
 """
+COUPLED_LINKS, COUPLED_MODES = (1, 2, 3, 4), (1, 2, 3, 4, 6)
+COUPLED = """
+import sys
+import kaneflex
+scene = kaneflex.read_scene(sys.argv[1])
+settings = [f"solve.modes={sys.argv[2]}", "solve.steps=1000"]
+kaneflex.load(scene)  # the rigid motion's module, which any preset has
+model = kaneflex.load(kaneflex.with_settings(scene, ["solve.preset=coupled", *settings]))
+kaneflex.simulate(model)  # compiles the stepper where it is the first run on a machine
+found = kaneflex.simulate(model).coupled.trajectory
+size = len(model.coupled.module.COORDINATES)
+print(size, model.seconds["derive"], model.seconds["compile"], found.ns_per_step / 1e3, found.steps, found.rejected)
+"""
+COUPLED_HEAD = """
+## The coupled equations
+
+The open chains under preset `coupled`, with 1 to 6 modes a link beside the static shapes: coordinates of all bodies,
+seconds to derive and to compile the coupled module beyond that of the rigid motion, and a run of 1 s: microseconds a
+step, steps taken and tried in vain.
+
+| links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | in vain |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+"""
 FOOT = """
-{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries}. Made by
+{date}, {cores} cores, Python {python}, SymPy {sympy}, numba {numba}; the smallest of {tries}, of
+the coupled equations a single try. Made by
 `make bench-derive`; do not edit.
 """
 
@@ -89,6 +113,23 @@ def row(count: int, closed: bool, tries: int, folder: Path) -> str:
     )
 
 
+def coupled_row(count: int, modes: int, numba: str, folder: Path) -> str:
+    """One row of the coupled equations' table: a process that finds nothing derived, and compiles anew."""
+    path = folder / f"open-chain-{count}.toml"
+    chain(count, False, folder)
+    with tempfile.TemporaryDirectory() as cache:
+        done = subprocess.run(
+            [sys.executable, "-c", COUPLED, str(path), str(modes)],
+            env=os.environ | {"NUMBA_CACHE_DIR": numba, "XDG_CACHE_HOME": cache}, capture_output=True, text=True,
+            check=True,
+        )  # fmt: skip
+    size, derive, compile_, step, steps, rejected = done.stdout.split()
+    return (
+        f"| {count} | {modes} | {size} | {float(derive):.1f} | {float(compile_):.1f} | {float(step):.0f} | {steps} "
+        f"| {rejected} |\n"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="file to write")
@@ -99,11 +140,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         derive_seconds(1, False, Path(folder))  # SymPy's own start-up
         rows = [row(count, closed, asked.tries, Path(folder)) for count, closed in chains]
+        pairs = [(count, modes) for count in COUPLED_LINKS for modes in COUPLED_MODES if count <= asked.most]
+        numba = str(Path(folder) / "numba")  # one for all: the stepper is compiled once on a machine
+        coupled = [coupled_row(count, modes, numba, Path(folder)) for count, modes in pairs]
     foot = FOOT.format(
         date=datetime.date.today().isoformat(), cores=os.cpu_count(), python=platform.python_version(),
         sympy=version("sympy"), numba=version("numba"), tries=asked.tries,
     )  # fmt: skip
-    asked.output.write_text(HEAD + "".join(rows) + foot, encoding="utf-8", newline="\n")
+    text = HEAD + "".join(rows) + COUPLED_HEAD + "".join(coupled) + foot
+    asked.output.write_text(text, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
