@@ -182,3 +182,15 @@ def test_states_that_do_not_fit(tmp_path, pendulum):
         run("slider-crank-150-coupled", "rod.length=0.35", after=crank)
     with pytest.raises(SceneError, match=r"after = .*: no results can be read there\. Name the folder of a run"):
         kaneflex.read_state(tmp_path)
+
+
+def test_a_linkage_that_can_not_turn_around_swings_back():
+    """A coupler too short for the crank to pass: stretched to its limit it throws flywheel and crank back."""
+    settings = ("coupler.length=100 mm", "main.angle=60 deg", "solve.duration=0.6 s")
+    found = run("four-bar-motor", *settings)
+    speed = found.series["crank_speed"].values
+    assert speed.max() > 20 and speed.min() < -10
+    assert found.drive_angles["main"].max() < 2 * math.pi
+    assert found.coupled.trajectory.energy.drift < 1e-6
+    fixed = run("four-bar-motor", *settings, "solve.integrator=generalised-alpha", "solve.steps=12000")
+    assert fixed.series["crank_speed"].values[-1] == pytest.approx(speed[-1], abs=1e-2)

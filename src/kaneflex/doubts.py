@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kaneflex.deformation import deform
+from kaneflex.options import FIXED_STEP
 from kaneflex.solution import Solution
 
 FEWEST_STEPS = 10
@@ -52,9 +53,11 @@ def _of_coupled(solution: Solution) -> list[str]:
     motion, found = solution.coupled, []
     drift = motion.trajectory.energy.drift
     if drift > LARGEST_GAP:
+        options = solution.model.options
+        tighter = "" if options.integrator == FIXED_STEP else f"lower solve.tolerance from {options.tolerance:g}, or "
         found.append(
-            f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; lower "
-            f"solve.tolerance from {solution.model.options.tolerance:g}, or ask for more steps"
+            f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; "
+            f"{tighter}ask for more steps"
         )
     for name, link in solution.model.links.items():
         largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)

@@ -123,6 +123,8 @@ UNUSED_TERMS = {
 """Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
 COUPLED_INTEGRATORS = ("gauss", "generalised-alpha", "scipy")
 """What preset coupled can be integrated by."""
+FIXED_STEP = "generalised-alpha"
+"""The one of them that keeps its step."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss", "coupled": "gauss"}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 

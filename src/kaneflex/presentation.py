@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from kaneflex.options import has_term
+from kaneflex.options import FIXED_STEP, has_term
 from kaneflex.scene.parts import TERM_NAMES
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def _options(model: Model) -> dict[str, str]:
         return said
     if dynamics == "coupled":
         error = f"error of a step {options.tolerance:g} of the longest body"
-        said["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == _FIXED else error}"
+        said["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == FIXED_STEP else error}"
         said["start"] = _STARTS[options.start]
         if not model.links:
             said["shapes"] = "those of the modal data"
@@ -173,8 +173,6 @@ def _options(model: Model) -> dict[str, str]:
     return said
 
 
-_FIXED = "generalised-alpha"
-"""The integrator of the coupled equations that keeps its step."""
 _STARTS = {"zero": "from rest, undeformed", "quasistatic": "from the quasi-static answer", "periodic": "periodic"}
 
 
