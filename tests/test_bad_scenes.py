@@ -325,7 +325,8 @@ BAD = {
         "solve.preset = 'stiffend': unknown preset. The nearest known one is 'stiffened'."),
     "unknown term": (
         "[solve]", "[solve]\nterms = {gyro = false}",
-        "solve.terms.gyro = False: unknown term. Known: damping, euler, geometric, gyroscopic, spin."),
+        "solve.terms.gyro = False: unknown term. Known: damping, euler, geometric, gravity, gyroscopic, rotary, shear, "
+        "spin."),
     "no modes": (
         "[solve]", "[solve]\nmodes = 0",
         "solve.modes = 0: too few. Write a whole number of one or more."),
@@ -574,15 +575,6 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
         read_scene(tmp_path / "bad.toml")
     assert str(caught.value) == (
         "drives.main_speed: in a law this is the speed of another drive. Choose another name for the joint."
-    )
-
-
-def test_a_spring_in_a_structure_that_stands_still():
-    rope = 'springs={rope={between=["bottom.start", "top.start"], stiffness=1}}'
-    with pytest.raises(SceneError) as caught:
-        with_settings(read_scene("free-frame"), [rope])
-    assert str(caught.value.problems[0]) == (
-        "springs.rope: a spring between bodies with poses is not available in this version. Leave the spring out."
     )
 
 
