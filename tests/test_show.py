@@ -13,7 +13,8 @@ from runs import model
 
 from kaneflex.errors import SceneError
 from kaneflex.freedom import count_freedom, elastic_coordinates
-from kaneflex.placing import Rows, drive_rates, place, start_coordinate
+from kaneflex.joint_rows import Rows
+from kaneflex.placing import drive_rates, place, start_coordinate
 from kaneflex.plots.scheme import scheme, scheme_picture
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, shipped_scenes, with_settings

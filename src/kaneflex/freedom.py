@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from kaneflex.placing import constraint_count
+from kaneflex.joint_rows import constraint_count
 from kaneflex.scene import Scene
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 
 from kaneflex.errors import SceneError
+from kaneflex.joint_rows import Poses, Rows, constraint_count, place_of, turned
 from kaneflex.laws import FUNCTIONS, parse_law
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
-from kaneflex.scene.quantities import Address
 
 _STARTS = 400
 """Places from which a group of bodies is closed before it counts as one that can't close."""
@@ -29,9 +29,6 @@ _ALIKE = 0.02
 _CLOSED = 1e-9
 """Largest gap of a closed joint, in sizes of the mechanism; angles in rad."""
 _GROUND = np.zeros(3)
-
-Poses = Mapping[str, np.ndarray]
-"""Body -> x, y of its start [m] and its angle [rad], global."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +105,6 @@ def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.nd
         velocity = np.linalg.lstsq(jacobian, unit, rcond=None)[0]
         rates[drive] = {name: velocity[3 * k : 3 * k + 3] for k, name in enumerate(names)}
     return rates
-
-
-def constraint_count(joint: Joint) -> int:
-    """Constraints of a joint in the plane."""
-    return 3 if joint.kind == "weld" else 2
 
 
 def _next_group(scene: Scene, poses: Poses) -> tuple[str, ...]:
@@ -232,81 +224,6 @@ def _nearest(scene: Scene, closing: str, assemblies: list[dict[str, np.ndarray]]
     return ranked[0]
 
 
-class Rows:
-    """Residuals of joints, then of the drives among them, in the bodies' coordinates; second side minus first."""
-
-    def __init__(self, scene: Scene, drives: Mapping[str, float]):
-        self.scene, self.drives = scene, drives
-        points = [math.hypot(*scene.point(side)) for joint in scene.joints.values() for side in joint.addresses]
-        self.size = max([*points, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
-
-    def driven(self, joints: Sequence[str]) -> list[str]:
-        return [name for name in joints if name in self.drives]
-
-    def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
-        """One number a constraint: lengths [m] and angles [rad]."""
-        constraints, coordinates = [], []
-        for name in joints:
-            joint = self.scene.joints[name]
-            gap, turn = self._gap(poses, joint)
-            if joint.kind == "prismatic":
-                t = _turned(joint.direction, poses[joint.addresses[0].body][2])
-                constraints += [t[0] * gap[1] - t[1] * gap[0], turn]
-            else:
-                constraints += [*gap, turn - joint.relative_angle][: constraint_count(joint)]
-            if name in self.drives:
-                moved = t @ gap if joint.kind == "prismatic" else turn
-                coordinates.append(moved - self.drives[name])
-        return np.array(constraints + coordinates)
-
-    def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-        """Derivatives of the residuals by x, y, phi of some bodies."""
-        constraints, coordinates = [], []
-        column = {name: 3 * k for k, name in enumerate(bodies)}
-        for name in joints:
-            joint = self.scene.joints[name]
-            by_gap = np.zeros((2, 3 * len(bodies)))
-            by_turn = np.zeros(3 * len(bodies))
-            for side, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
-                if side.body in column:
-                    k = column[side.body]
-                    x, y = _turned(self.scene.point(side), poses[side.body][2])
-                    by_gap[:, k : k + 3] = sign * np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
-                    by_turn[k + 2] = sign
-            if joint.kind == "prismatic":
-                carrier = joint.addresses[0].body
-                t = _turned(joint.direction, poses[carrier][2])
-                n, (gap, _) = np.array([-t[1], t[0]]), self._gap(poses, joint)
-                across, along = n @ by_gap, t @ by_gap
-                if carrier in column:  # t' = n, n' = -t as the carrier turns
-                    across[column[carrier] + 2] -= t @ gap
-                    along[column[carrier] + 2] += n @ gap
-                constraints += [across, by_turn]
-            else:
-                constraints += [*by_gap, by_turn][: constraint_count(joint)]
-            if name in self.drives:
-                coordinates.append(along if joint.kind == "prismatic" else by_turn)
-        return np.array(constraints + coordinates)
-
-    def _gap(self, poses: Poses, joint: Joint) -> tuple[np.ndarray, float]:
-        first, second = joint.addresses
-        gap = place_of(self.scene, poses, second) - place_of(self.scene, poses, first)
-        return gap, poses[second.body][2] - poses[first.body][2]
-
-
-def place_of(scene: Scene, poses: Poses, address: Address) -> np.ndarray:
-    """Global position of a body's or the ground's point [m], (2,)."""
-    if address.body == "ground":
-        return np.array(scene.point(address))
-    pose = poses[address.body]
-    return pose[:2] + _turned(scene.point(address), pose[2])
-
-
-def _turned(vector: Sequence[float], angle: float) -> np.ndarray:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-
-
 def _on_branch(scene: Scene, placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[str]) -> bool:
     """Whether a dyad stands on the branch of the joint that closes its loop; true of all that is no dyad."""
     closing = next((name for name in joints if name in scene.loop_joints()), None)
@@ -333,10 +250,10 @@ def _side_of_dyad(scene: Scene, placed: Poses, poses: Poses, middle: Joint, oute
         d, v = end - start, head - start
         return float(d[0] * v[1] - d[1] * v[0])
     if kinds == ("revolute", "prismatic", "revolute"):
-        return float(_turned(middle.direction, poses[middle.addresses[0].body][2]) @ (end - start))
+        return float(turned(middle.direction, poses[middle.addresses[0].body][2]) @ (end - start))
     if sorted(kinds[::2]) == ["prismatic", "revolute"] and middle.kind == "revolute":
         guide = next(joint for joint in outer if joint.kind == "prismatic")
         foot = start if outer[0].kind == "revolute" else end
-        t = _turned(guide.direction, poses[guide.addresses[0].body][2])
+        t = turned(guide.direction, poses[guide.addresses[0].body][2])
         return float(t @ (head - foot))
     return None

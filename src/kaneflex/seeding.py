@@ -16,8 +16,9 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.errors import SceneError
+from kaneflex.joint_rows import Rows, place_of
 from kaneflex.model import Motion
-from kaneflex.placing import Rows, place, place_of
+from kaneflex.placing import place
 from kaneflex.scene import Scene
 from kaneflex.tables import Table
 

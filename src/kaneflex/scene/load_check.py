@@ -1,0 +1,106 @@
+"""What loads, springs and events must satisfy beyond their tables' own rules: addresses, names and laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kaneflex.errors import Fault, Problem, nearest
+from kaneflex.laws import parse_law
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.scene import Scene
+
+
+def address_problems(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:
+    """The problems of an address of a body's point, or of a fixed one where `ground` is allowed."""
+    if address.body == "ground":
+        if not ground:
+            yield Problem(key, str(address), "the ground does not move", "Name a body's point")
+        elif address.point != "origin" and address.point not in scene.ground:
+            yield Problem(
+                key, str(address), "no such fixed point", nearest(address.point, ["origin", *scene.ground])
+            )
+    elif address.body not in scene.bodies:
+        cure = nearest(address.body, [*scene.bodies, *(["ground"] if ground else [])])
+        yield Problem(key, str(address), f"there is no body {address.body!r}", cure)
+    elif address.point not in scene.bodies[address.body].points_all:
+        points = scene.bodies[address.body].points_all
+        yield Problem(
+            key,
+            str(address),
+            f"{address.body} has no point {address.point!r}",
+            nearest(address.point, points),
+        )
+
+
+def load_problems(scene: Scene) -> Iterator[Problem]:
+    for name, load in scene.loads.items():
+        if load.force_on is not None:
+            yield from address_problems(scene, f"loads.{name}.force_on", load.force_on, ground=False)
+        elif load.spread_on is not None:
+            yield from _spread(scene, f"loads.{name}.spread_on", load.spread_on)
+        elif load.torque_at not in scene.joints:
+            cure = nearest(load.torque_at, scene.joints)
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
+        elif scene.joints[load.torque_at].kind != "revolute":
+            kind = scene.joints[load.torque_at].kind
+            reason = f"a {kind} joint does not turn"
+            yield Problem(f"loads.{name}.torque_at", load.torque_at, reason, "Name a revolute joint")
+        if load.against in scene.drives and load.against in scene.joints and scene.slides(load.against):
+            reason = "a load's table is read against an angle or the time; this drive slides"
+            cure = f"Write a law in {load.against}, which is in m, or a table against t"
+            yield Problem(f"loads.{name}.against", load.against, reason, cure)
+            continue
+        if load.against not in (None, "t", *scene.drives):
+            cure = nearest(load.against, ["t", *scene.drives])
+            yield Problem(f"loads.{name}.against", load.against, "no drive of that name", cure)
+            continue
+        try:
+            if load.kind == "table":
+                load.read_table()
+            elif load.kind == "law":
+                parse_law(load.law, scene.law_names())
+        except Fault as fault:
+            field = fault.below or load.kind
+            yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
+
+
+def _spread(scene: Scene, key: str, body: str) -> Iterator[Problem]:
+    if body not in scene.bodies:
+        yield Problem(key, body, "no body of that name", nearest(body, scene.bodies))
+    elif scene.bodies[body].length is None:
+        yield Problem(key, body, f"{body} has no length to spread a load along", "Give the body a length")
+    elif scene.bodies[body].modal_data is not None:
+        reason = f"the modal data of {body} say nothing of what is between its points"
+        yield Problem(key, body, reason, "Let forces act on its points, or give the body a beam")
+
+
+def spring_problems(scene: Scene) -> Iterator[Problem]:
+    for name, spring in scene.springs.items():
+        key = f"springs.{name}"
+        for end in spring.ends:
+            yield from address_problems(scene, f"{key}.between", end, ground=True)
+            body = scene.bodies.get(end.body)
+            if body is not None and body.elastic and body.beam.axially_rigid:
+                cure = "Leave axially_rigid out, or attach the spring elsewhere"
+                yield Problem(f"{key}.between", str(end), f"{end.body} is axially rigid", cure)
+        if spring.torsional_at is not None:
+            yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
+
+
+def _torsional(scene: Scene, key: str, name: str) -> Iterator[Problem]:
+    if name not in scene.joints:
+        yield Problem(key, name, "no joint of that name", nearest(name, scene.joints))
+    elif scene.joints[name].kind != "revolute":
+        yield Problem(key, name, f"a {scene.joints[name].kind} joint does not turn", "Name a revolute joint")
+
+
+def event_problems(scene: Scene) -> Iterator[Problem]:
+    for name, event in scene.events.items():
+        if event.sensor not in scene.sensors:
+            cure = nearest(event.sensor, scene.sensors)
+            yield Problem(f"events.{name}.sensor", event.sensor, "no sensor of that name", cure)
+            continue
+        try:
+            scene.level(event)
+        except Fault as fault:
+            yield Problem(f"events.{name}.value", event.value, fault.reason, fault.cure)
