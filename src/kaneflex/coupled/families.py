@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
@@ -82,6 +81,8 @@ def clamped_free(k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     cosh bx - cos bx - sigma (sinh bx - sin bx), its growing part written with (1 - sigma) e^b, which does not cancel.
     """
+    from scipy.optimize import brentq  # 0.3 s: only where these shapes are used
+
     b = brentq(lambda z: np.cos(z) + 1 / np.cosh(z), k * np.pi, (k + 1) * np.pi, xtol=1e-14)
     decay = np.exp(-b)
     sigma = (1 - decay**2 - 2 * decay * np.sin(b)) / (1 + decay**2 + 2 * decay * np.cos(b))
