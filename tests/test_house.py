@@ -96,7 +96,7 @@ def test_import_kaneflex_is_light(tmp_path):
 
 def test_a_run_pays_for_nothing_that_it_does_not_need(tmp_path):
     """Solving the engine leaves out what other scenes, commands and files need."""
-    heavy = tuple(name for name in HEAVY if name != "pint") + ("scipy.optimize", "scipy.stats", "dask", "exudyn")
+    heavy = (*HEAVY, "scipy.optimize", "scipy.stats", "distributed", "exudyn")
     code = f"import sys, kaneflex.loading, kaneflex.simulation; print([n for n in {heavy} if n in sys.modules])"
     result = python(code, tmp_path)
     assert (result.returncode, result.stdout.strip()) == (0, "[]"), result.stderr
