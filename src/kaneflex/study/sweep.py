@@ -1,0 +1,126 @@
+"""Go through the points of a plan that are not finished, and write the dataset."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from kaneflex.folders import writing
+from kaneflex.study.dataset import write_netcdf
+from kaneflex.study.plan import Plan
+from kaneflex.study.run import COMPLETED, Record, solve_point
+from kaneflex.study.store import RESULT_FILES, Store, open_store
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sweep is: points `done` of `total`, `failed` of them, `now` of them since it was started."""
+
+    done: int
+    total: int
+    failed: int
+    now: int
+    seconds: float
+
+    @property
+    def rate(self) -> float:
+        """Points a second since the start; 0 before the first."""
+        return self.now / self.seconds if self.seconds else 0.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time left at that rate [s]; None before the first point."""
+        return (self.total - self.done) / self.rate if self.now else None
+
+    def __str__(self) -> str:
+        left = "" if self.seconds_left is None else f", {duration(self.seconds_left)} left"
+        failed = f", {self.failed} failed" if self.failed else ""
+        return f"{self.done} of {self.total} points{failed}, {self.rate:.3g} a second{left}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds in words of a clock: 48 s, 3 min 5 s, 2 h 7 min."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    return f"{whole // 60} min {whole % 60} s" if whole < 3600 else f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A complete sweep: its dataset's file, how many points it has, and the reasons of those that failed by number."""
+
+    path: Path
+    total: int
+    failures: dict[int, str]
+
+
+Solver = Callable[[Plan, Sequence[int]], Iterator[Record]]
+"""Solves the points of these numbers, in whatever order."""
+
+
+def in_this_process(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
+    """One point after the other."""
+    for point in points:
+        yield solve_point(plan, point)
+
+
+def sweep(
+    plan: Plan,
+    folder: Path,
+    solver: Solver = in_this_process,
+    progress: Callable[[Progress], None] = lambda now: None,
+    force: bool = False,
+) -> Finished:
+    """Compute what is not finished of a plan, then write the dataset into the folder.
+
+    Whatever stops it, a point that was finished is not computed again by the next call.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+        New, or that of the same sweep.
+    solver : Solver
+        Where the points are solved. The results don't depend on it.
+    progress : callable
+        Called with a Progress at the start and after each point.
+    force : bool
+        Whether to begin anew in a sweep's folder.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds other things or can't be written.
+    """
+    store = open_store(folder, plan, force)
+    if store.result is None:
+        _complete(plan, store, solver, progress)
+        path = folder / RESULT_FILES["netcdf"]
+        with writing(folder):
+            write_netcdf(plan, store, path)
+            store.close()
+    return _finished(store, len(plan.points))
+
+
+def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Progress], None]) -> None:
+    total, before = len(plan.points), len(store.finished)
+    failed = sum(record.outcome != COMPLETED for record in store.records())
+    started = time.perf_counter()
+    progress(Progress(before, total, failed, 0, 0.0))
+    for record in solver(plan, [point for point in range(total) if point not in store.finished]):
+        store.add(record)
+        failed += record.outcome != COMPLETED
+        done = len(store.finished)
+        progress(Progress(done, total, failed, done - before, time.perf_counter() - started))
+
+
+def _finished(store: Store, total: int) -> Finished:
+    import xarray
+
+    with xarray.open_dataset(store.result, engine="scipy") as found:
+        endings = zip(found["point"].values, found["outcome"].values, found["reason"].values, strict=True)
+        failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
+    return Finished(store.result, total, failures)
