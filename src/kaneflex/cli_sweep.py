@@ -24,9 +24,10 @@ _QUIET = 2.0
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the sweep. [default: STUDY-sweep]"
 )
+@click.option("--workers", type=click.IntRange(min=1), help="Solve in so many processes of this machine.")
 @click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
 @click.pass_context
-def sweep(ctx: click.Context, study: Path, output: Path | None, force: bool) -> None:
+def sweep(ctx: click.Context, study: Path, output: Path | None, workers: int | None, force: bool) -> None:
     """Run one scene at many points of its parameters, into one labelled dataset.
 
     STUDY.toml names the scene and what varies in it: lists, ranges and samples. The folder gets sweep.nc with every
@@ -34,12 +35,15 @@ def sweep(ctx: click.Context, study: Path, output: Path | None, force: bool) -> 
     stopped. A point that fails is recorded with its reason; if all of them fail, the exit code is 3.
     """
     from kaneflex.study.plan import make_plan
+    from kaneflex.study.processes import in_processes
+    from kaneflex.study.sweep import in_this_process
     from kaneflex.study.sweep import sweep as go_through
 
     plan = make_plan(study)
+    solver = in_this_process if workers is None else in_processes(workers)
     folder = output or Path(f"{study.stem}-sweep")
     try:
-        finished = go_through(plan, folder, progress=_reporter(), force=force)
+        finished = go_through(plan, folder, solver, _reporter(), force)
     except KeyboardInterrupt:
         click.echo(f"Interrupted; finished points are kept in {folder}, the same command goes on from there.", err=True)
         ctx.exit(INTERRUPTED)

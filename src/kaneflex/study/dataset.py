@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import COMPLETED, STATISTICS, Record
+from kaneflex.study.run import STATISTICS, Record
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
 
@@ -17,8 +17,10 @@ if TYPE_CHECKING:
     import xarray
 
 
-def to_dataset(plan: Plan, store: Store) -> xarray.Dataset:
-    """Every point of a sweep that is finished, in the order of their numbers.
+def to_dataset(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> xarray.Dataset:
+    """Finished points of these numbers.
+
+    ``instants`` is how many each series is filled up to; without series it is of no use.
 
     Returns
     -------
@@ -32,23 +34,26 @@ def to_dataset(plan: Plan, store: Store) -> xarray.Dataset:
 
     import kaneflex
 
-    records = sorted(store.records(), key=lambda record: record.point)
-    labels = {name: words for record in records for name, words in record.labels.items()}
+    records = list(store.records(points))
     variables: dict[str, tuple] = {
         "outcome": ("point", np.array([record.outcome for record in records])),
         "reason": ("point", np.array([record.reason for record in records])),
     }
-    for name, (unit, meaning) in labels.items():
-        about = {"units": unit, "long_name": meaning}
+    for name, about in _labels(store).items():
         variables[name] = (("point", "statistic"), _statistics(name, records), about)
     if plan.series:
-        variables |= _series(labels, records, store)
-    coordinates = {"point": [record.point for record in records], "statistic": list(STATISTICS)}
+        variables |= _series(store, points, instants)
+    coordinates = {"point": list(points), "statistic": list(STATISTICS)}
     for path in plan.points[0]:
-        values, about = column([plan.points[record.point][path] for record in records])
-        coordinates[path] = ("point", values, {"long_name": path} | about)
+        values, about = column([point[path] for point in plan.points.values()])
+        coordinates[path] = ("point", values[list(points)], {"long_name": path} | about)
     about = {"source": f"kaneflex {kaneflex.__version__}", "scene": plan.scene.name, "study": plan.digest}
     return xarray.Dataset(variables, coordinates, about)
+
+
+def _labels(store: Store) -> dict[str, dict[str, str]]:
+    """Sensor -> its attributes, by name, so that the order in which points ended is of no matter."""
+    return {name: dict(zip(("units", "long_name"), store.labels[name], strict=True)) for name in sorted(store.labels)}
 
 
 def _statistics(name: str, records: Sequence[Record]) -> np.ndarray:
@@ -56,23 +61,19 @@ def _statistics(name: str, records: Sequence[Record]) -> np.ndarray:
     return np.array([record.statistics.get(name, none) for record in records])
 
 
-def _series(labels: dict[str, tuple[str, str]], records: Sequence[Record], store: Store) -> dict[str, tuple]:
-    found = [store.series(record.point) if record.outcome == COMPLETED else {} for record in records]
-    longest = max((len(entry[""]) for entry in found if entry), default=0)
+def _series(store: Store, points: Sequence[int], instants: int) -> dict[str, tuple]:
+    found = [store.series(point) for point in points]
 
     def together(name: str) -> np.ndarray:
-        block = np.full((len(found), longest), np.nan)
+        block = np.full((len(found), instants), np.nan)
         for row, entry in zip(block, found, strict=True):
-            values = entry.get(name, np.empty(0))
+            values = entry.get(name, ())
             row[: len(values)] = values
         return block
 
     over = ("point", "instant")
     times = {"time": (over, together(""), {"units": "s", "long_name": "time"})}
-    return times | {
-        f"{name}_series": (over, together(name), {"units": unit, "long_name": meaning})
-        for name, (unit, meaning) in labels.items()
-    }
+    return times | {f"{name}_series": (over, together(name), about) for name, about in _labels(store).items()}
 
 
 def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
@@ -89,7 +90,14 @@ def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
 
 
 def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
-    """Write :func:`to_dataset` whole, as netCDF 3 (64-bit offset), which xarray reads with scipy alone."""
+    """Write :func:`to_dataset` of all points whole, as netCDF 3 (64-bit offset), which xarray reads with scipy."""
     partial = path.with_name(f".{path.name}.partial")
-    to_dataset(plan, store).to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
+    points = sorted(store.finished)
+    whole = to_dataset(plan, store, points, _longest(plan, store))
+    whole.to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
     partial.replace(path)
+
+
+def _longest(plan: Plan, store: Store) -> int:
+    """Instants of the point that has the most."""
+    return max(map(store.instants, store.finished), default=0) if plan.series else 0

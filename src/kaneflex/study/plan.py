@@ -21,6 +21,11 @@ OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 """Names in the dataset that are not sensors."""
 
 
+def names_file(path: str) -> bool:
+    """Whether the entry at a path of the scene names a file."""
+    return path.rpartition(".")[2] in FILE_KEYS
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """What a sweep computes.
@@ -29,8 +34,8 @@ class Plan:
     ----------
     scene : Scene
         With the study's settings laid over it.
-    points : list of Point
-        By number.
+    points : mapping of int to Point
+        By number; only some of them where they are solved in chunks.
     series : bool
         Whether every sensor is kept over time.
     files : mapping of str to bytes
@@ -38,7 +43,7 @@ class Plan:
     """
 
     scene: Scene
-    points: list[Point]
+    points: Mapping[int, Point]
     series: bool
     files: Mapping[str, bytes]
 
@@ -52,7 +57,7 @@ class Plan:
         import kaneflex
 
         contents = {path: hashlib.sha256(data).hexdigest() for path, data in self.files.items()}
-        about = [kaneflex.__version__, self.scene.raw, self.points, self.series, contents]
+        about = [kaneflex.__version__, self.scene.raw, list(self.points.values()), self.series, contents]
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -74,7 +79,7 @@ def make_plan(path: Path) -> Plan:
     for sensor in scene.sensors:
         if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
             raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
-    return Plan(scene, points, study.series, _files(scene, points))
+    return Plan(scene, dict(enumerate(points)), study.series, _files(scene, points))
 
 
 def setting(path: str, value: Value) -> str:
@@ -92,13 +97,13 @@ def _base(study: Study, folder: Path) -> Scene:
     for text in study.settings:
         key, equals, value = text.partition("=")
         whole = _whole_path(key.strip(), value.strip().strip("\"'"), folder)
-        settings.append(setting(key, whole) if equals and key.strip().endswith(FILE_KEYS) else text)
+        settings.append(setting(key, whole) if equals and names_file(key.strip()) else text)
     return with_settings(scene, settings) if settings else scene
 
 
 def _whole_path(key: str, value: Value, folder: Path) -> Value:
     """The absolute path of a file that is named relative to the study's folder; any other value as it is."""
-    if key.rpartition(".")[2] in FILE_KEYS and isinstance(value, str) and value != "none":
+    if names_file(key) and isinstance(value, str) and value != "none":
         return str((folder / value).resolve())
     return value
 
@@ -116,5 +121,5 @@ def file_places(scene: Scene) -> dict[str, str]:
 
 def _files(scene: Scene, points: list[Point]) -> dict[str, bytes]:
     named = set(file_places(scene).values())
-    named |= {value for point in points for key, value in point.items() if key.rpartition(".")[2] in FILE_KEYS}
+    named |= {value for point in points for key, value in point.items() if names_file(key)}
     return {name: Path(name).read_bytes() for name in sorted(named) if Path(name).is_file()}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +23,22 @@ RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}
 
 @dataclass(frozen=True, eq=False)
 class Store:
-    """What is finished of a sweep, in `folder`. Made by :func:`open_store`.
+    """What is finished of a sweep. Made by :func:`open_store`.
 
     A point is finished when its line stands in the journal; its series have been renamed into place before.
+
+    Attributes
+    ----------
+    folder : Path
+    finished : dict of int to int
+        Finished point -> where its line begins in the journal.
+    labels : dict of str to tuple of str
+        Sensor -> unit and meaning, of all finished points.
     """
 
     folder: Path
-    finished: set[int]
+    finished: dict[int, int] = field(default_factory=dict)
+    labels: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def result(self) -> Path | None:
@@ -40,16 +49,17 @@ class Store:
         """Keep a finished point; of one that is kept already nothing is written."""
         if record.point in self.finished:
             return
+        new = {name: words for name, words in record.labels.items() if name not in self.labels}
+        line = {"point": record.point, "outcome": record.outcome, "reason": record.reason,
+                "statistics": dict(record.statistics), "labels": new}  # fmt: skip
         with writing(self.folder):
             if record.times is not None:
                 self._write_series(record)
-            line = {
-                "point": record.point, "outcome": record.outcome, "reason": record.reason,
-                "statistics": dict(record.statistics), "labels": dict(record.labels),
-            }  # fmt: skip
-            with (self.folder / JOURNAL_FILE).open("a", encoding="utf-8", newline="\n") as journal:
-                journal.write(json.dumps(line, ensure_ascii=False) + "\n")
-        self.finished.add(record.point)
+            with (self.folder / JOURNAL_FILE).open("ab") as journal:
+                begin = journal.tell()
+                journal.write(json.dumps(line, ensure_ascii=False).encode() + b"\n")
+        self.finished[record.point] = begin
+        self.labels.update(new)
 
     def _write_series(self, record: Record) -> None:
         path = self._series_file(record.point)
@@ -63,21 +73,31 @@ class Store:
     def _series_file(self, point: int) -> Path:
         return self.folder / SERIES_FOLDER / f"{point // 1000}" / f"{point}.npz"
 
-    def records(self) -> Iterator[Record]:
-        """Every finished point in the order in which they ended, without its series."""
-        if not self.finished:
+    def records(self, points: Iterable[int]) -> Iterator[Record]:
+        """Finished points of these numbers, without their series."""
+        points = list(points)
+        if not points:
             return
-        with (self.folder / JOURNAL_FILE).open(encoding="utf-8") as journal:
-            for line in journal:
-                entry = json.loads(line)
+        with (self.folder / JOURNAL_FILE).open("rb") as journal:
+            for point in points:
+                journal.seek(self.finished[point])
+                entry = json.loads(journal.readline())
                 statistics = {name: tuple(values) for name, values in entry["statistics"].items()}
-                labels = {name: tuple(words) for name, words in entry["labels"].items()}
-                yield Record(entry["point"], entry["outcome"], entry["reason"], statistics, labels)
+                yield Record(point, entry["outcome"], entry["reason"], statistics)
 
     def series(self, point: int) -> dict[str, np.ndarray]:
-        """The series of a completed point by sensor, times [s] under ""."""
+        """The series of a completed point by sensor, times [s] under ""; none where none were kept."""
+        if not self._series_file(point).exists():
+            return {}
         with np.load(self._series_file(point)) as found:
             return {name: found[name] for name in found}
+
+    def instants(self, point: int) -> int:
+        """How many instants the series of a point have; 0 where none were kept."""
+        if not self._series_file(point).exists():
+            return 0
+        with np.load(self._series_file(point)) as found:
+            return len(found[""])
 
     def close(self) -> None:
         """The dataset is written: what it was made from goes."""
@@ -103,11 +123,11 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
             entries = set()
         if entries:
             _demand_same(folder, plan)
-            return Store(folder, _whole_lines(folder / JOURNAL_FILE))
+            return _begun(folder)
         folder.mkdir(parents=True, exist_ok=True)
     about = {"digest": plan.digest, "scene": plan.scene.name, "points": len(plan.points), "series": plan.series}
     write_text(folder / STUDY_FILE, json.dumps(about, indent=2, ensure_ascii=False) + "\n")
-    return Store(folder, set())
+    return Store(folder)
 
 
 def _demand_same(folder: Path, plan: Plan) -> None:
@@ -119,13 +139,19 @@ def _demand_same(folder: Path, plan: Plan) -> None:
         )  # fmt: skip
 
 
-def _whole_lines(journal: Path) -> set[int]:
-    """The points of the journal, of which a last line that was cut off is taken away."""
+def _begun(folder: Path) -> Store:
+    """What the journal holds; a last line that was cut off is taken away."""
+    store, journal = Store(folder), folder / JOURNAL_FILE
     if not journal.exists():
-        return set()
-    content = journal.read_bytes()
-    whole = content.rfind(b"\n") + 1
-    if whole < len(content):
-        with journal.open("r+b") as file:
-            file.truncate(whole)
-    return {json.loads(line)["point"] for line in content[:whole].splitlines()}
+        return store
+    with journal.open("r+b") as file:
+        begin = 0
+        for line in file:
+            if not line.endswith(b"\n"):
+                file.truncate(begin)
+                break
+            entry = json.loads(line)
+            store.finished[entry["point"]] = begin
+            store.labels.update({name: tuple(words) for name, words in entry["labels"].items()})
+            begin += len(line)
+    return store

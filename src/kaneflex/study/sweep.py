@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,11 +58,11 @@ class Finished:
     failures: dict[int, str]
 
 
-Solver = Callable[[Plan, Sequence[int]], Iterator[Record]]
+Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
 """Solves the points of these numbers, in whatever order."""
 
 
-def in_this_process(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
+def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None, None]:
     """One point after the other."""
     for point in points:
         yield solve_point(plan, point)
@@ -107,14 +108,16 @@ def sweep(
 
 def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Progress], None]) -> None:
     total, before = len(plan.points), len(store.finished)
-    failed = sum(record.outcome != COMPLETED for record in store.records())
+    failed = sum(record.outcome != COMPLETED for record in store.records(store.finished))
     started = time.perf_counter()
     progress(Progress(before, total, failed, 0, 0.0))
-    for record in solver(plan, [point for point in range(total) if point not in store.finished]):
-        store.add(record)
-        failed += record.outcome != COMPLETED
-        done = len(store.finished)
-        progress(Progress(done, total, failed, done - before, time.perf_counter() - started))
+    todo = [point for point in plan.points if point not in store.finished]
+    with closing(solver(plan, todo)) as records:  # whatever ends the loop ends the workers
+        for record in records:
+            store.add(record)
+            failed += record.outcome != COMPLETED
+            done = len(store.finished)
+            progress(Progress(done, total, failed, done - before, time.perf_counter() - started))
 
 
 def _finished(store: Store, total: int) -> Finished:
