@@ -93,11 +93,11 @@ def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
     """Write :func:`to_dataset` of all points whole, as netCDF 3 (64-bit offset), which xarray reads with scipy."""
     partial = path.with_name(f".{path.name}.partial")
     points = sorted(store.finished)
-    whole = to_dataset(plan, store, points, _longest(plan, store))
+    whole = to_dataset(plan, store, points, longest(plan, store))
     whole.to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
     partial.replace(path)
 
 
-def _longest(plan: Plan, store: Store) -> int:
+def longest(plan: Plan, store: Store) -> int:
     """Instants of the point that has the most."""
     return max(map(store.instants, store.finished), default=0) if plan.series else 0

@@ -13,6 +13,7 @@ from kaneflex.study.dataset import write_netcdf
 from kaneflex.study.plan import Plan
 from kaneflex.study.run import COMPLETED, Record, solve_point
 from kaneflex.study.store import RESULT_FILES, Store, open_store
+from kaneflex.study.zarr_store import demand_zarr, write_zarr
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ def sweep(
     solver: Solver = in_this_process,
     progress: Callable[[Progress], None] = lambda now: None,
     force: bool = False,
+    form: str = "netcdf",
 ) -> Finished:
     """Compute what is not finished of a plan, then write the dataset into the folder.
 
@@ -90,18 +92,24 @@ def sweep(
         Called with a Progress at the start and after each point.
     force : bool
         Whether to begin anew in a sweep's folder.
+    form : str
+        "netcdf", or "zarr", which is written block by block.
 
     Raises
     ------
+    SceneError
+        If zarr is wanted and not installed.
     OutputError
         If the folder holds other things or can't be written.
     """
+    if form == "zarr":
+        demand_zarr()
     store = open_store(folder, plan, force)
     if store.result is None:
         _complete(plan, store, solver, progress)
-        path = folder / RESULT_FILES["netcdf"]
+        write = {"netcdf": write_netcdf, "zarr": write_zarr}[form]
         with writing(folder):
-            write_netcdf(plan, store, path)
+            write(plan, store, folder / RESULT_FILES[form])
             store.close()
     return _finished(store, len(plan.points))
 
@@ -123,7 +131,8 @@ def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Prog
 def _finished(store: Store, total: int) -> Finished:
     import xarray
 
-    with xarray.open_dataset(store.result, engine="scipy") as found:
+    engine = "zarr" if store.result.suffix == ".zarr" else "scipy"
+    with xarray.open_dataset(store.result, engine=engine) as found:
         endings = zip(found["point"].values, found["outcome"].values, found["reason"].values, strict=True)
         failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
     return Finished(store.result, total, failures)
