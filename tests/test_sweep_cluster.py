@@ -12,22 +12,32 @@ import pytest
 import xarray
 from command_line import cli, refused
 
+from kaneflex.errors import SceneError
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.sweep import sweep
 
 SCENE = """
-like = "engine"
+schema = 1
 [bodies]
-crank = {centre = ["15 mm", "1 mm"]}
+arm = {length = "100 mm", mass = "1 kg", centre = ["15 mm", "1 mm"]}
+[joints]
+main = {revolute = ["ground", "arm.start"]}
+[drives]
+main = {speed = "6000 rpm", cycle = "720 deg"}
+[loads]
+push = {force_on = "arm.end", direction = [-1, 0], table = "weak.csv", against = "main", period = "720 deg"}
+[sensors]
+torque = {drive_torque = "main"}
+bearing = {joint_force = "main", component = "x"}
 """
-"""Of a structure that no shipped module serves: the crank's centre of mass lies beside its axis."""
+"""Of a structure that no shipped module serves."""
 STUDY = """
 scene = "own.toml"
 settings = ["solve.preset=rigid", "solve.steps=36"]
 
 [parameters]
 "drives.main.speed" = {from = "1000 rpm", to = "6000 rpm", count = 30}
-"loads.gas.table" = ["weak.csv", "strong.csv"]
+"loads.push.table" = ["weak.csv", "strong.csv"]
 """
 PATIENCE = 60.0
 
@@ -113,6 +123,15 @@ def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one
     assert set(there.data_vars) == set(here.data_vars) and there["point"].values.tolist() == list(range(60))
     assert len(list(cache.rglob("format-*/*.py"))) == 1  # the module, by its hash
     assert {path.name for path in cache.rglob("files/*/*.csv")} >= {"weak.csv", "strong.csv"}
+
+
+def test_a_worker_with_another_kaneflex_takes_no_part(tmp_path, plan, cluster, monkeypatch):
+    from kaneflex.study import cluster as ours
+
+    monkeypatch.setattr(ours, "_maker", lambda: ("9.9", "format-0"))
+    with pytest.raises(SceneError, match=r"it has kaneflex \d.*, not 9\.9 format-0.*Install the same kaneflex"):
+        sweep(plan, tmp_path / "out", ours.on_cluster(cluster[0]))
+    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 1  # what was solved here is kept
 
 
 def test_where_no_scheduler_answers(tmp_path, plan, peer, monkeypatch):

@@ -40,7 +40,8 @@ def on_cluster(address: str) -> Callable[[Plan, Sequence[int]], Generator[Record
     client = _connected(address)
 
     def solve(plan: Plan, todo: Sequence[int]) -> Generator[Record, None, None]:
-        yield from in_chunks(plan, todo, lambda plan: Cluster(plan, client, address))
+        with client:
+            yield from in_chunks(plan, todo, lambda plan: Cluster(plan, client, address))
 
     return solve
 
@@ -132,6 +133,7 @@ class Cluster:
         try:
             client.register_plugin(_delivery(self._shipment), name=self._name)
         except (RuntimeError, ImportError) as error:
+            client.unregister_worker_plugin(self._name)
             cure = "Install the same kaneflex, with the same generator, on every worker"
             raise SceneError("--scheduler", address, f"a worker can't take part: {error}", cure) from error
 
@@ -164,7 +166,6 @@ class Cluster:
     def close(self) -> None:
         self._client.cancel(list(self._futures))
         self._client.unregister_worker_plugin(self._name)
-        self._client.close()
 
 
 def _delivery(shipment: Shipment) -> WorkerPlugin:
