@@ -264,7 +264,7 @@ def test_a_scene_that_is_not_there_and_a_name_that_the_dataset_has(tmp_path):
 
 
 def test_progress_tells_rate_and_time_left():
-    assert str(Progress(30, 90, 2, 20, 10.0)) == "30 of 90 points, 2 failed, 2 a second, 30 s left"
+    assert str(Progress(30, 90, 2, 20, 2.0)) == "30 of 90 points, 2 failed, 2 a second, 30 s left"
     assert str(Progress(0, 90, 0, 0, 0.0)) == "0 of 90 points, 0 a second"
     assert str(Progress(1, 7201, 0, 1, 1.0)).endswith("2 h 0 min left")
 

@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -94,6 +97,19 @@ def test_a_chunk_lasts_a_second_and_the_last_ones_are_shared():
     assert len(queue.take(2)) == 949 // 4
     queue.lasted(1, 30.0)
     assert len(queue.take(2)) == 1
+
+
+def test_workers_of_a_sweep_that_is_killed_end_with_it(tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY.replace("count = 10", "count = 2000"))
+    command = [sys.executable, "-m", "kaneflex", "sweep", "study.toml", "-o", "out", "--workers", "1"]
+    journal = tmp_path / "out" / "journal.jsonl"
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+        while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") > 5):
+            time.sleep(0.05)
+        process.kill()
+        # a worker that lived on would hold the pipe open
+        process.communicate(timeout=30)
+    assert journal.read_bytes().count(b"\n") > 5
 
 
 class Deadly:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -87,7 +88,14 @@ def _prepare(plan: Plan) -> None:
     global _own
     # Ctrl-C goes to every process of the terminal; only the one that keeps the journal is to act on it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _own = plan
+
+
+def _end_with_parent() -> None:
+    """A worker of a sweep that was killed would wait for its next chunk for ever."""
+    multiprocessing.parent_process().join()
+    os._exit(1)
 
 
 def _solve(points: Points) -> Answer:

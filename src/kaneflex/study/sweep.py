@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -15,26 +16,26 @@ from kaneflex.study.run import COMPLETED, Record, solve_point
 from kaneflex.study.store import RESULT_FILES, Store, open_store
 from kaneflex.study.zarr_store import demand_zarr, write_zarr
 
+_RECENT = 200
+"""Points whose rate is told: not the first ones, for which everything was compiled."""
+
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is: points `done` of `total`, `failed` of them, `now` of them since it was started."""
+    """How far a sweep is: points `done` of `total`, `failed` of them, `now` of them since it was started; and how many
+    points a second the last ones were, 0 before the first.
+    """
 
     done: int
     total: int
     failed: int
     now: int
-    seconds: float
-
-    @property
-    def rate(self) -> float:
-        """Points a second since the start; 0 before the first."""
-        return self.now / self.seconds if self.seconds else 0.0
+    rate: float
 
     @property
     def seconds_left(self) -> float | None:
         """Time left at that rate [s]; None before the first point."""
-        return (self.total - self.done) / self.rate if self.now else None
+        return (self.total - self.done) / self.rate if self.rate else None
 
     def __str__(self) -> str:
         left = "" if self.seconds_left is None else f", {duration(self.seconds_left)} left"
@@ -117,7 +118,7 @@ def sweep(
 def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Progress], None]) -> None:
     total, before = len(plan.points), len(store.finished)
     failed = sum(record.outcome != COMPLETED for record in store.records(store.finished))
-    started = time.perf_counter()
+    moments = deque([time.perf_counter()], maxlen=_RECENT)  # the start, as long as few are finished
     progress(Progress(before, total, failed, 0, 0.0))
     todo = [point for point in plan.points if point not in store.finished]
     with closing(solver(plan, todo)) as records:  # whatever ends the loop ends the workers
@@ -125,7 +126,9 @@ def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Prog
             store.add(record)
             failed += record.outcome != COMPLETED
             done = len(store.finished)
-            progress(Progress(done, total, failed, done - before, time.perf_counter() - started))
+            moments.append(time.perf_counter())
+            rate = (len(moments) - 1) / max(moments[-1] - moments[0], 1e-9)
+            progress(Progress(done, total, failed, done - before, rate))
 
 
 def _finished(store: Store, total: int) -> Finished:
