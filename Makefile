@@ -4,7 +4,7 @@
 .PHONY: help setup run test derive check-derived bench-derive lint clean
 
 PYTHON ?= python3
-# EXTRAS=test,peer installs the programs to compare with, too; without them their tests skip and say so.
+# EXTRAS=test,peer,cluster,zarr installs what is optional, too; without it the tests of it skip and say so.
 EXTRAS ?= test
 BUILD := .build
 BIN := $(BUILD)/venv/bin

@@ -9,6 +9,8 @@ from types import ModuleType
 import pytest
 
 REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
+EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr"}
+"""Which extra of the package brings what some tests need."""
 
 
 def absent(what: str, cure: str) -> None:
@@ -28,7 +30,7 @@ def peer() -> Callable[[str], ModuleType]:
         except ModuleNotFoundError as error:
             if error.name != name:
                 raise
-            absent(name, "pip install 'kaneflex[peer]'")
+            absent(name, f"pip install 'kaneflex[{EXTRAS.get(name, name)}]'")
 
     return imported
 

@@ -82,7 +82,8 @@ def test_imports_are_absolute_and_by_installed_name(package):
 def test_every_dependency_is_declared_and_every_declared_one_is_imported():
     used = {name.split(".")[0] for package in FOLDERS for path in modules(package) for name in imports(path)}
     used -= {*sys.stdlib_module_names, "kaneflex"}
-    entries = PYPROJECT["project"]["dependencies"] + PYPROJECT["project"]["optional-dependencies"]["peer"]
+    extras = PYPROJECT["project"]["optional-dependencies"]
+    entries = [*PYPROJECT["project"]["dependencies"], *extras["peer"], *extras["cluster"], *extras["zarr"]]
     declared = {re.split(r"[^\w-]", entry)[0] for entry in entries}
     # matplotlib asks for pillow by itself, when it writes a GIF
     assert used == declared - {"pillow"}

@@ -11,7 +11,8 @@ import click
 
 from kaneflex.cli_compare import compare
 from kaneflex.cli_mechanism import equations, linearise, new, show
-from kaneflex.cli_scene import all_settings, mode_angle, read, scene_options
+from kaneflex.cli_scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
+from kaneflex.cli_sweep import sweep
 from kaneflex.errors import SceneError, UserError
 
 if TYPE_CHECKING:
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from kaneflex.model import Model
     from kaneflex.scene import Scene
     from kaneflex.summary import Summary
-
-USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
-"""Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
 
 
 class _Refusal(click.ClickException):
@@ -280,5 +278,5 @@ def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     click.echo(f"Written to {output}")
 
 
-for command in (compare, show, new, linearise, equations):
+for command in (compare, sweep, show, new, linearise, equations):
     main.add_command(command)

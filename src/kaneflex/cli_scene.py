@@ -12,6 +12,9 @@ from kaneflex.errors import SceneError, nearest
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
 
+USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
+"""Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
+
 
 def scene_options(command: Callable[..., None]) -> Callable[..., None]:
     """SCENE and what can be changed in it."""

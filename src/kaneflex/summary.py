@@ -148,7 +148,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         step_s=model.step,
         steps=model.options.steps,
         stored=len(times),
-        sensors=_sensors(solution) if len(times) else {},
+        sensors=sensor_summaries(solution) if len(times) else {},
         mode_angle_spread=_spread(solution),
         frequencies_hz=frequencies,
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
@@ -170,7 +170,8 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
     )
 
 
-def _sensors(solution: Solution) -> dict[str, SensorSummary]:
+def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
+    """Every sensor over the stored times, of which there is at least one."""
     degrees = drive_degrees(solution)
     return {name: _sensor(series, solution.times, degrees) for name, series in solution.series.items()}
 

@@ -14,7 +14,7 @@ from tokenize import TokenError
 
 from kaneflex.errors import Fault, nearest
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+NUMBER_WITH_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
 _UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
 
 
@@ -75,7 +75,7 @@ def to_si(value: object, dimension: Dimension) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Fault(f"{dimension.name} is wanted", _how_to_write(dimension))
     if isinstance(value, str):
-        match = _NUMBER.match(value)
+        match = NUMBER_WITH_UNIT.match(value)
         if match is None:
             raise Fault(f"not a number with a unit; {dimension.name} is wanted", _how_to_write(dimension))
         number = scaled(float(match[1]), match[2], dimension)

@@ -13,9 +13,9 @@ ANY_NAME = "*"
 """Stands for the names that a user gives, where a table has any."""
 
 
-def known_keys(path: typing.Sequence[str]) -> tuple[str, ...]:
+def known_keys(path: typing.Sequence[str], top: type[BaseModel] = Scene) -> tuple[str, ...]:
     """Keys of the table at `path`: ("*",) where users give the names, none where it is no table."""
-    kind: object = Scene
+    kind: object = top
     for key in path:
         kind = _entry(kind, key)
     if typing.get_origin(kind) is dict:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from kaneflex.errors import Fault, Problem, SceneError, nearest
 from kaneflex.scene.check import problems_of
@@ -28,7 +28,7 @@ def shipped_scenes() -> dict[str, Path]:
 
 def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
-    path = _located(name_or_path, Path.cwd(), "scene")
+    path = located(name_or_path, Path.cwd(), "scene")
     return _validated(_read_raw(path, ()), path.stem if path.parent == _SHIPPED else path.name)
 
 
@@ -65,7 +65,7 @@ def _removable(schema: Any) -> Any:
     return {key: _removable(value) for key, value in schema.items()}
 
 
-def _located(name_or_path: str | Path, folder: Path, key: str) -> Path:
+def located(name_or_path: str | Path, folder: Path, key: str) -> Path:
     """The file of a shipped scene or of a path relative to `folder`; `key` is where it was named."""
     text, shipped = str(name_or_path), shipped_scenes()
     if text in shipped:
@@ -108,7 +108,7 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
         if isinstance(entry.get("modal_data"), str):
             entry["modal_data"] = str((path.parent / entry["modal_data"]).resolve())
     if isinstance(raw.get("like"), str):
-        raw = merged(_read_raw(_located(raw["like"], path.parent, "like"), (*readers, path)), raw)
+        raw = merged(_read_raw(located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)
 
 
@@ -122,7 +122,7 @@ def _validated(raw: dict[str, Any], source: str) -> Scene:
     except ValidationError as error:
         # A table's default that needs a broken entry is no problem of its own.
         found = [e for e in error.errors() if e["type"] != "default_factory_not_called"]
-        raise SceneError.gather(_problem(item, raw) for item in found) from None
+        raise SceneError.gather(problem_in(item, raw) for item in found) from None
     scene._raw, scene._source = raw, source
     problems = problems_of(scene)
     if problems:
@@ -130,25 +130,25 @@ def _validated(raw: dict[str, Any], source: str) -> Scene:
     return scene
 
 
-def _place_of(path: list[str]) -> str | None:
+def _place_of(path: list[str], model: type[BaseModel]) -> str | None:
     """Where a key belongs that stands in the wrong table: in one within that table, around it, or at the top."""
     *table, key = path
-    within = [[*table, inner] for inner in known_keys(table)]
+    within = [[*table, inner] for inner in known_keys(table, model)]
     around = [table[:depth] for depth in range(len(table) - 1, 1, -1)]
-    top = [[name] for name in known_keys(())]
-    fitting = [place for place in (*within, *around, *top) if place != table and key in known_keys(place)]
+    top = [[name] for name in known_keys((), model)]
+    fitting = [place for place in (*within, *around, *top) if place != table and key in known_keys(place, model)]
     return f"It belongs to {'.'.join(fitting[0])}" if fitting else None
 
 
-def _problem(error: dict[str, Any], raw: dict[str, Any]) -> Problem:
-    """pydantic's description of one error in our terms."""
+def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel] = Scene) -> Problem:
+    """pydantic's description of one error in a file of such a `model` in our terms."""
     path = [str(part) for part in error["loc"]]
     fault = error.get("ctx", {}).get("error")
     if isinstance(fault, Fault):
         path += fault.below.split(".") if fault.below else []
         reason, cure = fault.reason, fault.cure
     elif error["type"] == "extra_forbidden":
-        reason, cure = "unknown key", _place_of(path) or nearest(path[-1], known_keys(path[:-1]))
+        reason, cure = "unknown key", _place_of(path, model) or nearest(path[-1], known_keys(path[:-1], model))
     elif error["type"] == "missing":
         reason, cure = "missing", f"Give {path[-1]}"
     elif error["type"] == "literal_error":

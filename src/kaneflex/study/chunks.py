@@ -1,0 +1,135 @@
+"""Many points on many workers: chunks that last about a second, and those of a worker that died once more."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Hashable, Iterable, Sequence
+from typing import Protocol
+
+from kaneflex.study.plan import Plan, names_file
+from kaneflex.study.points import Point
+from kaneflex.study.run import FAILED, Record, solve_point
+from kaneflex.study.study import number_and_unit
+
+SECONDS = 1.0
+"""What a chunk is to last: long against sending it, short against what an interruption loses."""
+_TRIES = 3
+"""Workers that may die over a point before it is given up."""
+DIED = f"the process that solved it died, {_TRIES} times: killed, or out of memory"
+
+Points = dict[int, Point]
+Answer = tuple[list[Record], float]
+"""Records of a chunk and the seconds that they took."""
+
+
+class Lost(Exception):
+    """The worker of a chunk died."""
+
+
+class Pool(Protocol):
+    """Workers that solve chunks."""
+
+    workers: int
+
+    def submit(self, points: Points) -> Hashable:
+        """Begin a chunk; what stands for it until it is finished."""
+
+    def finished(self) -> Iterable[tuple[Hashable, Callable[[], Answer]]]:
+        """Wait until something is finished: each with what gives its answer or raises Lost."""
+
+    def close(self) -> None:
+        """End, whatever is under way."""
+
+
+def first_of_each_kind(plan: Plan, todo: Sequence[int]) -> list[int]:
+    """Points that may differ in the equations: by texts, by switches, and by which numbers are zero."""
+    first: dict[tuple[object, ...], int] = {}
+    for point in todo:
+        first.setdefault(tuple(_kind(path, value) for path, value in plan.points[point].items()), point)
+    return list(first.values())
+
+
+def _kind(path: str, value: object) -> object:
+    number = number_and_unit(value)
+    if number is not None:
+        return number[0] == 0.0
+    return None if names_file(path) else value
+
+
+def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) -> Generator[Record, None, None]:
+    """Solve points on the workers of a pool.
+
+    Those that may need equations of their own come first and are solved here: they are derived and compiled once,
+    before a worker starts.
+    """
+    here = first_of_each_kind(plan, todo)
+    for point in here:
+        yield solve_point(plan, point)
+    left = set(todo) - set(here)
+    if not left:
+        return
+    pool = start(plan)
+    try:
+        yield from _through(plan, [point for point in todo if point in left], pool)
+    finally:
+        pool.close()
+
+
+def _through(plan: Plan, todo: Sequence[int], pool: Pool) -> Generator[Record, None, None]:
+    queue, waiting = Queue(todo), {}
+    while queue or waiting:
+        while queue.ready(len(waiting), 2 * pool.workers):
+            chunk = queue.take(pool.workers)
+            waiting[pool.submit({point: plan.points[point] for point in chunk})] = chunk
+        for key, answer in pool.finished():
+            chunk = waiting.pop(key)
+            try:
+                records, seconds = answer()
+            except Lost:
+                for point in queue.lost(chunk):
+                    yield Record(point, FAILED, DIED)
+                continue
+            queue.lasted(len(chunk), seconds)
+            yield from records
+
+
+class Queue:
+    """Points that wait, handed out in chunks that last about SECONDS by what the finished ones took.
+
+    Those whose worker died come again one by one and with nothing beside them: the death of one process can take
+    what others compute along, so that only a point that is alone is known to be the cause.
+    """
+
+    def __init__(self, todo: Sequence[int]) -> None:
+        self._todo = deque(todo)
+        self._again: deque[int] = deque()
+        self._tries: Counter[int] = Counter()
+        self._alone = False  # whether what was taken last came again
+        self._seconds: float | None = None  # of a point
+
+    def __bool__(self) -> bool:
+        return bool(self._todo or self._again)
+
+    def ready(self, waiting: int, most: int) -> bool:
+        """Whether a chunk may be taken while so many are under way, of `most` at a time."""
+        return bool(self) and waiting < (1 if self._alone or self._again else most)
+
+    def take(self, workers: int) -> tuple[int, ...]:
+        """The next chunk: one point as long as nothing is known, and no more than a fair share of the rest."""
+        self._alone = bool(self._again)
+        if self._alone:
+            return (self._again.popleft(),)
+        size = 1 if self._seconds is None else int(SECONDS / max(self._seconds, 1e-6))
+        size = max(1, min(size, len(self._todo) // (2 * workers)))
+        return tuple(self._todo.popleft() for _ in range(size))
+
+    def lasted(self, points: int, seconds: float) -> None:
+        """A chunk of so many points is finished."""
+        self._seconds = seconds / points
+
+    def lost(self, chunk: tuple[int, ...]) -> list[int]:
+        """A chunk whose worker died: its points come again; returned are those that are given up."""
+        self._tries.update(chunk)
+        given_up = [point for point in chunk if self._tries[point] >= _TRIES]
+        self._again.extend(point for point in chunk if self._tries[point] < _TRIES)
+        return given_up

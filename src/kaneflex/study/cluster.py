@@ -1,0 +1,195 @@
+"""Workers of a Dask cluster that solve chunks of a sweep (extra ``cluster``)."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kaneflex.binding import cache_folder
+from kaneflex.errors import SceneError
+from kaneflex.scene import Scene, with_settings
+from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
+from kaneflex.study.plan import Plan, file_places, names_file, setting
+from kaneflex.study.run import Record, solve_points
+from kaneflex.writing import write_bytes
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, WorkerPlugin
+
+_RECOUNT = 2.0
+"""Seconds for which the number of workers is taken to be what it was."""
+_CONNECTING = 10.0
+"""Seconds to wait for the scheduler."""
+_shipments: dict[str, Shipment] = {}
+"""In a worker: what has arrived, by the plan's digest."""
+
+
+def on_cluster(address: str) -> Callable[[Plan, Sequence[int]], Generator[Record, None, None]]:
+    """Solves points on the workers of the Dask scheduler at this address.
+
+    Raises
+    ------
+    SceneError
+        If distributed is not installed, the scheduler doesn't answer, or a worker has another kaneflex.
+    """
+    client = _connected(address)
+
+    def solve(plan: Plan, todo: Sequence[int]) -> Generator[Record, None, None]:
+        with client:
+            yield from in_chunks(plan, todo, lambda plan: Cluster(plan, client, address))
+
+    return solve
+
+
+def _connected(address: str) -> Client:
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as error:
+        if error.name not in ("distributed", "dask"):
+            raise
+        cure = "Run: pip install 'kaneflex[cluster]'"
+        raise SceneError("--scheduler", address, "distributed is not installed", cure) from None
+    try:
+        return Client(address, timeout=_CONNECTING, set_as_default=False)
+    except (OSError, ValueError) as error:
+        cure = "Give the address that `dask scheduler` prints, like tcp://host:8786"
+        raise SceneError("--scheduler", address, f"no scheduler answers there ({error})", cure) from None
+
+
+class Shipment:
+    """A plan without its points, with the modules and files that it needs."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.digest = plan.digest
+        self.plan = replace(plan, points={})
+        self.maker = _maker()
+        folder = cache_folder()
+        self.modules = {
+            path.name: path.read_bytes()
+            for path in (Path(module.__file__) for name, module in list(sys.modules.items()) if _derived(name))
+            if path.parent == folder
+        }
+        self.moved: dict[str, str] = {}
+
+    def unpack(self) -> None:
+        """In a worker: put modules and files in their places."""
+        if _maker() != self.maker:
+            raise RuntimeError(f"it has kaneflex {' '.join(_maker())}, not {' '.join(self.maker)}")
+        for name, text in self.modules.items():
+            _keep(cache_folder() / name, text)
+        for name, data in self.plan.files.items():
+            digest = hashlib.sha256(data).hexdigest()[:16]
+            place = cache_folder() / "files" / digest / Path(name).name
+            _keep(place, data)
+            self.moved[name] = str(place)
+        self.plan = replace(self.plan, scene=_at_new_places(self.plan.scene, self.moved), files={})
+        _shipments[self.digest] = self
+
+    def plan_of(self, points: Points) -> Plan:
+        """The plan with these points, whose files are where they were put here."""
+        return replace(self.plan, points={
+            number: {path: self.moved.get(value, value) if names_file(path) else value for path, value in point.items()}
+            for number, point in points.items()
+        })  # fmt: skip
+
+
+def _derived(module: str) -> bool:
+    """Whether a module is one that kaneflex derived for the user."""
+    return module.startswith("kaneflex_")
+
+
+def _maker() -> tuple[str, str]:
+    """Version of kaneflex, and the state of its generator."""
+    import kaneflex
+
+    return kaneflex.__version__, cache_folder().name
+
+
+def _keep(path: Path, data: bytes) -> None:
+    if not path.exists():
+        write_bytes(path, data)
+
+
+def _at_new_places(scene: Scene, moved: Mapping[str, str]) -> Scene:
+    """The scene with the files that it names where they are on this machine."""
+    places = {key: moved[file] for key, file in file_places(scene).items() if file in moved}
+    return with_settings(scene, [setting(key, file) for key, file in places.items()]) if places else scene
+
+
+class Cluster:
+    """A pool of Dask workers. What runs on a worker that goes is run again elsewhere, by Dask itself."""
+
+    def __init__(self, plan: Plan, client: Client, address: str) -> None:
+        self._client, self._address = client, address
+        self._futures: set[Future] = set()
+        self._counted, self._workers = -_RECOUNT, 1
+        self._shipment = Shipment(plan)
+        self._name = f"kaneflex-{plan.digest}"
+        try:
+            client.register_plugin(_delivery(self._shipment), name=self._name)
+        except (RuntimeError, ImportError) as error:
+            client.unregister_worker_plugin(self._name)
+            cure = "Install the same kaneflex, with the same generator, on every worker"
+            raise SceneError("--scheduler", address, f"a worker can't take part: {error}", cure) from error
+
+    @property
+    def workers(self) -> int:
+        """How many chunks the cluster solves at a time: its workers' threads, one at least."""
+        now = time.monotonic()
+        if now - self._counted >= _RECOUNT:
+            self._counted, self._workers = now, max(1, sum(self._client.nthreads().values()))
+        return self._workers
+
+    def submit(self, points: Points) -> Future:
+        future = self._client.submit(_solve, self._shipment.digest, points, pure=False)
+        self._futures.add(future)
+        return future
+
+    def finished(self) -> Iterator[tuple[Future, Callable[[], Answer]]]:
+        from distributed import CancelledError, wait
+
+        try:
+            with self._client.as_current():
+                done = wait(self._futures, return_when="FIRST_COMPLETED").done
+        except (CancelledError, OSError) as error:
+            cure = "Start a scheduler; the same command goes on with what is left"
+            raise SceneError("--scheduler", self._address, "the scheduler is gone", cure) from error
+        self._futures -= done
+        for future in done:
+            yield future, lambda future=future: _answer(future)
+
+    def close(self) -> None:
+        self._client.cancel(list(self._futures))
+        self._client.unregister_worker_plugin(self._name)
+
+
+def _delivery(shipment: Shipment) -> WorkerPlugin:
+    """What brings a shipment to every worker before its first chunk, to those that join later, too."""
+    from distributed import WorkerPlugin
+
+    class Delivery(WorkerPlugin):
+        def setup(self, worker: object) -> None:
+            shipment.unpack()
+
+        def teardown(self, worker: object) -> None:
+            _shipments.pop(shipment.digest, None)
+
+    return Delivery()
+
+
+def _answer(future: Future) -> Answer:
+    from distributed import KilledWorker
+
+    try:
+        return future.result()
+    except KilledWorker as error:
+        raise Lost from error
+
+
+def _solve(digest: str, points: Points) -> Answer:
+    return solve_points(_shipments[digest].plan_of(points))

@@ -1,0 +1,103 @@
+"""The finished points of a sweep as one labelled dataset, written as netCDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.study.plan import Plan
+from kaneflex.study.run import STATISTICS, Record
+from kaneflex.study.store import Store
+from kaneflex.study.study import Value, number_and_unit
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def to_dataset(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> xarray.Dataset:
+    """Finished points of these numbers.
+
+    ``instants`` is how many each series is filled up to; without series it is of no use.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions ``point`` and ``statistic`` (min, max, rms, mean); along ``point`` a coordinate for each parameter,
+        named by its path, in the unit that the study gives it. A variable for each sensor in SI, NaN where a point was
+        not completed; ``outcome`` and ``reason`` say how it ended. With series also ``NAME_series`` over ``point`` and
+        ``instant``, at the times ``time`` [s], filled up with NaN where a run has fewer instants than another.
+    """
+    import xarray
+
+    import kaneflex
+
+    records = list(store.records(points))
+    variables: dict[str, tuple] = {
+        "outcome": ("point", np.array([record.outcome for record in records])),
+        "reason": ("point", np.array([record.reason for record in records])),
+    }
+    for name, about in _labels(store).items():
+        variables[name] = (("point", "statistic"), _statistics(name, records), about)
+    if plan.series:
+        variables |= _series(store, points, instants)
+    coordinates = {"point": list(points), "statistic": list(STATISTICS)}
+    for path in plan.points[0]:
+        values, about = column([point[path] for point in plan.points.values()])
+        coordinates[path] = ("point", values[list(points)], {"long_name": path} | about)
+    about = {"source": f"kaneflex {kaneflex.__version__}", "scene": plan.scene.name, "study": plan.digest}
+    return xarray.Dataset(variables, coordinates, about)
+
+
+def _labels(store: Store) -> dict[str, dict[str, str]]:
+    """Sensor -> its attributes, by name, so that the order in which points ended is of no matter."""
+    return {name: dict(zip(("units", "long_name"), store.labels[name], strict=True)) for name in sorted(store.labels)}
+
+
+def _statistics(name: str, records: Sequence[Record]) -> np.ndarray:
+    none = (np.nan,) * len(STATISTICS)
+    return np.array([record.statistics.get(name, none) for record in records])
+
+
+def _series(store: Store, points: Sequence[int], instants: int) -> dict[str, tuple]:
+    found = [store.series(point) for point in points]
+
+    def together(name: str) -> np.ndarray:
+        block = np.full((len(found), instants), np.nan)
+        for row, entry in zip(block, found, strict=True):
+            values = entry.get(name, ())
+            row[: len(values)] = values
+        return block
+
+    over = ("point", "instant")
+    times = {"time": (over, together(""), {"units": "s", "long_name": "time"})}
+    return times | {f"{name}_series": (over, together(name), about) for name, about in _labels(store).items()}
+
+
+def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
+    """The values of a parameter as an array, with the unit that all of them have; texts where they differ in it."""
+    parts = [number_and_unit(value) for value in values]
+    units = {unit for _, unit in filter(None, parts)}
+    if None in parts or len(units) > 1:
+        same = len({type(value) for value in values}) == 1
+        return np.array(values if same else [str(value) for value in values]), {}
+    if all(isinstance(value, int) for value in values):
+        return np.array(values), {}
+    (unit,) = units or {""}
+    return np.array([number for number, _ in parts]), {"units": unit} if unit else {}
+
+
+def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
+    """Write :func:`to_dataset` of all points whole, as netCDF 3 (64-bit offset), which xarray reads with scipy."""
+    partial = path.with_name(f".{path.name}.partial")
+    points = sorted(store.finished)
+    whole = to_dataset(plan, store, points, longest(plan, store))
+    whole.to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
+    partial.replace(path)
+
+
+def longest(plan: Plan, store: Store) -> int:
+    """Instants of the point that has the most."""
+    return max(map(store.instants, store.finished), default=0) if plan.series else 0

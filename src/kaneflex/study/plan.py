@@ -1,0 +1,125 @@
+"""A study with its scene read and its points numbered: what is computed, wherever that happens."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from kaneflex.errors import SceneError, nearest
+from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
+from kaneflex.scene.settings import nested
+from kaneflex.study.points import Point, points_of
+from kaneflex.study.study import Study, Value, read_study
+
+FILE_KEYS = ("table", "modal_data")
+"""Entries of a scene that name a file."""
+OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
+"""Names in the dataset that are not sensors."""
+
+
+def names_file(path: str) -> bool:
+    """Whether the entry at a path of the scene names a file."""
+    return path.rpartition(".")[2] in FILE_KEYS
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a sweep computes.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the study's settings laid over it.
+    points : mapping of int to Point
+        By number; only some of them where they are solved in chunks.
+    series : bool
+        Whether every sensor is kept over time.
+    files : mapping of str to bytes
+        Tables and modal data that the scene or a point names, by absolute path.
+    """
+
+    scene: Scene
+    points: Mapping[int, Point]
+    series: bool
+    files: Mapping[str, bytes]
+
+    def at(self, index: int) -> Scene:
+        """The scene at a point. Raises SceneError for values that the scene can't have."""
+        return with_settings(self.scene, [setting(path, value) for path, value in self.points[index].items()])
+
+    @cached_property
+    def digest(self) -> str:
+        """Sixteen hexadecimal digits of all that the results depend on, the version of kaneflex included."""
+        import kaneflex
+
+        contents = {path: hashlib.sha256(data).hexdigest() for path, data in self.files.items()}
+        about = [kaneflex.__version__, self.scene.raw, list(self.points.values()), self.series, contents]
+        return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def make_plan(path: Path) -> Plan:
+    """The plan of a study file.
+
+    Raises
+    ------
+    SceneError
+        For a file that is no study, a scene that can't be read, a path that leads nowhere, or names of sensors that
+        the dataset needs itself. Values that only some points have are not tried.
+    """
+    study = read_study(path)
+    folder = path.resolve().parent
+    scene = _base(study, folder)
+    points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
+    for key, value in points[0].items():
+        nested(scene.raw, setting(key, value))
+    for sensor in scene.sensors:
+        if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
+            raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
+    return Plan(scene, dict(enumerate(points)), study.series, _files(scene, points))
+
+
+def setting(path: str, value: Value) -> str:
+    """The setting "path=value" in TOML's spelling."""
+    return f"{path}={json.dumps(value, ensure_ascii=False)}"
+
+
+def _base(study: Study, folder: Path) -> Scene:
+    name = study.scene
+    if name not in shipped_scenes() and not (folder / name).is_file():
+        cure = nearest(name, [*shipped_scenes(), *(file.name for file in folder.glob("*.toml"))])
+        raise SceneError("scene", name, "no shipped scene and no file of that name beside the study", cure)
+    scene = read_scene(name if name in shipped_scenes() else folder / name)
+    settings = []
+    for text in study.settings:
+        key, equals, value = text.partition("=")
+        whole = _whole_path(key.strip(), value.strip().strip("\"'"), folder)
+        settings.append(setting(key, whole) if equals and names_file(key.strip()) else text)
+    return with_settings(scene, settings) if settings else scene
+
+
+def _whole_path(key: str, value: Value, folder: Path) -> Value:
+    """The absolute path of a file that is named relative to the study's folder; any other value as it is."""
+    if names_file(key) and isinstance(value, str) and value != "none":
+        return str((folder / value).resolve())
+    return value
+
+
+def file_places(scene: Scene) -> dict[str, str]:
+    """Path of every entry of the scene that names a file -> that file."""
+    return {
+        f"{table}.{name}.{key}": entry[key]
+        for table in ("loads", "drives", "bodies")
+        for name, entry in scene.raw.get(table, {}).items()
+        for key in FILE_KEYS
+        if isinstance(entry.get(key), str)
+    }
+
+
+def _files(scene: Scene, points: list[Point]) -> dict[str, bytes]:
+    named = set(file_places(scene).values())
+    named |= {value for point in points for key, value in point.items() if names_file(key)}
+    return {name: Path(name).read_bytes() for name in sorted(named) if Path(name).is_file()}

@@ -1,0 +1,153 @@
+"""STUDY.toml: which scene, which of its entries vary, and how."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, StrictBool, StrictFloat, StrictInt, StrictStr, ValidationError
+from pydantic import model_validator as validated_by
+
+from kaneflex.errors import Fault, SceneError
+from kaneflex.scene.quantities import WholeNumber
+from kaneflex.scene.read import problem_in
+from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.units import NUMBER_WITH_UNIT
+
+Value = StrictBool | StrictInt | StrictFloat | StrictStr
+"""What an entry of a scene is set to."""
+
+
+def number_and_unit(value: object) -> tuple[float, str] | None:
+    """The parts of 6000 or "6000 rpm"; None for what is neither."""
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, int | float):
+        return float(value), ""
+    match = NUMBER_WITH_UNIT.match(value) if isinstance(value, str) else None
+    return (float(match[1]), match[2]) if match else None
+
+
+class Axis(SceneTable):
+    """How one entry of the scene varies: over `values`, over `count` numbers from `from` to `to`, or sampled."""
+
+    values: tuple[Value, ...] | None = Field(default=None, description="a list, also written without this table")
+    from_: Value | None = Field(default=None, alias="from", description="first of equally spaced numbers")
+    to: Value | None = Field(default=None, description="the last of them")
+    count: WholeNumber | None = Field(default=None, description="how many")
+    low: Value | None = Field(default=None, description="samples lie above it")
+    high: Value | None = Field(default=None, description="and below it")
+    scale: Literal["linear", "log"] = Field(default="linear", description="`log`: equal ratios, not differences")
+
+    @validated_by(mode="after")
+    def _complete(self) -> Axis:
+        kind = the_one_given(self, ("values", "from_", "low"))
+        if kind == "values" and (not self.values or len(set(map(repr, self.values))) < len(self.values)):
+            raise Fault("empty, or a value stands in it twice", "Give each value once")
+        wanted = {"values": (), "from_": ("to", "count"), "low": ("high",)}[kind]
+        for name in ("to", "count", "high"):
+            if (getattr(self, name) is None) == (name in wanted):
+                verb = "missing" if name in wanted else "of no use"
+                raise Fault(f"{name} is {verb}", "Write {from = 1, to = 2, count = 5} or {low = 1, high = 2}")
+        if kind != "values":
+            _check_ends(*self.ends, self.scale)
+        return self
+
+    @property
+    def sampled(self) -> bool:
+        """Whether its values come from `sample`."""
+        return self.low is not None
+
+    @property
+    def ends(self) -> tuple[Value, Value]:
+        """What the numbers lie between."""
+        return (self.low, self.high) if self.sampled else (self.from_, self.to)
+
+
+def _check_ends(first: Value, last: Value, scale: str) -> None:
+    ends = [number_and_unit(value) for value in (first, last)]
+    if None in ends or ends[0][1] != ends[1][1]:
+        raise Fault("not two numbers with the same unit", "Write like {from = '2000 rpm', to = '6000 rpm', count = 5}")
+    (a, _), (b, _) = ends
+    if not (math.isfinite(a) and math.isfinite(b)) or a == b:
+        raise Fault("the ends are equal or not finite", "Give two different numbers")
+    if scale == "log" and not (a > 0 and b > 0):
+        raise Fault("a logarithmic scale needs numbers above zero", "Take scale = 'linear'")
+
+
+def _as_axis(value: object) -> object:
+    if isinstance(value, list):
+        return {"values": value}
+    if not isinstance(value, dict | Axis):
+        raise Fault("neither a list nor a table", "Write [1, 2, 4] or {from = 1, to = 4, count = 7}; what is fixed "
+                    "belongs to settings")  # fmt: skip
+    return value
+
+
+class Sample(SceneTable):
+    """How the entries with `low` and `high` are sampled, all together."""
+
+    method: Literal["random", "latin-hypercube", "sobol"] = Field(
+        default="sobol", description="`sobol`: scrambled, its count a power of two"
+    )
+    count: WholeNumber = Field(description="how many samples")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="the same seed gives the same samples")
+
+    @validated_by(mode="after")
+    def _balanced(self) -> Sample:
+        if self.method == "sobol" and self.count & (self.count - 1):
+            power = 2 ** round(math.log2(self.count))
+            raise Fault("a Sobol sequence is balanced at powers of two only", f"Take {power}", "count")
+        return self
+
+
+class Study(SceneTable):
+    """A sweep: every combination of the lists and ranges, and at each of them every listed point and sample."""
+
+    scene: str = Field(description="name of a shipped scene, or of a file relative to this one")
+    settings: tuple[str, ...] = Field(default=(), description='what else is changed, as `"path=value"`')
+    parameters: dict[str, Annotated[Axis, BeforeValidator(_as_axis)]] = Field(
+        default={}, description="by path of the entry: a list, `{from, to, count, scale}` or `{low, high, scale}`"
+    )
+    points: tuple[dict[str, Value], ...] = Field(default=(), description="listed points: `{path = value}`, same paths")
+    sample: Sample | None = Field(default=None, description="see below")
+    series: bool = Field(default=False, description="whether to keep every sensor over time")
+
+    @validated_by(mode="after")
+    def _consistent(self) -> Study:
+        sampled = [path for path, axis in self.parameters.items() if axis.sampled]
+        if sampled and self.sample is None:
+            raise Fault(f"{sampled[0]} is to be sampled", "Give sample = {method = 'sobol', count = 16}", "sample")
+        if self.sample is not None and not sampled:
+            raise Fault("there is nothing to sample", "Give a parameter {low = 1, high = 2}", "sample")
+        if not self.parameters and not self.points:
+            raise Fault("nothing varies", "Give [parameters], or points", "parameters")
+        listed = set(self.points[0]) if self.points else set()
+        if any(set(point) != listed for point in self.points) or (self.points and not listed):
+            raise Fault("the points differ in what they set", "Give every point the same paths", "points")
+        both = listed & set(self.parameters)
+        if both:
+            raise Fault(f"{min(both)} is among the parameters, too", "Give it in one of the two", "points")
+        return self
+
+
+def read_study(path: Path) -> Study:
+    """The study of a TOML file.
+
+    Raises
+    ------
+    SceneError
+        For a file that is not a study; it names every problem.
+    """
+    try:
+        raw: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError("study", path.name, f"not TOML: {error}", "Correct that line") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError("study", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file") from None
+    try:
+        return Study.model_validate(raw)
+    except ValidationError as error:
+        raise SceneError.gather(problem_in(item, raw, Study) for item in error.errors()) from None

@@ -1,0 +1,141 @@
+"""Go through the points of a plan that are not finished, and write the dataset."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from kaneflex.folders import writing
+from kaneflex.study.dataset import write_netcdf
+from kaneflex.study.plan import Plan
+from kaneflex.study.run import COMPLETED, Record, solve_point
+from kaneflex.study.store import RESULT_FILES, Store, open_store
+from kaneflex.study.zarr_store import demand_zarr, write_zarr
+
+_RECENT = 200
+"""Points whose rate is told: not the first ones, for which everything was compiled."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a sweep is: points `done` of `total`, `failed` of them, `now` of them since it was started; and how many
+    points a second the last ones were, 0 before the first.
+    """
+
+    done: int
+    total: int
+    failed: int
+    now: int
+    rate: float
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time left at that rate [s]; None before the first point."""
+        return (self.total - self.done) / self.rate if self.rate else None
+
+    def __str__(self) -> str:
+        left = "" if self.seconds_left is None else f", {duration(self.seconds_left)} left"
+        failed = f", {self.failed} failed" if self.failed else ""
+        return f"{self.done} of {self.total} points{failed}, {self.rate:.3g} a second{left}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds in words of a clock: 48 s, 3 min 5 s, 2 h 7 min."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    return f"{whole // 60} min {whole % 60} s" if whole < 3600 else f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A complete sweep: its dataset's file, how many points it has, and the reasons of those that failed by number."""
+
+    path: Path
+    total: int
+    failures: dict[int, str]
+
+
+Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
+"""Solves the points of these numbers, in whatever order."""
+
+
+def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None, None]:
+    """One point after the other."""
+    for point in points:
+        yield solve_point(plan, point)
+
+
+def sweep(
+    plan: Plan,
+    folder: Path,
+    solver: Solver = in_this_process,
+    progress: Callable[[Progress], None] = lambda now: None,
+    force: bool = False,
+    form: str = "netcdf",
+) -> Finished:
+    """Compute what is not finished of a plan, then write the dataset into the folder.
+
+    Whatever stops it, a point that was finished is not computed again by the next call.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+        New, or that of the same sweep.
+    solver : Solver
+        Where the points are solved. The results don't depend on it.
+    progress : callable
+        Called with a Progress at the start and after each point.
+    force : bool
+        Whether to begin anew in a sweep's folder.
+    form : str
+        "netcdf", or "zarr", which is written block by block.
+
+    Raises
+    ------
+    SceneError
+        If zarr is wanted and not installed.
+    OutputError
+        If the folder holds other things or can't be written.
+    """
+    if form == "zarr":
+        demand_zarr()
+    store = open_store(folder, plan, force)
+    if store.result is None:
+        _complete(plan, store, solver, progress)
+        write = {"netcdf": write_netcdf, "zarr": write_zarr}[form]
+        with writing(folder):
+            write(plan, store, folder / RESULT_FILES[form])
+            store.close()
+    return _finished(store, len(plan.points))
+
+
+def _complete(plan: Plan, store: Store, solver: Solver, progress: Callable[[Progress], None]) -> None:
+    total, before = len(plan.points), len(store.finished)
+    failed = sum(record.outcome != COMPLETED for record in store.records(store.finished))
+    moments = deque([time.perf_counter()], maxlen=_RECENT)  # the start, as long as few are finished
+    progress(Progress(before, total, failed, 0, 0.0))
+    todo = [point for point in plan.points if point not in store.finished]
+    with closing(solver(plan, todo)) as records:  # whatever ends the loop ends the workers
+        for record in records:
+            store.add(record)
+            failed += record.outcome != COMPLETED
+            done = len(store.finished)
+            moments.append(time.perf_counter())
+            rate = (len(moments) - 1) / max(moments[-1] - moments[0], 1e-9)
+            progress(Progress(done, total, failed, done - before, rate))
+
+
+def _finished(store: Store, total: int) -> Finished:
+    import xarray
+
+    engine = "zarr" if store.result.suffix == ".zarr" else "scipy"
+    with xarray.open_dataset(store.result, engine=engine) as found:
+        endings = zip(found["point"].values, found["outcome"].values, found["reason"].values, strict=True)
+        failures = {int(point): str(reason) for point, outcome, reason in endings if outcome != COMPLETED}
+    return Finished(store.result, total, failures)

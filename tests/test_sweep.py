@@ -1,0 +1,293 @@
+"""`kaneflex sweep`: which points, every sensor's statistics, failures, going on after an interruption, refusals."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from command_line import cli, refused
+
+from kaneflex.errors import OutputError, SceneError
+from kaneflex.loading import load
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.simulation import simulate
+from kaneflex.study.plan import Plan, make_plan
+from kaneflex.study.points import points_of
+from kaneflex.study.run import Record, solve_point
+from kaneflex.study.study import Study
+from kaneflex.study.sweep import Progress, in_this_process, sweep
+from kaneflex.summary import sensor_summaries
+
+HEAD = 'scene = "engine"\nsettings = ["solve.preset=rigid", "solve.steps=36"]\n'
+STUDY = HEAD + """
+[parameters]
+"drives.main.speed" = {from = "2000 rpm", to = "6000 rpm", count = 3}
+"rod.length" = ["137 mm", "150 mm", "30 mm"]
+"""
+"""Nine points; with a rod of 30 mm the linkage can't close."""
+
+
+def plan_of(folder: Path, text: str = STUDY) -> Plan:
+    file = folder / "study.toml"
+    file.write_text(text)
+    return make_plan(file)
+
+
+def points(**tables: object) -> list[dict]:
+    return points_of(Study.model_validate({"scene": "engine", **tables}))
+
+
+def dataset(folder: Path) -> xarray.Dataset:
+    with xarray.open_dataset(folder / "sweep.nc", engine="scipy") as found:
+        return found.load()
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory) -> tuple[Plan, xarray.Dataset]:
+    folder = tmp_path_factory.mktemp("sweep")
+    plan = plan_of(folder)
+    sweep(plan, folder / "out")
+    return plan, dataset(folder / "out")
+
+
+def test_lists_ranges_and_listed_points_are_combined_and_the_last_varies_fastest():
+    found = points(
+        parameters={"a.x": {"from": 1, "to": 3, "count": 3}, "a.y": ["1 mm", "2 mm"]},
+        points=[{"a.p": 1, "a.q": True}, {"a.p": 2, "a.q": False}],
+    )
+    assert len(found) == 12 and found[0] == {"a.x": 1, "a.y": "1 mm", "a.p": 1, "a.q": True}
+    assert [point["a.p"] for point in found[:4]] == [1, 2, 1, 2]
+    assert [point["a.x"] for point in found[::4]] == [1, 2, 3]
+    assert all(isinstance(point["a.x"], int) for point in found)
+
+
+def test_a_logarithmic_range_has_equal_ratios_and_exact_ends():
+    found = [float(p["a.x"].split()[0]) for p in points(
+        parameters={"a.x": {"from": "1 mm", "to": "7 mm", "count": 5, "scale": "log"}}
+    )]  # fmt: skip
+    assert (found[0], found[-1]) == (1.0, 7.0)
+    assert np.diff(np.log(found)) == pytest.approx(np.log(7) / 4, rel=1e-14)
+
+
+@pytest.mark.parametrize("method", ["sobol", "latin-hypercube"])
+def test_samples_fill_every_sixteenth_of_each_parameter_once(method):
+    tables = {
+        "parameters": {"a.x": {"low": 0.0, "high": 16.0}, "a.y": {"low": "16 mm", "high": "32 mm"}},
+        "sample": {"method": method, "count": 16, "seed": 3},
+    }
+    found = points(**tables)
+    assert sorted(int(point["a.x"]) for point in found) == list(range(16))
+    assert sorted(int(float(point["a.y"].removesuffix(" mm"))) for point in found) == list(range(16, 32))
+    assert points(**tables) == found
+    assert points(**tables | {"sample": {"method": method, "count": 16, "seed": 4}}) != found
+
+
+def test_random_samples_keep_to_their_ends_and_are_drawn_at_each_point_of_a_grid():
+    found = points(
+        parameters={"a.x": {"low": 1.0, "high": 100.0, "scale": "log"}, "a.n": [1, 2]},
+        sample={"method": "random", "count": 200},
+    )
+    drawn = np.array([point["a.x"] for point in found])
+    assert np.array_equal(drawn[:200], drawn[200:]) and drawn.min() > 1 and drawn.max() < 100
+    assert (drawn < 10).mean() == pytest.approx(0.5, abs=0.1)
+    assert list(found[0]) == ["a.x", "a.n"]
+
+
+def test_statistics_are_those_of_a_run_by_itself(swept):
+    _, found = swept
+    scene = with_settings(
+        read_scene("engine"),
+        ["solve.preset=rigid", "solve.steps=36", "drives.main.speed='4000 rpm'", "rod.length='150 mm'"],
+    )
+    alone = sensor_summaries(simulate(load(scene)))
+    row = found.isel(point=4)
+    assert (float(row["drives.main.speed"]), float(row["rod.length"])) == (4000.0, 150.0)
+    for name, entry in alone.items():
+        assert row[name].attrs["units"] == entry.unit
+        assert [float(row[name].sel(statistic=key)) for key in ("min", "max", "rms", "mean")] == [
+            entry.min, entry.max, entry.rms, entry.mean
+        ]  # fmt: skip
+
+
+def test_coordinates_carry_the_studys_unit_and_can_be_unstacked(swept):
+    _, found = swept
+    assert found["drives.main.speed"].attrs["units"] == "rpm"
+    grid = found["crank_torque"].set_index(point=["drives.main.speed", "rod.length"]).unstack("point")
+    peaks = grid.sel(statistic="max", **{"rod.length": 137.0})
+    assert dict(grid.sizes) == {"statistic": 4, "drives.main.speed": 3, "rod.length": 3}
+    assert (np.diff(peaks.sel({"drives.main.speed": [2000.0, 6000.0]})) != 0).all()
+
+
+def test_a_point_that_fails_has_its_reason_and_stops_nothing(swept):
+    _, found = swept
+    assert list(found["outcome"].values) == ["completed", "completed", "refused"] * 3
+    assert "the loop can't close" in str(found["reason"].values[2]) and str(found["reason"].values[0]) == ""
+    assert np.isnan(found["crank_torque"].values[2]).all() and not np.isnan(found["crank_torque"].values[3]).any()
+
+
+def test_an_unexpected_error_is_recorded_too(tmp_path, monkeypatch):
+    def broken(model):
+        raise ZeroDivisionError("of all things")
+
+    monkeypatch.setattr("kaneflex.simulation.simulate", broken)
+    record = solve_point(plan_of(tmp_path), 0)
+    assert (record.outcome, record.reason) == ("failed", "ZeroDivisionError: of all things")
+
+
+def test_interrupted_and_resumed_no_point_is_lost_or_repeated(tmp_path, swept):
+    plan, whole = swept
+    solved: list[int] = []
+
+    def counting(plan, todo):
+        for record in in_this_process(plan, todo):
+            solved.append(record.point)
+            yield record
+
+    def interrupted(plan, todo):
+        yield from counting(plan, todo[:3])
+        raise KeyboardInterrupt
+
+    journal = tmp_path / "out" / "journal.jsonl"
+    for so_far in (3, 6):
+        with pytest.raises(KeyboardInterrupt):
+            sweep(plan, tmp_path / "out", interrupted)
+        assert solved == list(range(so_far)) and not (tmp_path / "out" / "sweep.nc").exists()
+        with journal.open("a") as file:
+            file.write('{"point": 6, "outcome": "comp')  # the machine went down while it wrote
+    sweep(plan, tmp_path / "out", counting)
+    assert solved == list(range(9))
+    assert dataset(tmp_path / "out").identical(whole)
+    assert not journal.exists()
+    sweep(plan, tmp_path / "out", counting)
+    assert len(solved) == 9
+
+
+def test_whatever_order_the_points_end_in_the_dataset_is_the_same(tmp_path, swept):
+    plan, whole = swept
+    sweep(plan, tmp_path / "out", lambda plan, todo: in_this_process(plan, todo[::-1]))
+    assert dataset(tmp_path / "out").identical(whole)
+
+
+def test_series_are_those_of_the_run_and_filled_up_to_the_longest(tmp_path):
+    plan = plan_of(tmp_path, 'series = true\nscene = "engine"\nsettings = ["solve.preset=rigid"]\n'
+                   '[parameters]\n"solve.steps" = [36, 18]\n')  # fmt: skip
+    sweep(plan, tmp_path / "out")
+    found = dataset(tmp_path / "out")
+    alone = simulate(load(plan.at(1)))
+    assert np.array_equal(found["piston_position_series"][1, :19], alone.series["piston_position"].values)
+    assert np.array_equal(found["time"][1, :19], alone.times)
+    assert np.isnan(found["piston_position_series"][1, 19:]).all() and found.sizes["instant"] == 37
+    assert not (tmp_path / "out" / "series").exists()
+
+
+def test_zarr_is_written_block_by_block_and_holds_what_netcdf_does(tmp_path, peer, monkeypatch):
+    peer("zarr")
+    monkeypatch.setattr("kaneflex.study.zarr_store._POINTS", 4)
+    plan = plan_of(tmp_path, "series = true\n" + STUDY)
+    sweep(plan, tmp_path / "n")
+    path = sweep(plan, tmp_path / "z", form="zarr").path
+    whole = dataset(tmp_path / "n")
+    with xarray.open_dataset(path, engine="zarr") as found:
+        assert found["outcome"].encoding["chunks"] == (4,) and set(found.variables) == set(whole.variables)
+        for name, expected in whole.variables.items():
+            assert found[name].dims == expected.dims and found[name].attrs == expected.attrs
+            both = zip(found[name].values.ravel(), expected.values.ravel(), strict=True)
+            assert all(a == b or (a != a and b != b) for a, b in both), name
+
+
+def test_zarr_that_is_missing_is_said_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    (tmp_path / "study.toml").write_text(STUDY)
+    result = cli("sweep", tmp_path / "study.toml", "-o", tmp_path / "out", "--format", "zarr")
+    refused(result, "--format", "zarr is not installed", "kaneflex[zarr]")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_gas_curve_is_found_beside_the_study_and_its_content_counts(tmp_path):
+    for name, force in (("weak.csv", 1.0), ("strong.csv", 9.0)):
+        (tmp_path / name).write_text(f"angle_deg,F_gas_N\n0,{force}\n240,{force}\n480,{force}\n720,{force}\n")
+    text = HEAD + '[parameters]\n"loads.gas.table" = ["weak.csv", "strong.csv"]\n'
+    plan = plan_of(tmp_path, text)
+    assert {Path(path).name for path in plan.files} >= {"weak.csv", "strong.csv"}
+    torques = [solve_point(plan, point).statistics["crank_torque"] for point in (0, 1)]
+    assert torques[0] != torques[1]
+    (tmp_path / "weak.csv").write_text("angle_deg,F_gas_N\n0,2\n240,2\n480,2\n720,2\n")
+    assert plan_of(tmp_path, text).digest != plan.digest
+
+
+def test_another_study_is_not_mixed_in_and_other_things_are_left_alone(tmp_path, swept):
+    plan, _ = swept
+    sweep(plan, tmp_path / "out")
+    other = plan_of(tmp_path, STUDY.replace("count = 3", "count = 2"))
+    with pytest.raises(OutputError, match="begun with another study"):
+        sweep(other, tmp_path / "out")
+    assert sweep(other, tmp_path / "out", force=True).total == 6
+    with pytest.raises(OutputError, match=r"no study\.json"):
+        sweep(plan, tmp_path, force=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[parameters]\n"rod.lenght" = [1, 2]', ("rod.lenght", "length")),
+        ('[parameters]\n"rod.length" = [1, 1]', ("parameters.rod.length", "stands in it twice")),
+        ('[parameters]\n"rod.length" = 1', ("neither a list nor a table", "settings")),
+        ('[parameters]\n"rod.length" = {from = 1, to = 2}', ("count is missing",)),
+        ('[parameters]\n"rod.length" = {from = 1, to = "2 mm", count = 2}', ("same unit",)),
+        ('[parameters]\n"rod.length" = {from = 0, to = 2, count = 2, scale = "log"}', ("above zero",)),
+        ('[parameters]\n"rod.length" = {low = 1, high = 2}', ("is to be sampled", "method = 'sobol'")),
+        ('sample = {count = 12}\n[parameters]\n"rod.length" = {low = 1, high = 2}', ("sample.count = 12", "Take 16")),
+        ('sample = {count = 8}\n[parameters]\n"rod.length" = [1]', ("nothing to sample",)),
+        ('points = [{"rod.length" = 1}, {"rod.mass" = 1}]', ("the points differ",)),
+        ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("among the parameters, too",)),
+        ("", ("nothing varies",)),
+        ('parameter = {"rod.length" = [1]}', ("parameter", "unknown key", "'parameters'")),
+    ],
+)
+def test_what_is_refused_before_anything_runs(tmp_path, text, words):
+    file = tmp_path / "study.toml"
+    file.write_text(f'scene = "engine"\n{text}\n')
+    refused(cli("sweep", file, "-o", tmp_path / "out"), *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_that_is_not_there_and_a_name_that_the_dataset_has(tmp_path):
+    with pytest.raises(SceneError, match=r"no shipped scene and no file .* nearest known one is 'engine'"):
+        plan_of(tmp_path, 'scene = "engin"\n[parameters]\n"rod.length" = [1]\n')
+    with pytest.raises(SceneError, match=r"sensors\.outcome: .* Rename the sensor"):
+        (tmp_path / "own.toml").write_text('like = "engine"\n[sensors]\noutcome = {drive_torque = "main"}\n')
+        plan_of(tmp_path, STUDY.replace('"engine"', '"own.toml"'))
+
+
+def test_progress_tells_rate_and_time_left():
+    assert str(Progress(30, 90, 2, 20, 2.0)) == "30 of 90 points, 2 failed, 2 a second, 30 s left"
+    assert str(Progress(0, 90, 0, 0, 0.0)) == "0 of 90 points, 0 a second"
+    assert str(Progress(1, 7201, 0, 1, 1.0)).endswith("2 h 0 min left")
+
+
+def test_the_command_says_what_failed_and_where_the_results_are(tmp_path):
+    file = tmp_path / "study.toml"
+    file.write_text(STUDY)
+    result = cli("sweep", file, "-o", tmp_path / "out")
+    assert result.exit_code == 0 and "6 of 9 points completed" in result.stdout
+    assert "Point 2: joints.bore" in result.stderr
+    assert json.loads((tmp_path / "out" / "study.json").read_text())["points"] == 9
+    file.write_text(HEAD + '[parameters]\n"rod.length" = ["30 mm"]\n')
+    assert cli("sweep", file, "-o", tmp_path / "none").exit_code == 3
+
+
+def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch):
+    file = tmp_path / "study.toml"
+    file.write_text(STUDY)
+
+    def solve(plan, point):
+        if point == 2:
+            raise KeyboardInterrupt
+        return Record(point, "refused", "not tried")
+
+    monkeypatch.setattr("kaneflex.study.sweep.solve_point", solve)
+    result = cli("sweep", file, "-o", tmp_path / "out")
+    assert result.exit_code == 130 and "the same command goes on" in result.stderr
+    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2
