@@ -10,9 +10,16 @@ from runs import model
 from scipy.optimize import brentq
 
 from kaneflex.errors import SceneError
+from kaneflex.integrate.run import cycle_map
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.stability.buckling import buckling
+from kaneflex.stability.campbell import freeze
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
+from kaneflex.stability.steps import step_limits
+from kaneflex.stability.sweep import sweep
 
-MATHIEU = json.loads((Path(__file__).parent / "data" / "mathieu.json").read_text())["computed"]
+DATA = Path(__file__).parent / "data"
+MATHIEU = json.loads((DATA / "mathieu.json").read_text())["computed"]
 """Characteristic values (NIST DLMF 28.2), where y'' + (a - 2 q cos 2z) y = 0 changes from stable to unstable."""
 
 
@@ -67,3 +74,70 @@ def test_a_model_without_periodic_equations_is_refused():
         mathieu(1.0, "solve.duration=1 s")
     with pytest.raises(SceneError, match=r"bar\.link\.P_0 is -2 at first and 2 a cycle later"):
         mathieu(1.0, "pulse.law=-2 * cos(t)")
+
+
+# ---- speeds, buckling, steps -------------------------------------------------------------------------------------
+
+
+def first_speed() -> float:
+    """The blade's speed of eta = 3.516, its first frequency at a standstill [rad/s]: beam theory's 1.8751^2."""
+    profile = read_scene("rotating-cantilever").bodies["blade"].profile.at(0.0)
+    return 1.8751040687119611**2 * float(np.sqrt(profile.E_I / profile.rho_A))
+
+
+def test_blade_without_axial_forces_is_unstable_above_its_critical_speed():
+    """K_s - omega^2 M is lost at the first frequency of the blade at rest; with K_g nothing happens there."""
+    critical = first_speed()
+    speeds = np.array([0.5, 0.9, 1.2]) * critical
+    trap = sweep(with_settings(read_scene("rotating-cantilever"), ["solve.preset=linear"]), speeds, 2)
+    assert trap.bands == ((pytest.approx(critical, rel=2e-4), speeds[-1]),)
+    assert trap.settled.all() and list(trap.radii > 1) == [False, False, True]
+    right = sweep(read_scene("rotating-cantilever"), speeds, 2)
+    assert right.bands == () and (right.radii < 1).all()
+
+
+def test_frozen_frequencies_of_the_blade_rise_with_the_speed():
+    """The lag frequencies of Wright, Smith, Thresher & Wang (1982) at eta = 8: the same at all angles."""
+    loaded = model("rotating-cantilever", "push.value=1e-9 N")
+    frozen = freeze(loaded, 2)
+    profile = loaded.scene.bodies["blade"].profile.at(0.0)
+    table = json.loads((DATA / "rotating_cantilever.json").read_text())["table"]
+    row = next(row for row in table if row["eta"] == "8")
+    unit = np.sqrt(profile.E_I / profile.rho_A) / (2 * np.pi)
+    exact = [unit * float(row[f"lag_mode{k}"]) for k in (1, 2)]
+    assert frozen.frequencies == pytest.approx(np.tile(exact, (len(frozen.times), 1)), rel=2e-4)
+    assert (frozen.growth < 0).all()
+
+
+def test_a_pinned_beam_buckles_under_eulers_load():
+    """E I (pi / l)^2 = 1 N: at clock = 0 it is pushed by 2 N, and nowhere more."""
+    loaded = model("mathieu")
+    found = buckling(loaded, np.linspace(0.0, np.pi, 37))
+    assert found.factors[0] == found.margin == pytest.approx(0.5, rel=1e-5)
+    assert found.factors[9] > 1e6 and np.isinf(found.factors[18])  # no push at a quarter, a pull at half
+
+
+def test_nothing_buckles_in_a_blade_that_is_pulled():
+    assert buckling(model("rotating-cantilever"), np.array([0.0])).margin == np.inf
+
+
+def test_what_nothing_holds_has_no_buckling_load():
+    assert buckling(model("free-frame"), np.array([0.0])) is None
+
+
+def test_largest_stable_steps_of_the_four_bar():
+    """One step fewer than the limit lets a disturbance grow that the equations damp."""
+    loaded = model("four-bar", "crank.elements=2", "coupler.elements=2", "follower.elements=2")
+    multipliers = floquet_multipliers(loaded)
+    limits = {limit.integrator: limit for limit in step_limits(loaded, multipliers)}
+    assert set(limits) == {"newmark", "generalised-alpha", "gauss"} and not multipliers.unstable
+    newmark = limits["newmark"]
+    assert newmark.limited and newmark.step == pytest.approx(multipliers.period / newmark.steps)
+    for steps, stable in ((newmark.steps, True), (newmark.steps - 1, False)):
+        cycle = cycle_map(loaded.system, loaded.scalars, 0.0, multipliers.period, steps, "newmark")
+        assert (abs(np.linalg.eigvals(cycle.monodromy)).max() < 1.0 + 1e-4) is np.bool_(stable)
+
+
+def test_a_speed_that_no_drive_has_is_not_varied():
+    with pytest.raises(SceneError, match="the first drive has no constant speed"):
+        sweep(read_scene("spin-up"), np.array([1.0]), 1)

@@ -16,7 +16,7 @@ from kaneflex.simulation import not_repeated
 FIRST_STEPS, MOST_STEPS = 256, 16384
 """Steps of the first attempt over a period, and those at which refining ends."""
 SETTLED = 1e-7
-"""Change of the spectral radius by twice the steps, as a share of it, at which refining ends."""
+"""Change of the spectral radius by twice the steps, as a share of it or of one, at which refining ends."""
 MARGIN = 1e-5
 """How far above one the spectral radius must be to be called unstable: a double multiplier 1 splits by rounding."""
 
@@ -34,7 +34,7 @@ class Multipliers:
     steps : int
         Steps of the two-stage Gauss-Legendre method over the period.
     change : float
-        Of the spectral radius against half the steps, as a share of it.
+        Of the spectral radius against half the steps, as a share of it, or of one where it is smaller.
     """
 
     values: np.ndarray
@@ -65,7 +65,7 @@ def floquet_multipliers(model: Model, tolerance: float = SETTLED) -> Multipliers
     """Multipliers of M z'' + C z' + K z = 0 over a period, with as many steps as they need.
 
     The method is of order four and neither damps nor excites: from one attempt to the next its steps are halved, until
-    the spectral radius changes by no more than ``tolerance``, a share of it.
+    the spectral radius changes by no more than ``tolerance``, a share of it or of one.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def floquet_multipliers(model: Model, tolerance: float = SETTLED) -> Multipliers
         values = _multipliers(model, period, steps)
         radius = float(abs(values[0]))
         if before is not None:
-            change = abs(radius - before) / radius
+            change = abs(radius - before) / max(radius, 1.0)
             if change <= tolerance or 2 * steps > MOST_STEPS:
                 return Multipliers(values, period, steps, change)
         before, steps = radius, 2 * steps
