@@ -15,7 +15,7 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.stability.buckling import buckling
 from kaneflex.stability.campbell import freeze
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
-from kaneflex.stability.steps import step_limits
+from kaneflex.stability.steps import StepLimit, recommended, step_limits
 from kaneflex.stability.sweep import sweep
 
 DATA = Path(__file__).parent / "data"
@@ -99,7 +99,7 @@ def test_blade_without_axial_forces_is_unstable_above_its_critical_speed():
 def test_frozen_frequencies_of_the_blade_rise_with_the_speed():
     """The lag frequencies of Wright, Smith, Thresher & Wang (1982) at eta = 8: the same at all angles."""
     loaded = model("rotating-cantilever", "push.value=1e-9 N")
-    frozen = freeze(loaded, 2)
+    frozen = freeze(loaded, 2, 12)
     profile = loaded.scene.bodies["blade"].profile.at(0.0)
     table = json.loads((DATA / "rotating_cantilever.json").read_text())["table"]
     row = next(row for row in table if row["eta"] == "8")
@@ -136,6 +136,14 @@ def test_largest_stable_steps_of_the_four_bar():
     for steps, stable in ((newmark.steps, True), (newmark.steps - 1, False)):
         cycle = cycle_map(loaded.system, loaded.scalars, 0.0, multipliers.period, steps, "newmark")
         assert (abs(np.linalg.eigvals(cycle.monodromy)).max() < 1.0 + 1e-4) is np.bool_(stable)
+
+
+def test_the_recommended_step_resolves_the_lowest_mode_and_is_stable():
+    coarse = StepLimit("newmark", 8, 1.0, False)
+    fine = StepLimit("gauss", 100, 0.08, True)
+    assert recommended((coarse, fine), 20.0) == StepLimit("gauss", 1600, 0.005, True)  # order 4, 10 steps of 0.05 s
+    assert recommended((coarse, fine), 0.0) == StepLimit("newmark", 72, 8 / 72, False)  # gauss needs more than 72
+    assert recommended((StepLimit("gauss", None, None, True),), 1.0) is None
 
 
 def test_a_speed_that_no_drive_has_is_not_varied():

@@ -9,8 +9,8 @@ import numpy as np
 from kaneflex.affine import Affine
 from kaneflex.model import Model, RigidMotion, keep_terms
 
-INSTANTS = 36
-"""Instants of a cycle at which the equations are frozen."""
+INSTANTS, FEW_INSTANTS = 144, 36
+"""Instants of a cycle at which the equations are frozen: of a scene's own speed, and of each speed of a sweep."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,8 @@ class Frozen:
     frequencies : ndarray (n_times, count)
         Lowest natural frequencies [Hz] without the material damping, rising; one that diverges counts as zero.
     growth : ndarray (n_times,)
-        Largest real part of the poles [1/s], damping included: above zero, the frozen equations diverge or flutter. It says nothing final
-        of the periodic ones: their multipliers do.
+        Largest real part of the poles [1/s], damping included: above zero, the frozen equations diverge or flutter.
+        It says nothing final of the periodic ones: their multipliers do.
     condition_M, condition_K : ndarray (n_times,)
         Condition numbers of M and K (2-norm) with their diagonals scaled to one, so that no unit matters.
     """
@@ -40,7 +40,7 @@ class Frozen:
     condition_K: np.ndarray
 
 
-def freeze(model: Model, count: int, instants: int = INSTANTS) -> Frozen:
+def freeze(model: Model, count: int, instants: int) -> Frozen:
     """Poles of M z'' + C z' + K z = 0 with the coefficients of each of so many instants of a cycle."""
     count = min(count, model.reduced.size)
     times = np.arange(instants) * model.scene.period / instants

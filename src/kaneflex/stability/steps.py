@@ -19,8 +19,8 @@ _RATIO = 2**0.5
 _SPURIOUS, _SHARE = 1e-4, 0.05
 """Logarithm of the growth in a period, beyond that of the equations themselves, at which an integrator is called
 unstable, and the share of the equations' own growth that is added to it."""
-PER_PERIOD = 10
-"""Steps in a period of the lowest mode that a recommended step has at least."""
+PER_PERIOD, PER_CYCLE = 10, 72
+"""Steps in a period of the lowest mode, and of the motion, that are recommended at least."""
 
 
 @dataclass(frozen=True)
@@ -57,17 +57,19 @@ def step_limits(model: Model, multipliers: Multipliers) -> tuple[StepLimit, ...]
     return tuple(_limit(model, name, multipliers.period, allowed) for name in names)
 
 
-def recommended(model: Model, limits: tuple[StepLimit, ...], lowest: float) -> StepLimit | None:
-    """The integrator of the largest stable step, the one of highest order among equals, with enough steps for a mode.
+def recommended(limits: tuple[StepLimit, ...], lowest: float) -> StepLimit | None:
+    """The integrator of highest order that is stable with the steps that resolve a mode and the motion.
 
-    lowest: highest value over the cycle of the lowest frequency [Hz]. None where no integrator is stable.
+    Where none is, the one of the largest stable step, with that. lowest: highest value over the cycle of the lowest
+    frequency that is not zero [Hz]. None where no integrator is stable.
     """
     stable = [limit for limit in limits if limit.steps is not None]
     if not stable:
         return None
-    best = min(stable, key=lambda limit: (limit.steps, -METHODS[limit.integrator].order))
-    period = best.step * best.steps
-    steps = max(best.steps, int(np.ceil(PER_PERIOD * lowest * period)))
+    period = stable[0].step * stable[0].steps
+    wanted = max(PER_CYCLE, int(np.ceil(PER_PERIOD * lowest * period)))
+    best = min(stable, key=lambda limit: (max(limit.steps, wanted), -METHODS[limit.integrator].order))
+    steps = max(best.steps, wanted)
     return StepLimit(best.integrator, steps, period / steps, best.limited)
 
 

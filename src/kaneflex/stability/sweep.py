@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,11 +12,22 @@ from kaneflex.errors import SceneError
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import Scene, with_settings
-from kaneflex.stability.campbell import freeze
+from kaneflex.stability.campbell import FEW_INSTANTS, freeze
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
 
 _EDGE = 1e-4
 """Share of the sweep's width to which a band's edge is found between two of its speeds."""
+
+ORDERS = 6
+"""Engine orders, multiples of the drive's turns, that are held against the frequencies."""
+
+
+class Crossing(NamedTuple):
+    """An engine order meets a frequency (the first is 1) at a speed [rad/s]."""
+
+    order: int
+    mode: int
+    speed: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +60,18 @@ class Sweep:
     mean: np.ndarray
     highest: np.ndarray
     bands: tuple[tuple[float, float], ...]
+
+    def crossings(self, orders: int = ORDERS) -> list[Crossing]:
+        """Where multiples of the drive's turns meet the mean of a frequency, between two speeds by a straight line."""
+        found = []
+        for mode, frequencies in enumerate(self.mean.T):
+            for order in range(1, orders + 1):
+                gap = frequencies - order * self.speeds / (2.0 * np.pi)
+                for k in np.flatnonzero((gap[:-1] < 0.0) != (gap[1:] < 0.0)):
+                    share = gap[k] / (gap[k] - gap[k + 1])
+                    speed = self.speeds[k] + share * (self.speeds[k + 1] - self.speeds[k])
+                    found.append(Crossing(order, mode + 1, float(speed)))
+        return found
 
 
 def speeds_between(low: float, high: float, points: int) -> np.ndarray:
@@ -84,7 +108,7 @@ def sweep(
     for k, speed in enumerate(speeds):
         model, multipliers = at(speed)
         found.append(multipliers)
-        frozen.append(freeze(model, count).frequencies)
+        frozen.append(freeze(model, count, FEW_INSTANTS).frequencies)
         progress((k + 1) / len(speeds))
     bands = _bands(speeds, [one.unstable for one in found], lambda speed: at(speed)[1].unstable)
     keys = ("radius", "growth_rate", "settled")
