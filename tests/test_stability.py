@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import model
+from runs import model, run
 from scipy.optimize import brentq
 
+from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
 from kaneflex.integrate.run import cycle_map
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.stability.buckling import buckling
 from kaneflex.stability.campbell import freeze
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
+from kaneflex.stability.lost import lost_stiffness
 from kaneflex.stability.steps import StepLimit, recommended, step_limits
 from kaneflex.stability.sweep import sweep
 
@@ -149,3 +151,29 @@ def test_the_recommended_step_resolves_the_lowest_mode_and_is_stable():
 def test_a_speed_that_no_drive_has_is_not_varied():
     with pytest.raises(SceneError, match="the first drive has no constant speed"):
         sweep(read_scene("spin-up"), np.array([1.0]), 1)
+
+
+# ---- what a run says ---------------------------------------------------------------------------------------------
+
+
+def test_a_run_beyond_a_buckling_load_says_so():
+    """Pushed by 2 N at first, the beam buckles under 1 N; pushed by 0.9 N it says nothing."""
+    (warning,) = doubts(run("mathieu"), [])
+    assert "exceed a buckling load at t = 0 s: 0.5 of them would do" in warning
+    assert doubts(run("mathieu", "pulse.law=-0.9 * cos(clock)"), []) == []
+
+
+@pytest.mark.parametrize(("speed", "warned"), [(3.5, False), (3.53, True)])
+def test_a_run_in_the_trap_says_so(speed, warned):
+    unit = first_speed() / 1.8751040687119611**2
+    found = lost_stiffness(
+        model("rotating-cantilever", "solve.preset=linear", f"shaft.speed={speed * unit!r}"), np.linspace(0.0, 0.1, 11)
+    )
+    assert [text.startswith("the spin takes away all stiffness") for text in found] == [True] * warned
+
+
+def test_runs_that_keep_their_stiffness_say_nothing():
+    times = np.linspace(0.0, 0.1, 11)
+    assert lost_stiffness(model("rotating-cantilever"), times) == []
+    assert lost_stiffness(model("free-frame"), times) == []  # nothing holds it: nothing is lost
+    assert lost_stiffness(model("double-pendulum"), times) == []  # rigid
