@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from runs import model, run
 from scipy.optimize import brentq
+from scipy.special import mathieu_a, mathieu_b
 
 from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
@@ -177,3 +178,23 @@ def test_runs_that_keep_their_stiffness_say_nothing():
     assert lost_stiffness(model("rotating-cantilever"), times) == []
     assert lost_stiffness(model("free-frame"), times) == []  # nothing holds it: nothing is lost
     assert lost_stiffness(model("double-pendulum"), times) == []  # rigid
+
+
+def test_bands_of_a_pulsating_force_against_its_frequency():
+    """y'' + (1 - 2 p cos w t) y = 0 is Mathieu's with a = 4 / w^2, q = p a: unstable from b_1(q) to a_1(q)."""
+    share = 0.1
+    scene = with_settings(read_scene("mathieu"), ["bar.elements=24", f"pulse.law={-2 * share!r} * cos(clock)"])
+    found = sweep(scene, np.linspace(1.5, 2.5, 9), 1)
+    exact = [
+        brentq(lambda w, boundary=boundary: 4.0 / w**2 - boundary(1, 4.0 * share / w**2), 1.5, 2.5)
+        for boundary in (mathieu_a, mathieu_b)
+    ]
+    assert exact == pytest.approx([2 * (1 - share) ** 0.5, 2 * (1 + share) ** 0.5], abs=2e-3)  # Bolotin 1964, at first
+    assert found.bands == (pytest.approx(tuple(exact), abs=1e-3),)
+
+
+def test_frozen_frequencies_leave_the_damping_out_and_the_growth_does_not():
+    """At a quarter of the cycle nothing pushes: omega = 1 rad/s, and the damped poles decay at 1/2 1/s."""
+    frozen = freeze(model("mathieu", "damping.modal.ratio=0.5"), 1, 4)
+    assert 2 * np.pi * frozen.frequencies[1, 0] == pytest.approx(1.0, rel=1e-4)
+    assert frozen.growth[1] == pytest.approx(-0.5, rel=1e-4)
