@@ -12,7 +12,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
-from kaneflex.integrate.run import cycle_map
+from kaneflex.integrate.run import cycle_map, integrate
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.stability.buckling import buckling
 from kaneflex.stability.campbell import freeze
@@ -134,11 +134,23 @@ def test_largest_stable_steps_of_the_four_bar():
     multipliers = floquet_multipliers(loaded)
     limits = {limit.integrator: limit for limit in step_limits(loaded, multipliers)}
     assert set(limits) == {"newmark", "generalised-alpha", "gauss"} and not multipliers.unstable
-    newmark = limits["newmark"]
-    assert newmark.limited and newmark.step == pytest.approx(multipliers.period / newmark.steps)
-    for steps, stable in ((newmark.steps, True), (newmark.steps - 1, False)):
-        cycle = cycle_map(loaded.system, loaded.scalars, 0.0, multipliers.period, steps, "newmark")
-        assert (abs(np.linalg.eigvals(cycle.monodromy)).max() < 1.0 + 1e-4) is np.bool_(stable)
+    assert {name: limit.steps for name, limit in limits.items()} == {"newmark": 128, "generalised-alpha": 35, "gauss": 74}
+    for name, limit in limits.items():
+        assert limit.limited and limit.step == pytest.approx(multipliers.period / limit.steps)
+        for steps, stable in ((limit.steps, True), (limit.steps - 1, False)):
+            cycle = cycle_map(loaded.system, loaded.scalars, 0.0, multipliers.period, steps, name)
+            assert (abs(np.linalg.eigvals(cycle.monodromy)).max() < 1.0 + 1e-4) is np.bool_(stable)
+
+
+def test_a_run_with_too_long_steps_grows_as_its_multiplier_says():
+    """Newmark's 90 steps in a turn of the four-bar, 128 being stable: another 20 turns, another power of 20."""
+    loaded = model("four-bar", "crank.elements=2", "coupler.elements=2", "follower.elements=2")
+    period, steps = loaded.scene.period, 90
+    cycle = cycle_map(loaded.system, loaded.scalars, 0.0, period, steps, "newmark")
+    radius = abs(np.linalg.eigvals(cycle.monodromy)).max()
+    run = integrate(loaded.system, loaded.scalars, 0.0, period / steps, 40 * steps, "newmark", period_steps=steps)
+    sizes = abs(run.z[::steps]).max(axis=1)
+    assert radius > 2 and np.log(sizes[40] / sizes[20]) / 20 == pytest.approx(np.log(radius), rel=1e-2)
 
 
 def test_the_recommended_step_resolves_the_lowest_mode_and_is_stable():
