@@ -133,8 +133,8 @@ def test_largest_stable_steps_of_the_four_bar():
     loaded = model("four-bar", "crank.elements=2", "coupler.elements=2", "follower.elements=2")
     multipliers = floquet_multipliers(loaded)
     limits = {limit.integrator: limit for limit in step_limits(loaded, multipliers)}
-    assert set(limits) == {"newmark", "generalised-alpha", "gauss"} and not multipliers.unstable
-    assert {name: limit.steps for name, limit in limits.items()} == {"newmark": 128, "generalised-alpha": 35, "gauss": 74}
+    found = {name: limit.steps for name, limit in limits.items()}
+    assert found == {"newmark": 128, "generalised-alpha": 35, "gauss": 74} and not multipliers.unstable
     for name, limit in limits.items():
         assert limit.limited and limit.step == pytest.approx(multipliers.period / limit.steps)
         for steps, stable in ((limit.steps, True), (limit.steps - 1, False)):
