@@ -12,6 +12,7 @@ import click
 from kaneflex.cli_compare import compare
 from kaneflex.cli_mechanism import equations, linearise, new, show
 from kaneflex.cli_scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
+from kaneflex.cli_stability import stability
 from kaneflex.cli_sweep import sweep
 from kaneflex.errors import SceneError, UserError
 
@@ -278,5 +279,5 @@ def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     click.echo(f"Written to {output}")
 
 
-for command in (compare, sweep, show, new, linearise, equations):
+for command in (compare, stability, sweep, show, new, linearise, equations):
     main.add_command(command)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from kaneflex.deformation import deform
 from kaneflex.options import FIXED_STEP
 from kaneflex.solution import Solution
+from kaneflex.stability.lost import lost_stiffness
 
 FEWEST_STEPS = 10
 """Steps in a period of the lowest mode below which a run is said to be coarse."""
@@ -38,6 +39,8 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
             f"the energy balance of the rigid mechanism does not close: {model.energy.drift:.2g} of the energy turned "
             f"over is missing or too much; lower solve.forward.tolerance from {model.options.forward_tolerance:g}"
         )
+    if len(solution.times):
+        found.extend(lost_stiffness(model, solution.times))
     for name, link in model.links.items() if len(solution.times) else ():
         largest = abs(deform(model, solution.rigid, solution.coordinates, name).q[1::3]).max()
         if largest > LARGEST_DEFLECTION * link.length:

@@ -89,17 +89,25 @@ def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
     return _completed(times, z, v, a, ns)
 
 
-def _check_repeats(model: Model) -> None:
-    """A periodic start needs a motion and loads that are after a cycle what they were."""
+def not_repeated(model: Model) -> str | None:
+    """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
     period = model.scene.period
     cycle = model.motion.at(np.linspace(0.0, period, 65))
-    for name in {name for monomial in model.monomials for name in monomial}:
+    for name in sorted({name for monomial in model.monomials for name in monomial}):
         values = cycle[name]
         if abs(values[-1] - values[0]) > _REPEATS * abs(values).max():
-            raise SceneError(
-                "solve.start", "periodic", f"{name} is {values[0]:.6g} at first and {values[-1]:.6g} a cycle later",
-                "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic",
-            )  # fmt: skip
+            return f"{name} is {values[0]:.6g} at first and {values[-1]:.6g} a cycle later"
+    return None
+
+
+def _check_repeats(model: Model) -> None:
+    """A periodic start needs a motion and loads that are after a cycle what they were."""
+    reason = not_repeated(model)
+    if reason is not None:
+        raise SceneError(
+            "solve.start", "periodic", reason,
+            "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic",
+        )  # fmt: skip
 
 
 def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:

@@ -23,6 +23,16 @@ class Beginning:
     message: str
 
 
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """Monodromy matrix of a cycle, what the loads add to a state in it (None where it broke off), and what to say."""
+
+    monodromy: np.ndarray | None
+    forced: np.ndarray | None
+    outcome: Outcome
+    message: str
+
+
 def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -> Beginning:
     """Solve (I - Phi) x = b: Phi, the monodromy matrix, moves a state over a cycle; zero moves to b.
 
@@ -30,8 +40,20 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest modulus;
     more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
     """
-    n, step = setup.system.n, setup.feed.step
-    scales = (1.0, step, step * step)[: setup.method.carried]
+    over = over_a_cycle(setup, period_steps, progress)
+    if over.outcome is not Outcome.COMPLETED:
+        return Beginning(None, None, over.outcome, over.message)
+    multipliers = leading(np.linalg.eigvals(over.monodromy), setup.system.n)
+    outcome, message = _verdict(multipliers)
+    if outcome is not Outcome.COMPLETED:
+        return Beginning(None, multipliers, outcome, message)
+    x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
+    return Beginning(_state_of(setup, x, _scales(setup)), multipliers, outcome, message)
+
+
+def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:
+    """Where a cycle moves every unit state, and zero; all share one factorisation a step."""
+    n, scales = setup.system.n, _scales(setup)
     size = n * len(scales)
     state = State.zeros(size + 1, n)
     for part, scale in enumerate(scales):
@@ -40,24 +62,28 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     load[size] = 1.0  # the last column starts from zero and is forced, the others are free
     if not setup.consistent(state, load):
         outcome = Outcome.SINGULAR
-        return Beginning(None, None, outcome, f"{outcome.value}: M is singular at the start of the cycle")
+        return Cycle(None, None, outcome, f"{outcome.value}: M is singular at the start of the cycle")
     if setup.method.carried == 2:
         state.a[:] = state.q
     nothing = Stored(*(np.zeros((1, n)) for _ in Stored._fields))
     came = advance(setup, state, load, period_steps, period_steps + 1, nothing, False, progress)
     if came.outcome is not Outcome.COMPLETED:
-        at = setup.feed.t0 + came.steps * step
+        at = setup.feed.t0 + came.steps * setup.feed.step
         message = f"{came.outcome.value}, at t = {at:.9g} s, in the first cycle"
-        return Beginning(None, None, came.outcome, message)
+        return Cycle(None, None, came.outcome, message)
     ends = np.hstack([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)])
-    monodromy, forced = ends[:size].T, ends[size]
-    values = np.linalg.eigvals(monodromy)
-    multipliers = values[np.argsort(-np.abs(values), kind="stable")][: 2 * n].astype(complex)
-    outcome, message = _verdict(multipliers)
-    if outcome is not Outcome.COMPLETED:
-        return Beginning(None, multipliers, outcome, message)
-    x = np.linalg.solve(np.eye(size) - monodromy, forced)
-    return Beginning(_state_of(setup, x, scales), multipliers, outcome, message)
+    return Cycle(ends[:size].T, ends[size], came.outcome, "")
+
+
+def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
+    """The 2 n multipliers of largest modulus, largest first."""
+    return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)
+
+
+def _scales(setup: Setup) -> tuple[float, ...]:
+    """Factors of z, v and, where the method carries accelerations of its own, a in the state x."""
+    step = setup.feed.step
+    return (1.0, step, step * step)[: setup.method.carried]
 
 
 def _state_of(setup: Setup, x: np.ndarray, scales: tuple[float, ...]) -> State:

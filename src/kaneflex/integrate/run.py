@@ -7,10 +7,10 @@ import numpy as np
 from kaneflex.errors import UserError
 from kaneflex.integrate.crosscheck import solve_ivp_run
 from kaneflex.integrate.feed import Feed, Table
-from kaneflex.integrate.methods import method_named
+from kaneflex.integrate.methods import Method, method_named
 from kaneflex.integrate.modal import constants, forces_only
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import Beginning, periodic_state
+from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.system import AffineSystem
 
@@ -55,14 +55,10 @@ def integrate(
     """
     chosen = method_named(method)
     _check(chosen.name, step, n_steps, start, period_steps, every)
-    exact = chosen.stepper == "exact_modal"
-    unchanging = constants(system) if exact else None
-    feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps, unchanging)
     if chosen.coefficients is None:
+        feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps)
         return solve_ivp_run(system, feed, n_steps, every, _given(system, start), scipy_method)
-    packed = forces_only(system.packed) if exact else system.packed
-    coefficients = chosen.coefficients(system, feed.first_row(), step, rho_infinity)
-    setup = Setup(system, chosen, feed, packed, coefficients)
+    setup = _set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
     if start == "periodic":
         found = periodic_state(setup, period_steps, progress)
     else:
@@ -72,6 +68,29 @@ def integrate(
         ended = (found.outcome, found.message, found.multipliers)
         return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
     return _run(setup, found, n_steps, every, progress)
+
+
+def cycle_map(
+    system: AffineSystem, table: Table, t0: float, period: float, steps: int, method: str = "gauss",
+    rho_infinity: float = 0.8,
+) -> Cycle:  # fmt: skip
+    """What `steps` steps of a method over one period [s] make of every state: its discrete monodromy matrix.
+
+    Arguments otherwise as `integrate` takes them; not for the method "scipy". Raises UserError as it does.
+    """
+    chosen = method_named(method)
+    _check(chosen.name, period / steps, steps, "periodic", steps, 1)
+    return over_a_cycle(_set_up(system, table, t0, period / steps, chosen, steps, rho_infinity), steps, None)
+
+
+def _set_up(
+    system: AffineSystem, table: Table, t0: float, step: float, method: Method, period_steps: int | None,
+    rho_infinity: float,
+) -> Setup:  # fmt: skip
+    exact = method.stepper == "exact_modal"
+    feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, constants(system) if exact else None)
+    packed = forces_only(system.packed) if exact else system.packed
+    return Setup(system, method, feed, packed, method.coefficients(system, feed.first_row(), step, rho_infinity))
 
 
 def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:

@@ -1,0 +1,77 @@
+"""Pictures of a judgement of stability: frozen frequencies over the drive, Campbell's diagram, multipliers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kaneflex.plots.style import GREY, PALETTE, new_figure, readable, save, styled
+from kaneflex.stability.report import Stability
+from kaneflex.stability.sweep import ORDERS, Sweep
+
+_LEAST = 1e-3
+"""Multiplier under which all disturbances are gone after a period."""
+
+
+def draw_stability(found: Stability, folder: Path) -> list[Path]:
+    """Write ``stability.png`` and ``stability.svg`` into a folder that exists."""
+    with styled():
+        return save(figure(found), folder / "stability")
+
+
+def figure(found: Stability) -> Figure:
+    """Frequencies and load factors over the cycle; with speeds also Campbell's diagram and the spectral radius."""
+    scene = found.model.scene
+    rows = 2 if found.sweep is None else 4
+    page = new_figure(7.2, 0.8 + 2.3 * rows, f"{scene.name}, {found.model.options.preset}: stability")
+    panels = page.subplots(rows, 1)
+    drive = next(iter(scene.drives))
+    slides = scene.slides(drive)
+    factor = 1e3 if slides else 180.0 / np.pi
+    _over_cycle(panels[0], panels[1], found, factor * found.frozen.coordinates)
+    panels[1].set_xlabel(f"{drive} [{'mm' if slides else 'deg'}]")
+    if found.sweep is not None:
+        factor, unit = (1.0, "m/s") if slides else (30.0 / np.pi, "rpm")
+        _over_speed(panels[2], panels[3], found.sweep, factor, slides)
+        panels[3].set_xlabel(f"speed of {drive} [{unit}]")
+    return page
+
+
+def _over_cycle(frequencies: Axes, factors: Axes, found: Stability, x: np.ndarray) -> None:
+    factor, unit = readable("Hz", found.frozen.frequencies)
+    frequencies.plot(x, factor * found.frozen.frequencies)
+    frequencies.set_title("frozen natural frequencies")
+    frequencies.set_ylabel(f"[{unit}]")
+    factors.set_title("share of the buckling load, 1 / lambda")
+    if found.buckling is not None:
+        factors.plot(x, 1.0 / found.buckling.factors)
+    factors.axhline(1.0, color=GREY, linewidth=0.8)
+    for axes in (frequencies, factors):
+        axes.margins(x=0)
+
+
+def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides: bool) -> None:
+    x = factor * swept.speeds
+    scale, unit = readable("Hz", swept.highest[:, :2])
+    for k in range(swept.mean.shape[1]):
+        colour = PALETTE[k % len(PALETTE)]
+        campbell.fill_between(x, scale * swept.lowest[:, k], scale * swept.highest[:, k], color=colour, alpha=0.25)
+        campbell.plot(x, scale * swept.mean[:, k], color=colour)
+    # What the orders can't reach is of no use to read where they cross.
+    reach = max(swept.highest[:, :2].max(), ORDERS * swept.speeds[-1] / (2.0 * np.pi))
+    campbell.set_ylim(0.0, 1.05 * scale * reach)
+    for order in range(1, ORDERS + 1) if not slides else ():
+        campbell.plot(x, scale * order * swept.speeds / (2.0 * np.pi), color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
+    campbell.set_title(f"frozen frequencies over the cycle (shaded), orders 1 to {ORDERS} (dashed)")
+    campbell.set_ylabel(f"[{unit}]")
+    radii.semilogy(x, swept.radii, marker=".", markersize=3)
+    radii.set_ylim(bottom=max(_LEAST, 0.8 * swept.radii.min()))
+    radii.axhline(1.0, color=GREY, linewidth=0.8)
+    radii.set_title("largest Floquet multiplier, unstable bands shaded")
+    for axes in (campbell, radii):
+        axes.margins(x=0)
+        for low, high in swept.bands:
+            axes.axvspan(factor * low, factor * high, color=PALETTE[1], alpha=0.15, linewidth=0)

@@ -1,0 +1,108 @@
+"""Floquet multipliers of the elastic equations over one period of the motion (Nayfeh and Mook 1979, section 5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.errors import SceneError
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.periodic import leading
+from kaneflex.integrate.run import cycle_map
+from kaneflex.model import Model
+from kaneflex.simulation import not_repeated
+
+FIRST_STEPS, MOST_STEPS = 256, 16384
+"""Steps of the first attempt over a period, and those at which refining ends."""
+SETTLED = 1e-7
+"""Change of the spectral radius by twice the steps, as a share of it or of one, at which refining ends."""
+MARGIN = 1e-5
+"""How far above one the spectral radius must be to be called unstable: a double multiplier 1 splits by rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Floquet multipliers of one period.
+
+    Attributes
+    ----------
+    values : ndarray (2 n,)
+        Complex, largest modulus first.
+    period : float
+        What they belong to [s].
+    steps : int
+        Steps of the two-stage Gauss-Legendre method over the period.
+    change : float
+        Of the spectral radius against half the steps, as a share of it, or of one where it is smaller.
+    """
+
+    values: np.ndarray
+    period: float
+    steps: int
+    change: float
+
+    @property
+    def radius(self) -> float:
+        """Largest modulus: above one, a disturbance grows by it in every period."""
+        return float(abs(self.values[0]))
+
+    @property
+    def settled(self) -> bool:
+        return self.change <= SETTLED
+
+    @property
+    def unstable(self) -> bool:
+        return self.radius > 1.0 + max(MARGIN, self.change)
+
+    @property
+    def growth_rate(self) -> float:
+        """Rate [1/s] at which the fastest disturbance grows: log(radius) / period."""
+        return float(np.log(self.radius) / self.period)
+
+
+def floquet_multipliers(model: Model, tolerance: float = SETTLED) -> Multipliers:
+    """Multipliers of M z'' + C z' + K z = 0 over a period, with as many steps as they need.
+
+    The method is of order four and neither damps nor excites: from one attempt to the next its steps are halved, until
+    the spectral radius changes by no more than ``tolerance``, a share of it or of one.
+
+    Raises
+    ------
+    SceneError
+        If the model has no elastic equations with time-varying coefficients, no cycle, or does not repeat itself.
+    """
+    check_periodic(model)
+    period, before = model.scene.period, None
+    steps = FIRST_STEPS
+    while True:
+        values = _multipliers(model, period, steps)
+        radius = float(abs(values[0]))
+        if before is not None:
+            change = abs(radius - before) / max(radius, 1.0)
+            if change <= tolerance or 2 * steps > MOST_STEPS:
+                return Multipliers(values, period, steps, change)
+        before, steps = radius, 2 * steps
+
+
+def check_periodic(model: Model) -> None:
+    """Raise SceneError unless the equations are periodic ones with elastic coordinates."""
+    options = model.options
+    if options.dynamics != "dynamic" or not model.reduced.size:
+        reason = "has no elastic equations whose coefficients change with the motion"
+        raise SceneError("solve.preset", options.preset, reason, "Choose preset linear or stiffened, with a beam")
+    if not options.cycles:
+        raise SceneError(
+            "solve.duration", model.scene.solve.duration, "there is no cycle whose end could be held against its start",
+            "Give a drive a speed and a cycle, or a law and a period, and no duration",
+        )  # fmt: skip
+    reason = not_repeated(model)
+    if reason is not None:
+        raise SceneError("stability", None, reason, "Let every drive, law and table repeat within the cycle")
+
+
+def _multipliers(model: Model, period: float, steps: int) -> np.ndarray:
+    cycle = cycle_map(model.system, model.scalars, 0.0, period, steps)
+    if cycle.outcome is not Outcome.COMPLETED:
+        raise SceneError("stability", None, cycle.message, "Change the model: such a motion has no multipliers")
+    return leading(np.linalg.eigvals(cycle.monodromy), model.reduced.size)

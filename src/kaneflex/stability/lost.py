@@ -1,0 +1,39 @@
+"""What a run should say of a stiffness that its axial forces or its spin take away."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.model import Model
+from kaneflex.stability.buckling import load_factors
+from kaneflex.stability.campbell import matrices
+
+_INSTANTS = 36
+"""Instants of a run that are looked at."""
+_MOST = 200
+"""Coordinates up to which looking costs next to nothing beside a run; for more `kaneflex stability` is asked."""
+
+
+def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
+    """Warnings where K_s + K_g, or K_s + K_d where the run leaves K_g out, is not positive at some of ``times`` [s]."""
+    options, size = model.options, model.equations.size
+    if options.dynamics not in ("dynamic", "quasistatic") or not 0 < size <= _MOST:
+        return []
+    if not options.geometric and not options.spin:
+        return []
+    rigid = model.motion.at(times[:: max(1, len(times) // _INSTANTS)])
+    equations = model.equations
+    more = equations.K_g if options.geometric else equations.K_d
+    factors = load_factors(matrices(equations.K_s, rigid), matrices(more, rigid))
+    if factors is None or not factors.min() < 1.0:
+        return []
+    at = f"t = {rigid.times[int(factors.argmin())]:.4g} s"
+    if options.geometric:
+        return [
+            f"the axial forces exceed a buckling load at {at}: {factors.min():.3g} of them would do, if they stayed; "
+            f"ask kaneflex stability whether the motion is stable"
+        ]
+    return [
+        f"the spin takes away all stiffness at {at}, and K_g, by which the axial forces would restore it, is left out; "
+        "keep it, as preset stiffened does"
+    ]

@@ -1,0 +1,137 @@
+"""Multipliers and frequencies against the speed of the first drive, and the bands in which the motion is unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.errors import SceneError
+from kaneflex.loading import load
+from kaneflex.model import Model
+from kaneflex.scene import Scene, with_settings
+from kaneflex.stability.campbell import FEW_INSTANTS, freeze
+from kaneflex.stability.floquet import Multipliers, floquet_multipliers
+
+_EDGE = 1e-4
+"""Share of the sweep's width to which a band's edge is found between two of its speeds."""
+
+ORDERS = 6
+"""Engine orders, multiples of the drive's turns, that are held against the frequencies."""
+
+
+class Crossing(NamedTuple):
+    """An engine order meets a frequency (the first is 1) at a speed [rad/s]."""
+
+    order: int
+    mode: int
+    speed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """What a range of speeds does.
+
+    Attributes
+    ----------
+    drive : str
+    speeds : ndarray (n_speeds,)
+        In rad/s, or m/s of a guide.
+    radii : ndarray (n_speeds,)
+        Largest modulus of the Floquet multipliers.
+    growth_rates : ndarray (n_speeds,)
+        log(radius) / period [1/s].
+    settled : ndarray (n_speeds,)
+        Whether the radius no longer changed with the steps.
+    lowest, mean, highest : ndarray (n_speeds, count)
+        Of each frozen frequency over the cycle [Hz].
+    bands : tuple of (float, float)
+        Speeds between which the motion is unstable; a band that the range cuts off ends where the range does.
+    """
+
+    drive: str
+    speeds: np.ndarray
+    radii: np.ndarray
+    growth_rates: np.ndarray
+    settled: np.ndarray
+    lowest: np.ndarray
+    mean: np.ndarray
+    highest: np.ndarray
+    bands: tuple[tuple[float, float], ...]
+
+    def crossings(self, orders: int = ORDERS) -> list[Crossing]:
+        """Where multiples of the drive's turns meet the mean of a frequency, between two speeds by a straight line."""
+        found = []
+        for mode, frequencies in enumerate(self.mean.T):
+            for order in range(1, orders + 1):
+                gap = frequencies - order * self.speeds / (2.0 * np.pi)
+                for k in np.flatnonzero((gap[:-1] < 0.0) != (gap[1:] < 0.0)):
+                    share = gap[k] / (gap[k] - gap[k + 1])
+                    speed = self.speeds[k] + share * (self.speeds[k + 1] - self.speeds[k])
+                    found.append(Crossing(order, mode + 1, float(speed)))
+        return found
+
+
+def speeds_between(low: float, high: float, points: int) -> np.ndarray:
+    """Evenly spaced speeds from low to high; a standstill is left out, because nothing repeats itself there."""
+    return np.linspace(low, high, points) if low > 0.0 else np.linspace(0.0, high, points + 1)[1:]
+
+
+def check_sweep(scene: Scene) -> str:
+    """The drive whose speed is varied. Raises SceneError where the first drive has no constant speed."""
+    name, drive = next(iter(scene.drives.items()), (None, None))
+    if drive is None or drive.kind != "constant speed":
+        reason = "the first drive has no constant speed that could be varied"
+        raise SceneError("--speed", None, reason, "Leave --speed out, or give that drive a speed and a cycle")
+    return name
+
+
+def sweep(
+    scene: Scene, speeds: np.ndarray, count: int, progress: Callable[[float], None] = lambda share: None
+) -> Sweep:
+    """Multipliers and ``count`` lowest frozen frequencies of a scene at some speeds [rad/s or m/s], rising.
+
+    Raises
+    ------
+    SceneError
+        If the first drive has no constant speed, or the scene can't be judged at one of them.
+    """
+    drive = check_sweep(scene)
+
+    def at(speed: float) -> tuple[Model, Multipliers]:
+        model = load(with_settings(scene, [f"drives.{drive}.speed={float(speed)!r}"]))
+        return model, floquet_multipliers(model)
+
+    found, frozen = [], []
+    for k, speed in enumerate(speeds):
+        model, multipliers = at(speed)
+        found.append(multipliers)
+        frozen.append(freeze(model, count, FEW_INSTANTS).frequencies)
+        progress((k + 1) / len(speeds))
+    bands = _bands(speeds, [one.unstable for one in found], lambda speed: at(speed)[1].unstable)
+    keys = ("radius", "growth_rate", "settled")
+    radii, rates, settled = (np.array([getattr(one, key) for one in found]) for key in keys)
+    return Sweep(
+        drive, speeds, radii, rates, settled,
+        np.array([each.min(axis=0) for each in frozen]), np.array([each.mean(axis=0) for each in frozen]),
+        np.array([each.max(axis=0) for each in frozen]), bands,
+    )  # fmt: skip
+
+
+def _bands(
+    speeds: np.ndarray, unstable: list[bool], judge: Callable[[float], bool]
+) -> tuple[tuple[float, float], ...]:
+    """Ranges of unstable speeds: a change between two neighbours is narrowed down by bisection."""
+    edges = [float(speeds[0])] if unstable[0] else []
+    width = _EDGE * (speeds[-1] - speeds[0])
+    for k in np.flatnonzero(np.diff(np.array(unstable, dtype=int))):
+        low, high = float(speeds[k]), float(speeds[k + 1])
+        while high - low > width:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if judge(middle) == unstable[k] else (low, middle)
+        edges.append(0.5 * (low + high))
+    if unstable[-1]:
+        edges.append(float(speeds[-1]))
+    return tuple(zip(edges[::2], edges[1::2], strict=True))

@@ -1,0 +1,77 @@
+"""`kaneflex stability`: what it says and writes, and what it refuses."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli
+
+from kaneflex.cli_stability import speed_range
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene
+from kaneflex.stability.sweep import Sweep
+
+
+def columns(path: Path) -> dict[str, list[str]]:
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    return {key: [row[key] for row in rows] for key in rows[0]}
+
+
+def test_trap_is_found_and_written(tmp_path):
+    """The blade without K_g: unstable above 148.06 rpm, its first frequency at rest (eta = 3.516)."""
+    folder = tmp_path / "trap"
+    arguments = ("rotating-cantilever", "--preset", "linear", "--speed", "100:200rpm", "--points", "5")
+    result = cli("stability", *arguments, "-o", str(folder))
+    assert result.exit_code == 0, result.output
+    assert "from 100 rpm to 200 rpm, unstable from 148.06 rpm to 200 rpm" in result.output
+    assert "grows 272.9-fold" in result.output and "K_g is left out" in result.output
+    assert {path.name for path in folder.iterdir()} == {
+        "stability.json", "cycle.csv", "speeds.csv", "stability.png", "stability.svg"
+    }
+    data = json.loads((folder / "stability.json").read_text())
+    assert data["unstable"] and data["spectral_radius"] == pytest.approx(272.9, rel=1e-4)
+    assert data["unstable_bands"] == [[pytest.approx(148.06 * np.pi / 30, rel=1e-4), pytest.approx(200 * np.pi / 30)]]
+    assert data["buckling_margin"] is None
+    speeds = columns(folder / "speeds.csv")
+    radii = np.array(speeds["spectral_radius"], dtype=float)
+    assert list(radii > 1) == [False, False, True, True, True]
+    assert len(columns(folder / "cycle.csv")["frequency_1"]) == 144
+
+
+def test_mathieus_scene_says_what_is_wrong_with_it(tmp_path):
+    result = cli("stability", "mathieu", "--no-plots", "-o", str(tmp_path / "found"))
+    assert result.exit_code == 0, result.output
+    assert "unstable: a disturbance grows 4.1561-fold in a period of 3.1416 s" in result.output
+    assert "beyond the buckling load: 0.5 of the axial forces would do, at clock = 0 deg" in result.output
+    assert {path.name for path in (tmp_path / "found").iterdir()} == {"stability.json", "cycle.csv"}
+    assert cli("stability", "mathieu", "--no-plots", "-o", str(tmp_path / "found")).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [("0:12000rpm", 0.0, 400 * np.pi), ("600 rpm : 1200 rpm", 20 * np.pi, 40 * np.pi), ("10:20", 10.0, 20.0)],
+)
+def test_a_range_of_speeds(text, low, high):
+    assert speed_range(read_scene("engine"), "main", text) == pytest.approx((low, high))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("100rpm", "not of the form LOW:HIGH"), ("200:100rpm", "two rising speeds"), ("0:5 kg", "an angular speed")],
+)
+def test_a_range_that_is_none(text, reason):
+    with pytest.raises(SceneError, match=reason) as found:
+        speed_range(read_scene("engine"), "main", text)
+    assert found.value.key == "--speed"
+
+
+def test_orders_meet_frequencies():
+    """A frequency of 10 Hz meets order k at 10 / k turns a second."""
+    speeds, nothing = 2 * np.pi * np.linspace(1.0, 11.5, 50), np.zeros(50)
+    level = np.full((50, 1), 10.0)
+    swept = Sweep("main", speeds, nothing, nothing, nothing, level, level, level, ())
+    found = {crossing.order: crossing.speed for crossing in swept.crossings(3)}
+    assert found == {k: pytest.approx(2 * np.pi * 10.0 / k) for k in (1, 2, 3)}
