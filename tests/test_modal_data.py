@@ -157,11 +157,15 @@ def test_a_run_writes_its_results(fed_back, tmp_path):
     assert (tmp_path / "results" / "summary.json").exists()
 
 
-@pytest.mark.parametrize("arguments", [("modes",), ("linearise", "-o", "out.npz")])
-def test_commands_that_need_elements_say_so(fed_back, arguments):
-    command, *options = arguments
-    result = CliRunner().invoke(main, [command, str(fed_back), *options])
-    assert result.exit_code == 2 and "links by modal data have no elements" in result.output
+def test_modes_and_state_space_are_those_of_the_beam(fed_back):
+    """Frozen and at rest, and about the steady deformation."""
+    there, here = (kaneflex.load(scene) for scene in (read_scene("slider-crank-150-coupled"), read_scene(fed_back)))
+    at = {"main": 1.1}
+    expected = kaneflex.modes(there, at=at).frequencies
+    assert kaneflex.modes(here, at=at).frequencies == pytest.approx(expected, rel=1e-9)
+    exact, found = (kaneflex.linearise(model, t=7e-3) for model in (there, here))
+    rates, expected = (np.sort_complex(np.linalg.eigvals(np.array(each.A))) for each in (found, exact))
+    assert rates == pytest.approx(expected, rel=1e-6, abs=1e-6 * abs(expected).max())
 
 
 def test_check_says_where_the_shapes_come_from(fed_back):
