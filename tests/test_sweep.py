@@ -164,6 +164,18 @@ def test_interrupted_and_resumed_no_point_is_lost_or_repeated(tmp_path, swept):
     assert len(solved) == 9
 
 
+def test_two_sweeps_at_once_do_not_share_a_folder(tmp_path, swept):
+    plan, whole = swept
+
+    def twice(plan, todo):
+        with pytest.raises(OutputError, match="another sweep is writing into it"):
+            sweep(plan, tmp_path / "out", force=True)
+        yield from in_this_process(plan, todo)
+
+    sweep(plan, tmp_path / "out", twice)
+    assert dataset(tmp_path / "out").identical(whole)
+
+
 def test_whatever_order_the_points_end_in_the_dataset_is_the_same(tmp_path, swept):
     plan, whole = swept
     sweep(plan, tmp_path / "out", lambda plan, todo: in_this_process(plan, todo[::-1]))
@@ -243,6 +255,7 @@ def test_another_study_is_not_mixed_in_and_other_things_are_left_alone(tmp_path,
         ('points = [{"rod.length" = 1}, {"rod.mass" = 1}]', ("the points differ",)),
         ('points = [{"rod.length" = 1}]\n[parameters]\n"rod.length" = [1]', ("among the parameters, too",)),
         ("", ("nothing varies",)),
+        ('[parameters]\n"rod.length" = {form = 1, to = 2, count = 3}', ("rod.length.form", "unknown key", "'from'")),
         ('parameter = {"rod.length" = [1]}', ("parameter", "unknown key", "'parameters'")),
     ],
 )

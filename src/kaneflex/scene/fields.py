@@ -47,6 +47,8 @@ def _plain(kind: object) -> object:
     if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
         rest = [option for option in typing.get_args(kind) if option is not type(None)]
         return _plain(rest[0])
+    if typing.get_origin(kind) is typing.Annotated:
+        return _plain(typing.get_args(kind)[0])
     return kind
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -105,8 +107,34 @@ class Store:
         shutil.rmtree(self.folder / SERIES_FOLDER, ignore_errors=True)
 
 
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Make the folder if need be, and keep every other sweep out of it as long as this one lasts.
+
+    The system lifts the lock when the process ends, however it does. Windows has no such lock on folders.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    with writing(folder):
+        handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            reason, cure = "another sweep is writing into it", "Wait for its end, or choose another name"
+            raise OutputError(str(folder), None, reason, cure) from None
+        yield
+    finally:
+        os.close(handle)
+
+
 def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
-    """Begin a sweep in a new folder, or go on with the one that was begun there.
+    """Begin a sweep in an empty folder, or go on with the one that was begun there.
 
     Raises
     ------
@@ -114,20 +142,27 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
         If the folder holds something else, or another study and ``force`` is not given; or can't be written.
     """
     with writing(folder):
-        entries = {entry.name for entry in folder.iterdir()} if folder.exists() else set()
+        entries = {entry.name for entry in folder.iterdir()}
         if entries and STUDY_FILE not in entries:
             reason = f"the folder holds other things and no {STUDY_FILE}: nothing is written into it"
             raise OutputError(str(folder), None, reason, "Choose another name")
         if entries and force:
-            shutil.rmtree(folder)
+            _empty(folder)
             entries = set()
         if entries:
             _demand_same(folder, plan)
             return _begun(folder)
-        folder.mkdir(parents=True, exist_ok=True)
     about = {"digest": plan.digest, "scene": plan.scene.name, "points": len(plan.points), "series": plan.series}
     write_text(folder / STUDY_FILE, json.dumps(about, indent=2, ensure_ascii=False) + "\n")
     return Store(folder)
+
+
+def _empty(folder: Path) -> None:
+    """Take away what an earlier sweep left; the folder itself stays, since it is locked."""
+    shutil.rmtree(folder / SERIES_FOLDER, ignore_errors=True)
+    shutil.rmtree(folder / RESULT_FILES["zarr"], ignore_errors=True)
+    for name in (JOURNAL_FILE, RESULT_FILES["netcdf"], STUDY_FILE):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _demand_same(folder: Path, plan: Plan) -> None:

@@ -13,7 +13,7 @@ from kaneflex.folders import writing
 from kaneflex.study.dataset import write_netcdf
 from kaneflex.study.plan import Plan
 from kaneflex.study.run import COMPLETED, Record, solve_point
-from kaneflex.study.store import RESULT_FILES, Store, open_store
+from kaneflex.study.store import RESULT_FILES, Store, alone, open_store
 from kaneflex.study.zarr_store import demand_zarr, write_zarr
 
 _RECENT = 200
@@ -101,17 +101,18 @@ def sweep(
     SceneError
         If zarr is wanted and not installed.
     OutputError
-        If the folder holds other things or can't be written.
+        If the folder holds other things, can't be written, or another sweep is writing into it.
     """
     if form == "zarr":
         demand_zarr()
-    store = open_store(folder, plan, force)
-    if store.result is None:
-        _complete(plan, store, solver, progress)
-        write = {"netcdf": write_netcdf, "zarr": write_zarr}[form]
-        with writing(folder):
-            write(plan, store, folder / RESULT_FILES[form])
-            store.close()
+    with alone(folder):
+        store = open_store(folder, plan, force)
+        if store.result is None:
+            _complete(plan, store, solver, progress)
+            write = {"netcdf": write_netcdf, "zarr": write_zarr}[form]
+            with writing(folder):
+                write(plan, store, folder / RESULT_FILES[form])
+                store.close()
     return _finished(store, len(plan.points))
 
 
