@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import xarray
 
     from kaneflex.scene import Scene
+    from kaneflex.solution import Solution
 
 PRESETS_COMPARED = ("linear", "stiffened", "coupled")
 """From the plainest to the most complete: the last is what the others are measured against."""
@@ -250,11 +251,16 @@ def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
 
     model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
     progress(f"solving, preset {preset}")
-    solution = simulate(model)
+    return curves_of(simulate(model))
+
+
+def curves_of(solution: Solution) -> Curves:
+    """What a run says of its scene's sensors. Raises SceneError where it stopped early."""
+    model = solution.model
     if solution.outcome.name != "COMPLETED":
         cure = "Compare the others, or shorten solve.duration"
-        raise SceneError("solve.preset", preset, solution.trajectory.message.rstrip("."), cure)
-    values = {name: solution.series[name].values for name in scene.sensors}
+        raise SceneError("solve.preset", model.options.preset, solution.trajectory.message.rstrip("."), cure)
+    values = {name: solution.series[name].values for name in model.scene.sensors}
     return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
 
 

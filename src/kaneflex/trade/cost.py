@@ -1,0 +1,105 @@
+"""What a model costs, from repeated runs."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from kaneflex.comparison import Curves, curves_of
+from kaneflex.loading import load
+from kaneflex.scene import Scene
+from kaneflex.simulation import simulate
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall times of one run [s].
+
+    Attributes
+    ----------
+    once : float
+        Deriving and compiling: not paid again.
+    set_up : float
+        From the scene to the matrices, without ``once``.
+    solve : float
+        The motion, over ``steps`` steps.
+    read : float
+        The sensors, from the motion.
+    """
+
+    once: float
+    set_up: float
+    solve: float
+    read: float
+    steps: int
+
+    @property
+    def total(self) -> float:
+        """What a run costs that is not the first."""
+        return self.set_up + self.solve + self.read
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Medians of repeated runs [s].
+
+    Attributes
+    ----------
+    set_up, solve, read, total : float
+        As in :class:`Timing`; the median of the totals, not the total of the medians.
+    spread : float
+        Largest total less the smallest, as a share of the median.
+    ns_per_step : float
+        Of ``solve``, rigid motion and start included.
+    steps, repeats : int
+    first : float
+        Wall time of the first run of all, with deriving and compiling where they were still to be done.
+    """
+
+    set_up: float
+    solve: float
+    read: float
+    total: float
+    spread: float
+    ns_per_step: float
+    steps: int
+    repeats: int
+    first: float
+
+
+def timed_run(scene: Scene) -> tuple[Curves, Timing]:
+    """Load, solve and read all sensors once, with the time of each.
+
+    Raises
+    ------
+    SceneError
+        For a scene that can't be solved, and for a run that stopped early.
+    """
+    started = time.perf_counter()
+    model = load(scene)
+    loaded = time.perf_counter()
+    solution = simulate(model)
+    solved = time.perf_counter()
+    curves = curves_of(solution)
+    once = model.seconds["derive"] + model.seconds["compile"]
+    ended = time.perf_counter()
+    return curves, Timing(once, loaded - started - once, solved - loaded, ended - solved, model.options.steps)
+
+
+def cost(first: Timing, repeats: Sequence[Timing]) -> Cost:
+    """Medians and spread of at least one repeat; the first run, which compiles, counts in none of them."""
+    totals = [timing.total for timing in repeats]
+    total, solve = statistics.median(totals), statistics.median(timing.solve for timing in repeats)
+    return Cost(
+        set_up=statistics.median(timing.set_up for timing in repeats),
+        solve=solve,
+        read=statistics.median(timing.read for timing in repeats),
+        total=total,
+        spread=(max(totals) - min(totals)) / total,
+        ns_per_step=1e9 * solve / first.steps,
+        steps=first.steps,
+        repeats=len(repeats),
+        first=first.once + first.total,
+    )
