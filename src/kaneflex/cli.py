@@ -12,7 +12,7 @@ import click
 from kaneflex.cli_compare import compare
 from kaneflex.cli_mechanism import equations, linearise, new, show
 from kaneflex.cli_scene import all_settings, mode_angle, read, scene_options
-from kaneflex.cli_trade import trade
+from kaneflex.cli_trade import terms, trade
 from kaneflex.errors import SceneError, UserError
 
 if TYPE_CHECKING:
@@ -271,5 +271,5 @@ def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     click.echo(f"Written to {output}")
 
 
-for command in (compare, trade, show, new, linearise, equations):
+for command in (compare, trade, terms, show, new, linearise, equations):
     main.add_command(command)

@@ -1,7 +1,8 @@
-"""The command that ranks models of a scene by error and time."""
+"""Commands that weigh models of a scene: error against time, and what each group of terms is worth."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,21 +13,34 @@ from kaneflex.errors import Fault, SceneError
 
 if TYPE_CHECKING:
     from kaneflex.trade.ranking import Ranked, Trade
+    from kaneflex.trade.terms import Effect, Terms
+
+
+def _options(command: Callable[..., None]) -> Callable[..., None]:
+    """What both commands take."""
+    options = (
+        click.argument("name", metavar="SCENE"),
+        click.option("--tolerance", default="1%", metavar="SHARE", help="Error of each sensor.", show_default=True),
+        click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
+        click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Count this one. Can be repeated."),
+        click.option(
+            "--set", "settings", multiple=True, metavar="PATH=VALUE",
+            help="Change an entry of the scene. Can be repeated.",
+        ),
+        click.option(
+            "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+            help="Folder to make. [default: NAME-COMMAND]",
+        ),
+        click.option("--plots/--no-plots", default=True, help="Draw the picture, PNG and SVG.", show_default=True),
+        click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
 
 
 @click.command()
-@click.argument("name", metavar="SCENE")
-@click.option("--tolerance", default="1%", metavar="SHARE", help="Error allowed of each sensor.", show_default=True)
-@click.option("--budget", default="60s", metavar="TIME", help="For the models, after the reference.", show_default=True)
-@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Count this one. Can be repeated.")
-@click.option(
-    "--set", "settings", multiple=True, metavar="PATH=VALUE", help="Change an entry of the scene. Can be repeated."
-)
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder to make. [default: NAME-trade]"
-)
-@click.option("--plots/--no-plots", default=True, help="Draw error against time, PNG and SVG.", show_default=True)
-@click.option("--force", is_flag=True, help="Replace an earlier trade's folder.")
+@_options
 def trade(
     name: str, tolerance: str, budget: str, sensors: tuple[str, ...], settings: tuple[str, ...], output: Path | None,
     plots: bool, force: bool,
@@ -47,9 +61,39 @@ def trade(
     click.echo(trade_table(found))
     click.echo(reference_lines(found))
     click.echo(choice_line(found))
+    _close(folder, found.left_out)
+
+
+@click.command()
+@_options
+def terms(
+    name: str, tolerance: str, budget: str, sensors: tuple[str, ...], settings: tuple[str, ...], output: Path | None,
+    plots: bool, force: bool,
+) -> None:  # fmt: skip
+    """Say what each group of terms costs SCENE, what changes without it, and whether the tolerance needs it.
+
+    Every group is left out of preset stiffened alone: spin, gyroscopic, Euler and geometric terms, damping, axial
+    deformation, each load, dynamics, two-way coupling and what else the scene has. The folder holds terms.csv,
+    terms.json and a picture.
+    """
+    from kaneflex.trade.folder import terms_into
+    from kaneflex.units import TIME
+
+    share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
+    chosen = all_settings(None, settings)
+    scene = read(name, chosen)
+    folder = output or Path(f"{scene.name}-terms")
+    found = terms_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
+    click.echo(terms_table(found))
+    full = found.full
+    click.echo(f"Stiffened with all of them: {full.operations} operations, {full.ns_per_step:.0f} ns a step")
+    _close(folder, found.left_out)
+
+
+def _close(folder: Path, left_out: Mapping[str, str]) -> None:
     click.echo(f"Written to {folder}")
-    for model, reason in found.left_out.items():
-        click.echo(f"Left out: {model}: {reason}", err=True)
+    for thing, reason in left_out.items():
+        click.echo(f"Left out: {thing}: {reason}", err=True)
 
 
 def tolerance_of(text: str) -> float:
@@ -108,6 +152,26 @@ def choice_line(found: Trade) -> str:
         return f"No model that was run is known to be within {share}"
     settings = " ".join(f"--set {setting}" for setting in found.settings_of(chosen))
     return f"Cheapest within {share}: {chosen.name}\n  {settings}"
+
+
+def terms_table(found: Terms) -> str:
+    """Every group, those that change most first."""
+    from kaneflex.presentation import table
+
+    head = ("group", "", "needed", "most in", "change", "rms", "operations", "ns a step", "noise")
+    return table(head, [_effect_row(effect) for effect in found.effects], left=4)
+
+
+def _effect_row(effect: Effect) -> tuple[str, ...]:
+    changes = ("does not run without", "", "")
+    if effect.worst is not None:
+        changes = (effect.worst.sensor, _percent(effect.worst.peak_share), _percent(effect.rms))
+    times = ("", "")
+    if effect.ns_per_step is not None:
+        times = (f"{effect.ns_per_step:+.0f}", f"{effect.noise_ns:.0f}")
+    operations = "" if effect.operations is None else f"{effect.operations:+d}"
+    needed = "yes" if effect.needed else "no"
+    return (effect.group.name, effect.group.meaning, needed, *changes, operations, *times)
 
 
 def _percent(share: float) -> str:

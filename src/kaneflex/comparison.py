@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.errors import SceneError, nearest
+from kaneflex.errors import SceneError, StoppedEarly, nearest
 from kaneflex.scene.parts import PRESETS
 
 if TYPE_CHECKING:
@@ -255,11 +255,11 @@ def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
 
 
 def curves_of(solution: Solution) -> Curves:
-    """What a run says of its scene's sensors. Raises SceneError where it stopped early."""
+    """What a run says of its scene's sensors. Raises StoppedEarly, a SceneError, where it did."""
     model = solution.model
     if solution.outcome.name != "COMPLETED":
         cure = "Compare the others, or shorten solve.duration"
-        raise SceneError("solve.preset", model.options.preset, solution.trajectory.message.rstrip("."), cure)
+        raise StoppedEarly("solve.preset", model.options.preset, solution.trajectory.message.rstrip("."), cure)
     values = {name: solution.series[name].values for name in model.scene.sensors}
     return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
 

@@ -44,13 +44,15 @@ def figure(found: Trade) -> Figure:
         f"tolerance {100 * found.tolerance:.3g} %", (1.0, 100 * found.tolerance), xycoords=("axes fraction", "data"),
         xytext=(0, 3), textcoords="offset points", ha="right", fontsize=8,
     )  # fmt: skip
+    doubt = 100 * max(found.reference.doubt(sensor) for sensor in found.reference.refinement)
+    axes.axhspan(0.0, doubt, color="#F0F0F0", zorder=0.1, label="doubt of the reference")
     # Room for the names: below and to the left of the front no model stands.
     axes.set_ylim(bottom=0.3 * min(_places(found.ranked)[1]))
     axes.margins(x=0.12)
     _name(axes, found)
     axes.set_xlabel("time of a run: set-up, solving, sensors [ms]")
     axes.set_ylabel("largest error of a sensor [% of its peak]")
-    page.legend(loc="outside lower center", ncols=len(families) + 1)
+    page.legend(loc="outside lower center", ncols=len(families) + 2)
     return page
 
 

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from kaneflex.comparison import Curves, curves_of
 from kaneflex.loading import load
+from kaneflex.model import Model
 from kaneflex.scene import Scene
 from kaneflex.simulation import simulate
+
+Name = TypeVar("Name", bound=Hashable)
+Progress = Callable[[str], None]
+ROUNDS = 5
+"""Repeats of each model, at most."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +35,9 @@ class Timing:
         The motion, over ``steps`` steps.
     read : float
         The sensors, from the motion.
+    operations : int or None
+        Multiply-adds by which M, C, K and F follow from the scalars of the motion, once; None where no equations of
+        this form are integrated.
     """
 
     once: float
@@ -34,6 +45,7 @@ class Timing:
     solve: float
     read: float
     steps: int
+    operations: int | None = None
 
     @property
     def total(self) -> float:
@@ -54,6 +66,7 @@ class Cost:
     ns_per_step : float
         Of ``solve``, rigid motion and start included.
     steps, repeats : int
+    operations : int or None
     first : float
         Wall time of the first run of all, with deriving and compiling where they were still to be done.
     """
@@ -66,6 +79,7 @@ class Cost:
     ns_per_step: float
     steps: int
     repeats: int
+    operations: int | None
     first: float
 
 
@@ -85,7 +99,34 @@ def timed_run(scene: Scene) -> tuple[Curves, Timing]:
     curves = curves_of(solution)
     once = model.seconds["derive"] + model.seconds["compile"]
     ended = time.perf_counter()
-    return curves, Timing(once, loaded - started - once, solved - loaded, ended - solved, model.options.steps)
+    steps, operations = model.options.steps, _operations(model)
+    return curves, Timing(once, loaded - started - once, solved - loaded, ended - solved, steps, operations)
+
+
+def _operations(model: Model) -> int | None:
+    return int(model.system.packed.data.size) if model.options.dynamics == "dynamic" else None
+
+
+def timed_in_turns(
+    scenes: Mapping[Name, Scene], deadline: float, progress: Progress
+) -> dict[Name, list[Timing]]:
+    """Repeats of every scene, all once a round, so that a slow spell of the machine meets them all.
+
+    One round at least, ROUNDS at most; none is begun after the deadline, of ``time.perf_counter``.
+    """
+    found: dict[Name, list[Timing]] = {name: [] for name in scenes}
+    for number in range(ROUNDS):
+        progress(f"timing, round {number + 1}")
+        for name, scene in scenes.items():
+            if number and time.perf_counter() > deadline:
+                return found
+            gc.collect()
+            gc.disable()
+            try:
+                found[name].append(timed_run(scene)[1])
+            finally:
+                gc.enable()
+    return found
 
 
 def cost(first: Timing, repeats: Sequence[Timing]) -> Cost:
@@ -101,5 +142,6 @@ def cost(first: Timing, repeats: Sequence[Timing]) -> Cost:
         ns_per_step=1e9 * solve / first.steps,
         steps=first.steps,
         repeats=len(repeats),
+        operations=first.operations,
         first=first.once + first.total,
     )

@@ -1,19 +1,21 @@
-"""A trade's folder: ``trade.csv``, ``trade.json`` and the picture."""
+"""Folders of a trade and of a scene's terms: a table, the whole as JSON, and the picture."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from kaneflex.comparison import Difference
 from kaneflex.folders import whole_folder, writing
 from kaneflex.scene import Scene
 from kaneflex.terminal import Waiting
 from kaneflex.trade.ranking import Ranked, Trade, trade
+from kaneflex.trade.terms import Effect, Terms, terms
 
-TRADE_FILE, TABLE_FILE = "trade.json", "trade.csv"
+TRADE_FILE, TERMS_FILE = "trade.json", "terms.json"
 
 
 def trade_into(
@@ -43,7 +45,8 @@ def trade_into(
     with whole_folder(folder, mark=TRADE_FILE, force=force) as partial, Waiting() as waiting:
         found = trade(scene, tolerance, budget, sensors, waiting.stage)
         with writing(folder):
-            _write(found, settings, partial)
+            rows = [_row(found, entry) for entry in found.ranked]
+            _write(partial / TRADE_FILE, as_data(found, settings), rows)
             if plots:
                 from kaneflex.plots.trade import draw_trade
 
@@ -52,11 +55,32 @@ def trade_into(
     return found
 
 
-def _write(found: Trade, settings: Sequence[str], folder: Path) -> None:
-    text = json.dumps(as_data(found, settings), indent=2, ensure_ascii=False) + "\n"
-    (folder / TRADE_FILE).write_text(text, encoding="utf-8", newline="\n")
-    rows = [_row(found, entry) for entry in found.ranked]
-    with (folder / TABLE_FILE).open("w", encoding="utf-8", newline="") as file:
+def terms_into(
+    scene: Scene, folder: Path, tolerance: float, budget: float, sensors: Sequence[str] | None = None,
+    settings: Sequence[str] = (), plots: bool = True, force: bool = False,
+) -> Terms:  # fmt: skip
+    """Leave each group of terms out and write ``terms.json``, ``terms.csv`` and the picture into a new folder.
+
+    Parameters and errors are those of :func:`trade_into` and :func:`kaneflex.trade.terms.terms`.
+    """
+    with whole_folder(folder, mark=TERMS_FILE, force=force) as partial, Waiting() as waiting:
+        found = terms(scene, tolerance, budget, sensors, waiting.stage)
+        with writing(folder):
+            rows = [_effect_row(effect) for effect in found.effects]
+            _write(partial / TERMS_FILE, terms_as_data(found, settings), rows)
+            if plots:
+                from kaneflex.plots.terms import draw_terms
+
+                waiting.stage("drawing the picture")
+                draw_terms(found, partial)
+    return found
+
+
+def _write(path: Path, about: Mapping[str, object], rows: Sequence[Mapping[str, object]]) -> None:
+    """The whole as JSON, and its rows as a CSV file of the same name."""
+    text = json.dumps(about, indent=2, ensure_ascii=False) + "\n"
+    path.write_text(text, encoding="utf-8", newline="\n")
+    with path.with_suffix(".csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
@@ -81,7 +105,7 @@ def as_data(found: Trade, settings: Sequence[str]) -> dict[str, object]:
         "models": [
             _row(found, entry)
             | {"settings": list(found.settings_of(entry)), "cost": asdict(entry.cost)}
-            | {"sensors": {d.sensor: {"peak": d.peak_share, "rms": d.rms_share} for d in entry.differences}}
+            | {"sensors": _shares(entry.differences)}
             for entry in found.ranked
         ],
         "left_out": dict(found.left_out),
@@ -106,3 +130,35 @@ def _row(found: Trade, entry: Ranked) -> dict[str, object]:
         "repeats": cost.repeats,
         "first_s": cost.first,
     }
+
+
+def terms_as_data(found: Terms, settings: Sequence[str]) -> dict[str, object]:
+    """What ``terms.json`` holds: times in s or ns, changes as shares of each sensor's peak."""
+    return {
+        "scene": found.scene.name,
+        "settings": list(settings),
+        "tolerance": found.tolerance,
+        "full": asdict(found.full),
+        "groups": [_effect_row(effect) | {"sensors": _shares(effect.differences)} for effect in found.effects],
+        "left_out": dict(found.left_out),
+    }
+
+
+def _effect_row(effect: Effect) -> dict[str, object]:
+    most = effect.worst
+    return {
+        "group": effect.group.name,
+        "meaning": effect.group.meaning,
+        "change": None if most is None else most.peak_share,
+        "worst_sensor": None if most is None else most.sensor,
+        "rms": effect.rms,
+        "needed": effect.needed,
+        "operations": effect.operations,
+        "ns_per_step": effect.ns_per_step,
+        "noise_ns": effect.noise_ns,
+        "reason": effect.reason,
+    }
+
+
+def _shares(found: Sequence[Difference]) -> dict[str, dict[str, float | None]]:
+    return {each.sensor: {"peak": each.peak_share, "rms": each.rms_share} for each in found}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,14 +10,12 @@ from functools import cached_property
 from kaneflex.comparison import Curves, Difference
 from kaneflex.errors import SceneError, nearest
 from kaneflex.scene import Scene
-from kaneflex.trade.cost import Cost, Timing, cost, timed_run
+from kaneflex.trade.cost import Cost, Timing, cost, timed_in_turns, timed_run
 from kaneflex.trade.errors import differences, worst
 from kaneflex.trade.ladder import Candidate, elements_of, ladder, neutral, neutral_settings
 from kaneflex.trade.reference import Reference, find_reference
 
 Progress = Callable[[str], None]
-_ROUNDS = 5
-"""Repeats of each candidate, at most."""
 _FIRST_RUNS = 0.6
 """Share of the budget after which no further candidate is begun: the rest is for repeats."""
 
@@ -140,7 +137,7 @@ def trade(
     if not runs:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise SceneError("--budget", budget, f"no candidate was run ({reasons})", "Give more time")
-    repeats = _repeats(basis, runs, deadline, progress)
+    repeats = timed_in_turns({candidate: candidate.of(basis) for candidate in runs}, deadline, progress)
     ranked = [
         Ranked(
             candidate,
@@ -189,23 +186,3 @@ def _first_runs(
         except SceneError as error:
             left_out[candidate.name] = str(error)
     return runs, left_out
-
-
-def _repeats(
-    scene: Scene, runs: Mapping[Candidate, tuple[Curves, Timing]], deadline: float, progress: Progress
-) -> dict[Candidate, list[Timing]]:
-    """At least one repeat of each, in turns, so that a slow spell of the machine meets them all."""
-    found: dict[Candidate, list[Timing]] = {candidate: [] for candidate in runs}
-    scenes = {candidate: candidate.of(scene) for candidate in runs}
-    for number in range(_ROUNDS):
-        progress(f"timing, round {number + 1}")
-        for candidate, own in scenes.items():
-            if number and time.perf_counter() > deadline:
-                return found
-            gc.collect()
-            gc.disable()
-            try:
-                found[candidate].append(timed_run(own)[1])
-            finally:
-                gc.enable()
-    return found
