@@ -2,7 +2,9 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from command_line import cli
@@ -116,3 +118,28 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
     assert next(row["operations"] for row in rows if row["group"] == "geometric") == "144"
     line = next(line for line in result.stdout.splitlines() if line.startswith("geometric"))
     assert line.split()[:6] == ["geometric", "axial", "force", "P", "no", "tip_axial"]
+
+
+def test_the_page_prints_what_it_says_and_its_commands_are_accepted(capsys):
+    docs = Path(__file__).parents[1] / "docs"
+    page = (docs / "trade.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    exec(compile(block, "trade.md", "exec"), {})
+    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
+    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
+        assert (docs / picture).exists()
+    for command in ("trade", "terms"):
+        shown = cli(command, "--help").stdout
+        lines = re.findall(rf"^kaneflex {command} .*$", page, re.MULTILINE)
+        assert lines and all(option in shown for line in lines for option in re.findall(r"--[a-z-]+", line))
+
+
+def test_the_pages_table_is_that_of_the_engine(effects):
+    page = (Path(__file__).parents[1] / "docs" / "trade.md").read_text(encoding="utf-8")
+    for name, effect in effects.items():
+        (row,) = re.findall(rf"^\| {name} \| (.*) \|$", page, re.MULTILINE)
+        change, rms, sensor, needed, operations = (cell.strip() for cell in row.split("|"))
+        assert float(change.removesuffix(" %")) == pytest.approx(100 * effect.worst.peak_share, rel=0.05)
+        assert float(rms.removesuffix(" %")) == pytest.approx(100 * effect.rms, rel=0.05)
+        assert (sensor, needed) == (f"`{effect.worst.sensor}`", "yes" if effect.needed else "no")
+        assert operations == ("" if effect.operations is None else str(effect.operations))

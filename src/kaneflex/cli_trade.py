@@ -129,7 +129,8 @@ def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
     return (
         "*" if entry in found.front else "", entry.name, entry.worst.sensor, _percent(entry.error),
         _percent(entry.rms), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
-        f"{1e3 * cost.total:.3g} ms", f"{100 * cost.spread:.0f} %", "yes" if found.good_enough(entry) else "no",
+        f"{1e3 * cost.total:.3g} ms", "" if cost.spread is None else f"{100 * cost.spread:.0f} %",
+        "yes" if found.good_enough(entry) else "no",
     )  # fmt: skip
 
 
@@ -168,11 +169,12 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
         changes = (effect.worst.sensor, _percent(effect.worst.peak_share), _percent(effect.rms))
     times = ("", "")
     if effect.ns_per_step is not None:
-        times = (f"{effect.ns_per_step:+.0f}", f"{effect.noise_ns:.0f}")
+        noise = "" if effect.noise_ns is None else f"{effect.noise_ns:.0f}"
+        times = (f"{effect.ns_per_step:+.0f}", noise)
     operations = "" if effect.operations is None else f"{effect.operations:+d}"
     needed = "yes" if effect.needed else "no"
     return (effect.group.name, effect.group.meaning, needed, *changes, operations, *times)
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
+    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"

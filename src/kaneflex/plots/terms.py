@@ -66,6 +66,7 @@ def _costs(axes: Axes, found: Terms) -> None:
     for row, effect in enumerate(found.effects):
         if effect.ns_per_step is not None:
             axes.barh(row, 1e-3 * effect.ns_per_step, height=0.7, color=GREY)
+        if effect.noise_ns is not None:
             axes.errorbar(1e-3 * effect.ns_per_step, row, xerr=1e-3 * effect.noise_ns, color="black", linewidth=0.9)
         if effect.operations is not None:
             axes.annotate(

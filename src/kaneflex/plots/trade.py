@@ -15,8 +15,8 @@ from kaneflex.scene.parts import PRESETS
 if TYPE_CHECKING:
     from kaneflex.trade.ranking import Ranked, Trade
 
-_LEAST = 1e-8
-"""Error below which a point stands at the bottom: the axis is logarithmic."""
+_LEAST, _MOST = 1e-8, 5.0
+"""Errors beyond which a point stands at the bottom or top: the axis is logarithmic, and instability without bounds."""
 
 
 def draw_trade(found: Trade, folder: Path) -> list[Path]:
@@ -51,7 +51,8 @@ def figure(found: Trade) -> Figure:
     axes.margins(x=0.12)
     _name(axes, found)
     axes.set_xlabel("time of a run: set-up, solving, sensors [ms]")
-    axes.set_ylabel("largest error of a sensor [% of its peak]")
+    beyond = ", at the top more" if any(entry.error > _MOST for entry in found.ranked) else ""
+    axes.set_ylabel(f"largest error of a sensor [% of its peak{beyond}]")
     page.legend(loc="outside lower center", ncols=len(families) + 2)
     return page
 
@@ -62,7 +63,8 @@ def _preset(entry: Ranked) -> str:
 
 def _places(entries: Sequence[Ranked]) -> tuple[list[float], list[float]]:
     """Times [ms] and errors [%]."""
-    return [1e3 * entry.cost.total for entry in entries], [100 * max(entry.error, _LEAST) for entry in entries]
+    errors = [min(max(entry.error, _LEAST), _MOST) for entry in entries]
+    return [1e3 * entry.cost.total for entry in entries], [100 * error for error in errors]
 
 
 def _name(axes: Axes, found: Trade) -> None:

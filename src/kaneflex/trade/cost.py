@@ -61,8 +61,8 @@ class Cost:
     ----------
     set_up, solve, read, total : float
         As in :class:`Timing`; the median of the totals, not the total of the medians.
-    spread : float
-        Largest total less the smallest, as a share of the median.
+    spread : float or None
+        Largest total less the smallest, as a share of the median; None of a single repeat.
     ns_per_step : float
         Of ``solve``, rigid motion and start included.
     steps, repeats : int
@@ -75,7 +75,7 @@ class Cost:
     solve: float
     read: float
     total: float
-    spread: float
+    spread: float | None
     ns_per_step: float
     steps: int
     repeats: int
@@ -110,20 +110,20 @@ def _operations(model: Model) -> int | None:
 def timed_in_turns(
     scenes: Mapping[Name, Scene], deadline: float, progress: Progress
 ) -> dict[Name, list[Timing]]:
-    """Repeats of every scene, all once a round, so that a slow spell of the machine meets them all.
+    """Repeats of every scene, all once a round, to and fro, so that a slow spell of the machine meets them all.
 
     One round at least, ROUNDS at most; none is begun after the deadline, of ``time.perf_counter``.
     """
     found: dict[Name, list[Timing]] = {name: [] for name in scenes}
     for number in range(ROUNDS):
         progress(f"timing, round {number + 1}")
-        for name, scene in scenes.items():
+        for name in list(scenes)[:: -1 if number % 2 else 1]:
             if number and time.perf_counter() > deadline:
                 return found
             gc.collect()
             gc.disable()
             try:
-                found[name].append(timed_run(scene)[1])
+                found[name].append(timed_run(scenes[name])[1])
             finally:
                 gc.enable()
     return found
@@ -138,7 +138,7 @@ def cost(first: Timing, repeats: Sequence[Timing]) -> Cost:
         solve=solve,
         read=statistics.median(timing.read for timing in repeats),
         total=total,
-        spread=(max(totals) - min(totals)) / total,
+        spread=(max(totals) - min(totals)) / total if len(totals) > 1 else None,
         ns_per_step=1e9 * solve / first.steps,
         steps=first.steps,
         repeats=len(repeats),

@@ -14,6 +14,8 @@ _ELEMENTS = (1, 2, 4)
 _MODES = (2, 4, 6)
 _COARSER = (2, 4)
 """What the scene's steps are divided by."""
+_LOOSE = (1e-6, 1e-4)
+"""Errors of a step that are tried under preset coupled."""
 _CHOICES = ("integrator", "modes", "reduction", "terms")
 """Entries of the scene's ``solve`` that choose among models: candidates make these choices anew, as the preset's."""
 
@@ -74,6 +76,10 @@ def _presets(scene: Scene) -> Iterator[Candidate]:
     whole = () if period is None else (f"solve.duration={cycles * period!r}",)
     yield Candidate("paper", ("solve.preset=paper", *whole))
     yield Candidate("coupled", ("solve.preset=coupled",))
+    for loose in _LOOSE:
+        if loose > scene.solve.tolerance:
+            settings = ("solve.preset=coupled", f"solve.tolerance={loose!r}")
+            yield Candidate(f"coupled, tolerance {loose:.0e}", settings)
 
 
 def _coarser(scene: Scene) -> Iterator[Candidate]:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 from kaneflex.comparison import Curves, Difference
 from kaneflex.errors import SceneError, nearest
@@ -161,14 +162,14 @@ def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequen
     for name in sensors or ():
         if name not in scene.sensors:
             raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
-    if not elements_of(scene):
-        raise SceneError("bodies", None, "none has a beam: there is one model only", "Give a body a beam")
     modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
     if modal is not None:
         raise SceneError(
-            f"bodies.{modal}.modal_data", scene.bodies[modal].modal_data, "only preset coupled can take modal data",
-            "Give the body a beam",
+            f"bodies.{modal}.modal_data", Path(scene.bodies[modal].modal_data).name,
+            "only preset coupled takes modal data: there is one model", "Give the body a beam",
         )  # fmt: skip
+    if not elements_of(scene):
+        raise SceneError("bodies", None, "none has a beam: there is one model only", "Give a body a beam")
     return tuple(sensors or scene.sensors)
 
 

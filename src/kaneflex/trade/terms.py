@@ -55,7 +55,7 @@ class Effect:
     ns_per_step : float or None
         Time that it adds to a step, by medians; within the spread of either it is noise.
     noise_ns : float or None
-        Half the larger spread of the two, in ns per step.
+        Half the larger spread of the two, in ns per step; None of a single repeat.
     reason : str
         Why the run without it stopped.
     """
@@ -191,11 +191,12 @@ def _effect(
     operations = None
     if kept.operations is not None and dropped.operations is not None:
         operations = kept.operations - dropped.operations
+    spreads = [each.spread * each.ns_per_step for each in (kept, dropped) if each.spread is not None]
     return Effect(
         group,
         found,
         needed=any(difference.peak_share > tolerance for difference in found),
         operations=operations,
         ns_per_step=kept.ns_per_step - dropped.ns_per_step,
-        noise_ns=0.5 * max(each.spread * each.ns_per_step for each in (kept, dropped)),
+        noise_ns=0.5 * max(spreads) if spreads else None,
     )
