@@ -10,6 +10,7 @@ from kaneflex.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_opt
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.parts import TERM_NAMES
 
+_ONE_WAY = ("quasistatic", "linear", "stiffened")
 _ELEMENTS = (1, 2, 4)
 _MODES = (2, 4, 6)
 _COARSER = (2, 4)
@@ -69,7 +70,7 @@ def ladder(scene: Scene) -> tuple[Candidate, ...]:
 
 
 def _presets(scene: Scene) -> Iterator[Candidate]:
-    for preset in ("rigid", "quasistatic", "linear", "stiffened"):
+    for preset in _ONE_WAY if scene.is_frame else ("rigid", *_ONE_WAY):
         yield Candidate(preset, (f"solve.preset={preset}",))
     period = scene.period if scene.solve.duration is None else None
     cycles = None if period is None else max(1, math.ceil(PAPER_DURATION / period - 1e-9))

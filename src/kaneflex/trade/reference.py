@@ -142,12 +142,13 @@ def _refined(
 
 def _check(name: str, change: Difference, tolerance: float) -> None:
     if change.peak_share > _KNOWN * tolerance:
+        enough = change.peak_share / _KNOWN
+        looser = f"Ask for {100 * enough:.2g}% or more, refine" if enough < 1 else "Refine"
         raise SceneError(
             "--tolerance", f"{100 * tolerance:.3g}%",
             f"the finest model ({name}) still changes {change.sensor} by {100 * change.peak_share:.2g} % when it is "
             "refined, so nothing can be ranked against it",
-            f"Ask for {100 * change.peak_share / _KNOWN:.2g}% or more, refine the scene's solve.steps and elements, "
-            "choose other sensors, or give the scene damping",
+            f"{looser} the scene's solve.steps and elements, choose other sensors, or give the scene damping",
         )  # fmt: skip
 
 
