@@ -14,6 +14,7 @@ from kaneflex.cli_mechanism import equations, linearise, new, show
 from kaneflex.cli_scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
 from kaneflex.cli_stability import stability
 from kaneflex.cli_sweep import sweep
+from kaneflex.cli_trade import terms, trade
 from kaneflex.errors import SceneError, UserError
 
 if TYPE_CHECKING:
@@ -279,5 +280,5 @@ def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     click.echo(f"Written to {output}")
 
 
-for command in (compare, stability, sweep, show, new, linearise, equations):
+for command in (compare, trade, terms, stability, sweep, show, new, linearise, equations):
     main.add_command(command)

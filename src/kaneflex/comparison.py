@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.errors import SceneError, nearest
+from kaneflex.errors import SceneError, StoppedEarly, nearest
 from kaneflex.scene.parts import PRESETS
 
 if TYPE_CHECKING:
     import xarray
 
     from kaneflex.scene import Scene
+    from kaneflex.solution import Solution
 
 PRESETS_COMPARED = ("linear", "stiffened", "coupled")
 """From the plainest to the most complete: the last is what the others are measured against."""
@@ -250,11 +251,16 @@ def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
 
     model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
     progress(f"solving, preset {preset}")
-    solution = simulate(model)
+    return curves_of(simulate(model))
+
+
+def curves_of(solution: Solution) -> Curves:
+    """What a run says of its scene's sensors. Raises StoppedEarly, a SceneError, where it did."""
+    model = solution.model
     if solution.outcome.name != "COMPLETED":
         cure = "Compare the others, or shorten solve.duration"
-        raise SceneError("solve.preset", preset, solution.trajectory.message.rstrip("."), cure)
-    values = {name: solution.series[name].values for name in scene.sensors}
+        raise StoppedEarly("solve.preset", model.options.preset, solution.trajectory.message.rstrip("."), cure)
+    values = {name: solution.series[name].values for name in model.scene.sensors}
     return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
 
 

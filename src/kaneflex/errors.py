@@ -65,6 +65,10 @@ class SceneError(UserError):
     """A scene, a table it names or a setting cannot be used."""
 
 
+class StoppedEarly(SceneError):
+    """A run that ended before its time, where a whole one is needed."""
+
+
 class OutputError(UserError):
     """A folder or file cannot be written."""
 

@@ -1,0 +1,1 @@
+"""Models of one scene, ranked by what they cost against what they leave wrong."""

@@ -1,0 +1,156 @@
+"""The finest model of a scene, and how far it is itself from what it converges to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from kaneflex.comparison import Curves, Difference
+from kaneflex.errors import SceneError
+from kaneflex.options import resolve_options
+from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.floating import modes_of
+from kaneflex.trade.cost import timed_run
+from kaneflex.trade.errors import differences, worst
+from kaneflex.trade.ladder import elements_of
+
+Progress = Callable[[str], None]
+Levels = list[tuple[str, tuple[str, ...]]]
+"""Names and settings of ever finer models."""
+_FINER = (1, 2, 4)
+"""Elements of each link and steps, times the scene's own."""
+_MORE_MODES, _TIGHTER = 2, 0.1
+"""What preset coupled is refined by: modes of each link, and the tolerance of a step."""
+_FINE_ENOUGH, _KNOWN = 0.1, 0.25
+"""Shares of the tolerance: a change at which refining ends, and one that is still allowed at its end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What candidates are measured against.
+
+    Attributes
+    ----------
+    name : str
+        Its preset and how fine it is.
+    settings : tuple of str
+        Over the neutral scene.
+    curves : Curves
+    period : float or None
+        Cycle that it repeats [s].
+    refinement : mapping of str to float
+        By sensor: largest change by the last refinement, as a share of the peak.
+    coupling : mapping of str to float
+        By sensor: the same of the step from ``stiffened`` to ``coupled``; empty where ``coupled`` is the reference
+        or can't be run.
+    note : str
+        Why ``coupled`` is not known of, if so.
+    """
+
+    name: str
+    settings: tuple[str, ...]
+    curves: Curves
+    period: float | None
+    refinement: Mapping[str, float]
+    coupling: Mapping[str, float]
+    note: str = ""
+
+    def doubt(self, sensor: str) -> float:
+        """How far the reference itself may be off, as a share of the sensor's peak."""
+        return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
+
+
+def find_reference(
+    scene: Scene, sensors: Sequence[str], tolerance: float, progress: Progress = lambda stage: None
+) -> Reference:
+    """Preset ``stiffened``, refined until it stands; ``coupled`` where that changes a sensor by too much.
+
+    Parameters
+    ----------
+    scene : Scene
+        A neutral one: :func:`kaneflex.trade.ladder.neutral`.
+    sensors : sequence of str
+        Those that count.
+    tolerance : float
+        Error that candidates may have, as a share of each sensor's peak. Coupled is needed where it changes a sensor
+        by a quarter of it.
+
+    Raises
+    ------
+    SceneError
+        Where refining still changes a sensor by more than a quarter of the tolerance: nothing can be ranked against
+        that.
+    """
+    stiffened = _refined(scene, sensors, tolerance, _stiffened_levels(scene), progress)
+    try:
+        progress("solving, preset coupled")
+        coupled, _ = timed_run(with_settings(scene, ["solve.preset=coupled"]))
+    except SceneError as error:
+        return Reference(**_known(stiffened), coupling={}, note=f"preset coupled can't be run: {error}")
+    gaps = _shares(differences(scene, sensors, "coupled", coupled, stiffened.curves, stiffened.period))
+    if max(gaps.values()) <= _KNOWN * tolerance:
+        return Reference(**_known(stiffened), coupling=gaps)
+    return _refined(scene, sensors, tolerance, _coupled_levels(scene), progress)
+
+
+def _known(reference: Reference) -> dict[str, object]:
+    names = ("name", "settings", "curves", "period", "refinement")
+    return {name: getattr(reference, name) for name in names}
+
+
+def _stiffened_levels(scene: Scene) -> Levels:
+    steps = resolve_options(scene).steps
+    levels = []
+    for factor in _FINER:
+        elements = {name: factor * count for name, count in elements_of(scene).items()}
+        settings = (f"bodies.{name}.beam.elements={count}" for name, count in elements.items())
+        counts = ", ".join(map(str, dict.fromkeys(elements.values())))
+        name = f"stiffened, {counts} elements, {factor * steps} steps"
+        levels.append((name, ("solve.preset=stiffened", *settings, f"solve.steps={factor * steps}")))
+    return levels
+
+
+def _coupled_levels(scene: Scene) -> Levels:
+    coarse, tight = modes_of(scene), scene.solve.tolerance
+    levels = []
+    for more, tolerance in ((0, tight), (_MORE_MODES, _TIGHTER * tight)):
+        modes = coarse + more
+        settings = ("solve.preset=coupled", f"solve.modes={modes}", f"solve.tolerance={tolerance!r}")
+        levels.append((f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", settings))
+    return levels
+
+
+def _refined(
+    scene: Scene, sensors: Sequence[str], tolerance: float, levels: Levels, progress: Progress
+) -> Reference:
+    options = resolve_options(scene)
+    period = scene.period if options.cycles and options.start == "periodic" else None
+    coarse: Curves | None = None
+    for name, settings in levels:
+        progress(f"the reference: {name}")
+        curves, _ = timed_run(with_settings(scene, list(settings)))
+        if coarse is not None:
+            change = differences(scene, sensors, name, coarse, curves, period)
+            if not change:
+                raise SceneError("sensors", ", ".join(sensors), "they all show zero", "Name others")
+            if worst(change).peak_share <= _FINE_ENOUGH * tolerance:
+                break
+        coarse = curves
+    _check(name, worst(change), tolerance)
+    return Reference(name, settings, curves, period, _shares(change), {})
+
+
+def _check(name: str, change: Difference, tolerance: float) -> None:
+    if change.peak_share > _KNOWN * tolerance:
+        enough = change.peak_share / _KNOWN
+        looser = f"Ask for {100 * enough:.2g}% or more, refine" if enough < 1 else "Refine"
+        raise SceneError(
+            "--tolerance", f"{100 * tolerance:.3g}%",
+            f"the finest model ({name}) still changes {change.sensor} by {100 * change.peak_share:.2g} % when it is "
+            "refined, so nothing can be ranked against it",
+            f"{looser} the scene's solve.steps and elements, choose other sensors, or give the scene damping",
+        )  # fmt: skip
+
+
+def _shares(found: Sequence[Difference]) -> dict[str, float]:
+    return {difference.sensor: difference.peak_share for difference in found}

@@ -1,0 +1,145 @@
+"""`kaneflex terms`: what the engine and the spin-up lose without each group of terms, files and pictures."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from command_line import cli
+
+from kaneflex.plots.terms import figure
+from kaneflex.plots.trade import figure as trade_figure
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.trade.ladder import ladder, neutral
+from kaneflex.trade.ranking import trade
+from kaneflex.trade.terms import Terms, groups, terms
+
+
+def chosen(scene, *names):
+    by_name = {group.name: group for group in groups(neutral(scene))}
+    return [by_name[name] for name in names]
+
+
+@pytest.fixture(scope="module")
+def engine() -> Terms:
+    scene = with_settings(read_scene("engine"), ["solve.terms.geometric=false", "solve.preset=linear"])
+    return terms(scene, 0.01, 1.0, chosen=chosen(scene, "spin", "gyroscopic", "geometric", "dynamics", "load gas"))
+
+
+@pytest.fixture(scope="module")
+def effects(engine):
+    return {effect.group.name: effect for effect in engine.effects}
+
+
+def test_groups_are_those_that_the_scene_has():
+    names = [group.name for group in groups(neutral(read_scene("engine")))]
+    terms_there = ["spin", "gyroscopic", "euler", "geometric", "damping"]
+    assert names == [*terms_there, "axial", "load gas", "dynamics", "two-way coupling"]
+    heavy = with_settings(read_scene("engine"), ["gravity=[0, -9.81]", "bodies.rod.beam.theory=rayleigh"])
+    assert [group.name for group in groups(neutral(heavy))][5:7] == ["rotary", "gravity"]
+
+
+@pytest.mark.parametrize(
+    ("name", "sensor", "change", "needed"),
+    [
+        ("load gas", "main_bearing_force_x", 1.607, True),
+        ("geometric", "mid_global_y", 0.02267, True),
+        ("dynamics", "main_bearing_force_x", 0.01106, True),
+        ("gyroscopic", "mid_global_y", 0.00529, False),
+        ("spin", "mid_global_y", 5.7e-5, False),
+    ],
+)
+def test_what_the_engine_loses(effects, name, sensor, change, needed):
+    effect = effects[name]
+    assert (effect.worst.sensor, effect.needed) == (sensor, needed)
+    assert effect.worst.peak_share == pytest.approx(change, rel=0.02)
+    assert 0 < effect.rms < effect.worst.peak_share
+
+
+def test_the_largest_change_comes_first_and_operations_are_counted(engine, effects):
+    assert [effect.group.name for effect in engine.effects] == [
+        "load gas", "geometric", "dynamics", "gyroscopic", "spin"
+    ]  # fmt: skip
+    assert engine.full.operations == 775
+    counts = {name: effect.operations for name, effect in effects.items()}
+    assert counts == {"spin": 34, "gyroscopic": 75, "geometric": 144, "dynamics": None, "load gas": 1}
+    assert effects["dynamics"].ns_per_step > 0  # K z = F alone is solved in a fraction of the time
+
+
+def test_a_group_without_which_the_run_stops_is_needed():
+    scene = read_scene("spin-up")
+    found = terms(scene, 0.01, 1e-3, ["tip_transverse"], chosen=chosen(scene, "euler", "geometric"))
+    first, second = found.effects
+    assert (first.group.name, first.needed, first.worst) == ("geometric", True, None) and "unstable" in first.reason
+    assert (second.group.name, second.needed) == ("euler", False)
+
+
+def test_what_can_not_be_left_out_is_named_with_the_reason():
+    scene = read_scene("engine")
+    found = terms(scene, 0.01, 1e-3, chosen=chosen(scene, "axial", "spin"))
+    assert [effect.group.name for effect in found.effects] == ["spin"]
+    assert "tied to each other by its length" in found.left_out["axial"]
+
+
+def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
+    stopped = replace(engine.effects[0], differences=(), operations=None, ns_per_step=None, noise_ns=None)
+    changes, costs = figure(replace(engine, effects=(stopped, *engine.effects[1:]))).axes
+    assert [label.get_text() for label in changes.get_yticklabels()][1:3] == ["geometric", "dynamics"]
+    assert len(changes.patches) == 2 * 4 and len(costs.patches) == 4
+    assert "needed: does not run without" in {text.get_text() for text in changes.texts}
+    assert changes.patches[0].get_width() == pytest.approx(2.267, rel=0.02)
+
+
+def test_the_picture_of_a_trade_names_presets_and_the_choice():
+    scene = read_scene("engine")
+    names = ("rigid", "quasistatic", "stiffened", "stiffened without spin")
+    ranked = [candidate for candidate in ladder(neutral(scene)) if candidate.name in names]
+    found = trade(scene, 0.02, 1.0, ["mid_transverse"], candidates=ranked)
+    (axes,) = trade_figure(found).axes
+    shown = {text.get_text() for text in axes.texts}
+    chosen_name = found.chosen.name
+    named = {"rigid", "quasistatic", "stiffened"} - {chosen_name}
+    assert shown == {"tolerance 2 %", f"chosen: {chosen_name}", *named}
+    points = [line for line in axes.lines if line.get_marker() == "o" and line.get_label()[0] != "_"]
+    assert sum(len(line.get_xdata()) for line in points) == 4
+
+
+def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
+    folder = tmp_path / "out"
+    result = cli("terms", "engine", "--sensor", "tip_axial", "--budget", "0.1s", "-o", folder)
+    assert result.exit_code == 0
+    assert {path.name for path in folder.iterdir()} == {"terms.csv", "terms.json", "terms.png", "terms.svg"}
+    about = json.loads((folder / "terms.json").read_text())
+    rows = list(csv.DictReader((folder / "terms.csv").open()))
+    assert [row["group"] for row in rows] == [entry["group"] for entry in about["groups"]]
+    assert set(about["left_out"]) == {"axial"} and about["groups"][0]["sensors"].keys() == {"tip_axial"}
+    assert next(row["operations"] for row in rows if row["group"] == "geometric") == "144"
+    line = next(line for line in result.stdout.splitlines() if line.startswith("geometric"))
+    assert line.split()[:6] == ["geometric", "axial", "force", "P", "no", "tip_axial"]
+
+
+def test_the_page_prints_what_it_says_and_its_commands_are_accepted(capsys):
+    docs = Path(__file__).parents[1] / "docs"
+    page = (docs / "trade.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    exec(compile(block, "trade.md", "exec"), {})
+    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
+    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
+        assert (docs / picture).exists()
+    for command in ("trade", "terms"):
+        shown = cli(command, "--help").stdout
+        lines = re.findall(rf"^kaneflex {command} .*$", page, re.MULTILINE)
+        assert lines and all(option in shown for line in lines for option in re.findall(r"--[a-z-]+", line))
+
+
+def test_the_pages_table_is_that_of_the_engine(effects):
+    page = (Path(__file__).parents[1] / "docs" / "trade.md").read_text(encoding="utf-8")
+    for name, effect in effects.items():
+        (row,) = re.findall(rf"^\| {name} \| (.*) \|$", page, re.MULTILINE)
+        change, rms, sensor, needed, operations = (cell.strip() for cell in row.split("|"))
+        assert float(change.removesuffix(" %")) == pytest.approx(100 * effect.worst.peak_share, rel=0.05)
+        assert float(rms.removesuffix(" %")) == pytest.approx(100 * effect.rms, rel=0.05)
+        assert (sensor, needed) == (f"`{effect.worst.sensor}`", "yes" if effect.needed else "no")
+        assert operations == ("" if effect.operations is None else str(effect.operations))

@@ -1,0 +1,187 @@
+"""`kaneflex trade`: the reference and its own error, what is chosen on the engine, files and refusals."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+
+from kaneflex.comparison import Curves
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.trade.cost import Timing, cost
+from kaneflex.trade.errors import differences
+from kaneflex.trade.ladder import Candidate, ladder, neutral, neutral_settings, terms_of
+from kaneflex.trade.ranking import Trade, trade
+from kaneflex.trade.reference import find_reference
+
+TRIED = (
+    "rigid", "paper", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element",
+    "quasistatic without geometric",
+)  # fmt: skip
+BEARING = "main_bearing_force_x"
+
+
+def tried(scene, *names) -> list[Candidate]:
+    by_name = {candidate.name: candidate for candidate in ladder(neutral(scene))}
+    return [by_name[name] for name in names]
+
+
+@pytest.fixture(scope="module")
+def engine() -> Trade:
+    scene = read_scene("engine")
+    return trade(scene, 0.01, 60.0, [n for n in scene.sensors if n != BEARING], candidates=tried(scene, *TRIED))
+
+
+@pytest.fixture(scope="module")
+def by_name(engine):
+    return {entry.name: entry for entry in engine.ranked}
+
+
+def test_the_reference_is_known_well_enough_and_coupling_is_not_needed(engine):
+    """Two-way coupling changes the engine by 0.17 %, less than a quarter of 1 %; it counts as doubt."""
+    found = engine.reference
+    assert found.name == "stiffened, 8 elements, 2880 steps"
+    assert max(found.refinement.values()) == pytest.approx(0.0006, abs=0.0002)
+    assert max(found.coupling, key=found.coupling.get) == "mid_global_x"
+    assert found.coupling["mid_global_x"] == pytest.approx(0.00167, abs=0.0001)
+    assert found.doubt("mid_global_x") == found.refinement["mid_global_x"] + found.coupling["mid_global_x"]
+
+
+def test_the_engine_is_answered_quasi_statically_with_the_geometric_stiffness(engine, by_name):
+    """0.85 % off with two elements and K_g; 2.4 % without K_g, 20 % with one element."""
+    assert engine.chosen is by_name["quasistatic, 2 elements"]
+    assert engine.chosen.error == pytest.approx(0.0085, abs=0.0002)
+    without, single = by_name["quasistatic without geometric"], by_name["quasistatic, 1 element"]
+    assert (without.worst.sensor, without.error) == ("mid_global_y", pytest.approx(0.0236, abs=0.0005))
+    assert (single.worst.sensor, single.error) == ("mid_transverse", pytest.approx(0.2036, abs=0.001))
+    assert not engine.good_enough(without) and not engine.good_enough(single)
+    assert engine.settings_of(engine.chosen) == ("solve.preset=quasistatic", "bodies.rod.beam.elements=2")
+    assert by_name["rigid"].error == 1.0
+
+
+def test_the_paper_is_ranked_over_its_last_cycle_with_its_true_error(by_name):
+    """It starts undeformed and never settles, without damping: accelerations are off by their whole size."""
+    paper = by_name["paper"]
+    assert paper.worst.sensor == "piston_acceleration" and paper.error == pytest.approx(1.0, abs=0.05)
+    assert paper.cost.steps == 2880  # two cycles
+
+
+def test_the_front_falls_and_holds_every_cheapest(engine):
+    errors = [entry.error for entry in engine.front]
+    assert errors == sorted(errors, reverse=True) and engine.front[0] is engine.ranked[0]
+    totals = [entry.cost.total for entry in engine.ranked]
+    assert totals == sorted(totals)
+    assert min(engine.ranked, key=lambda entry: entry.error) in engine.front
+
+
+def test_a_bearing_force_needs_the_rods_vibration():
+    """Quasi-statically it is 1.1 % off: with it, only dynamics is within 1 %."""
+    scene = read_scene("engine")
+    found = trade(scene, 0.01, 60.0, [BEARING], candidates=tried(scene, "quasistatic", "stiffened"))
+    quasistatic = next(entry for entry in found.ranked if entry.name == "quasistatic")
+    assert quasistatic.error == pytest.approx(0.0111, abs=0.0002)
+    assert found.chosen.name == "stiffened"
+
+
+def test_the_spin_up_needs_the_geometric_stiffness():
+    """Without it the beam goes unstable, and is left out with the reason."""
+    scene = with_settings(read_scene("spin-up"), ["solve.preset=linear", "solve.integrator=newmark"])
+    assert neutral_settings(scene) == ("solve.integrator=none",)
+    names = ("linear", "stiffened, 2 elements", "stiffened")
+    found = trade(scene, 0.02, 5.0, ["tip_transverse"], candidates=tried(scene, *names))
+    assert "unstable" in found.left_out["linear"]
+    assert found.chosen is not None and found.chosen.name.startswith("stiffened")
+
+
+def test_a_reference_that_does_not_converge_is_refused():
+    """The slider-crank's rod rings in tension, undamped: its peaks depend on the steps."""
+    scene = neutral(read_scene("slider-crank-150"))
+    with pytest.raises(SceneError, match=r"still changes rod_force by .* ranked against it. (Ask for .* refine|Refine)"):
+        find_reference(scene, ["mid_transverse", "rod_force"], 1e-4)
+
+
+def test_errors_are_taken_at_the_models_instants_over_its_last_cycle():
+    """y_ref = 3 on a cycle of 1 s; the model is 1, then in its last cycle 3, 4, 3: peak 1/3, mean square 1/3."""
+    scene = with_settings(read_scene("spin-up"), ["sensors.hub_torque=none"])
+    names = list(scene.sensors)
+    flat = Curves(np.array([0.0, 1.0]), {name: np.array([3.0, 3.0]) for name in names}, {})
+    ours = {name: np.array([1.0, 1.0, 3.0, 4.0, 3.0]) for name in names}
+    curves = Curves(np.array([0.0, 0.5, 1.0, 1.5, 2.0]), ours, {})
+    found, *_ = differences(scene, names, "ours", curves, flat, 1.0)
+    assert found.peak_share == pytest.approx(1 / 3) and found.rms_share == pytest.approx(0.5**0.5 / 3)
+    started, *_ = differences(scene, names, "ours", curves, flat, None)
+    assert started.peak_difference == 2.0
+    nothing = Curves(flat.times, {name: np.array([0.0, 0.0]) for name in names}, {})
+    assert differences(scene, names, "ours", curves, nothing, 1.0) == ()
+
+
+def test_costs_are_medians_and_the_first_run_is_apart():
+    first = Timing(once=7.0, set_up=1.0, solve=2.0, read=1.0, steps=100)
+    repeats = [Timing(0.0, 1.0, solve, 1.0, 100) for solve in (2.0, 3.0, 10.0)]
+    found = cost(first, repeats)
+    assert (found.total, found.solve, found.ns_per_step) == (5.0, 3.0, 3e7)
+    assert (found.first, found.repeats, found.spread) == (11.0, 3, 8.0 / 5.0)
+    assert cost(first, repeats[:1]).spread is None
+
+
+def test_the_ladder_names_each_model_once_and_leaves_out_terms_that_the_scene_has():
+    scene = neutral(read_scene("engine"))
+    names = [candidate.name for candidate in ladder(scene)]
+    assert len(set(names)) == len(names) and {"coupled, tolerance 1e-06", "coupled, tolerance 1e-04"} < set(names)
+    assert terms_of(scene, "dynamic") == ("spin", "gyroscopic", "euler", "geometric", "damping")
+    assert terms_of(scene, "quasistatic") == ("spin", "euler", "geometric")
+    assert {candidate.settings[0] for candidate in ladder(scene)} == {
+        f"solve.preset={preset}" for preset in ("rigid", "quasistatic", "linear", "stiffened", "paper", "coupled")
+    }
+
+
+def test_a_structure_that_stands_still_has_no_rigid_model():
+    names = {candidate.name for candidate in ladder(neutral(read_scene("free-frame")))}
+    assert {"quasistatic", "stiffened"} < names and "rigid" not in names
+
+
+def test_what_the_budget_has_no_time_for_is_named():
+    scene = read_scene("engine")
+    with pytest.raises(SceneError, match="no candidate was run"):
+        trade(scene, 0.01, 1e-9, ["tip_axial"])
+    found = trade(scene, 0.01, 1e-3, ["tip_axial"], candidates=tried(scene, "stiffened", "linear"))
+    assert found.left_out == {"linear": "no time left within the budget"} and found.ranked[0].cost.repeats == 1
+
+
+def test_the_command_writes_its_folder_and_prints_the_choice(tmp_path):
+    folder = tmp_path / "out"
+    arguments = ("trade", "engine", "--sensor", "tip_axial", "--budget", "0.3s", "--tolerance", "2%", "-o", folder)
+    result = cli(*arguments)
+    assert result.exit_code == 0
+    assert {path.name for path in folder.iterdir()} == {"trade.csv", "trade.json", "trade.png", "trade.svg"}
+    about = json.loads((folder / "trade.json").read_text())
+    rows = list(csv.DictReader((folder / "trade.csv").open()))
+    assert [row["model"] for row in rows] == [model["model"] for model in about["models"]]
+    assert float(rows[0]["total_s"]) == about["models"][0]["cost"]["total"]
+    assert about["tolerance"] == 0.02 and f"Cheapest within 2 %: {about['chosen']}\n" in result.stdout
+    chosen = next(model for model in about["models"] if model["model"] == about["chosen"])
+    assert f"  --set {' --set '.join(chosen['settings'])}\n" in result.stdout
+    refused(cli(*arguments), "the folder exists")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--tolerance", "0"), ("--tolerance", "between 0 and 100 %")),
+        (("--tolerance", "1 mm"), ("--tolerance = '1 mm'",)),
+        (("--budget", "0s"), ("--budget", "positive time")),
+        (("--sensor", "tip_axia"), ("--sensor = 'tip_axia'", "nearest known one is 'tip_axial'")),
+        (("--set", "sensors=none"), ("nothing to measure",)),
+    ],
+)
+def test_what_is_refused_before_anything_runs(tmp_path, arguments, words):
+    folder = tmp_path / "out"
+    refused(cli("trade", "engine", "-o", folder, *arguments), *words)
+    assert not folder.exists()
+
+
+def test_a_scene_without_elastic_links_is_refused():
+    with pytest.raises(SceneError, match="none has a beam"):
+        trade(read_scene("double-pendulum"))
