@@ -17,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from chains import chain
+from rich.progress import track
 
 from kaneflex.binding import generate_text, import_file
 from kaneflex.contract import REQUIRED_ATTRIBUTES
@@ -139,10 +140,10 @@ def main() -> None:
     chains = [(count, closed) for closed, counts in COUNTS.items() for count in counts if count <= asked.most]
     with tempfile.TemporaryDirectory() as folder:
         derive_seconds(1, False, Path(folder))  # SymPy's own start-up
-        rows = [row(count, closed, asked.tries, Path(folder)) for count, closed in chains]
+        rows = [row(count, closed, asked.tries, Path(folder)) for count, closed in track(chains, "chains")]
         pairs = [(count, modes) for count in COUPLED_LINKS for modes in COUPLED_MODES if count <= asked.most]
         numba = str(Path(folder) / "numba")  # one for all: the stepper is compiled once on a machine
-        coupled = [coupled_row(count, modes, numba, Path(folder)) for count, modes in pairs]
+        coupled = [coupled_row(count, modes, numba, Path(folder)) for count, modes in track(pairs, "coupled")]
     foot = FOOT.format(
         date=datetime.date.today().isoformat(), cores=os.cpu_count(), python=platform.python_version(),
         sympy=version("sympy"), numba=version("numba"), tries=asked.tries,
