@@ -8,10 +8,11 @@ import pytest
 from integrate_cases import affine, constant, parametric
 
 from kaneflex.errors import UserError
+from kaneflex.integrate import periodic
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import cycle_map, integrate
 
 COMPILED = ("newmark", "generalised-alpha", "gauss")
 CYCLE = 2.0 * np.pi
@@ -47,6 +48,32 @@ def test_periodic_start_repeats_itself_and_equals_a_long_transient(method):
     long = integrate(system, table, 0.3, CYCLE / steps, cycles * steps, method, period_steps=steps)
     last = long.z[(cycles - 1) * steps :]
     np.testing.assert_allclose(last, run.z[: steps + 1], rtol=0, atol=1e-9 * np.abs(run.z).max())
+
+
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss"])
+@pytest.mark.parametrize(("steps", "every"), [(200, 1), (203, 4), (9, 2), (7, 1)])
+def test_stretches_side_by_side_are_the_cycle_in_one_piece(method, steps, every, monkeypatch):
+    system, table = coupled()
+    arguments = (system, table, 0.3, CYCLE / steps, 2 * steps + 3, method)
+    options = {"start": "periodic", "period_steps": steps, "every": every}
+    cut = integrate(*arguments, **options)
+    monodromy = cycle_map(system, table, 0.3, CYCLE, steps, method).monodromy
+    monkeypatch.setattr(periodic, "_MOST_NUMBERS", 0)
+    whole = integrate(*arguments, **options)
+    exact = cycle_map(system, table, 0.3, CYCLE, steps, method).monodromy
+    np.testing.assert_allclose(monodromy, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
+    np.testing.assert_allclose(cut.times, whole.times, rtol=1e-15)
+    for found, expected in zip((cut.z, cut.v, cut.a), (whole.z, whole.v, whole.a), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_what_goes_wrong_in_a_stretch_is_told_by_the_cycle_in_one_piece():
+    """M vanishes at the middle of the cycle, where the fifth of eight stretches begins."""
+    system, _ = coupled()
+    run = integrate(
+        system, lambda t: np.stack([(t != 0.5) * 1.0] * 3, axis=1), 0.0, 0.125, 8, start="periodic", period_steps=8
+    )
+    assert run.outcome is Outcome.SINGULAR and run.message.endswith("at t = 0.375 s, in the first cycle")
 
 
 def test_multipliers_are_those_of_the_damping():

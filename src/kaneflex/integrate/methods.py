@@ -22,6 +22,7 @@ class Method:
     carried: vectors that go from step to step: 2 for z and v, 3 with the method's own accelerations
     stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none
     coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
+    lanes: whether that loop goes in lanes, too
     """
 
     name: str
@@ -31,6 +32,7 @@ class Method:
     carried: int
     stepper: str | None
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
+    lanes: bool = False
 
 
 def newmark_weights(step: float, alpha_m: float, alpha_f: float, beta: float, gamma: float) -> tuple[float, ...]:
@@ -85,15 +87,15 @@ METHODS = {
     for method in (
         Method(
             "newmark", 2, "Newmark, average acceleration (Newmark 1959): no damping of its own",
-            (0.0,), 2, "newmark", _average_acceleration,
+            (0.0,), 2, "newmark", _average_acceleration, True,
         ),
         Method(
             "generalised-alpha", 2, "Chung and Hulbert 1993: damps the highest frequencies, by rho_infinity",
-            (0.0,), 3, "newmark", _generalised_alpha,
+            (0.0,), 3, "newmark", _generalised_alpha, True,
         ),
         Method(
             "gauss", 4, "two-stage Gauss-Legendre (Hairer and Wanner 1996): order 4, no damping of its own",
-            _GAUSS_NODES, 2, "gauss", _gauss,
+            _GAUSS_NODES, 2, "gauss", _gauss, True,
         ),
         Method(
             "exact-modal", 2, "decoupled modes, constant coefficients: exact for loads linear within a step",

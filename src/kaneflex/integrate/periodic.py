@@ -2,35 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.steppers import LANES
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
+from kaneflex.integrate.stretches import Stretches
+
+Maps = tuple[Stretches, np.ndarray, np.ndarray]
+"""The stretches of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""
 
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
+_MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
 _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the root of the rounding error
 
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """State at the start of a run (None where there is none), the Floquet multipliers, and what to say."""
+    """State at the start of a run (None where there is none), the Floquet multipliers, and what to say.
+
+    stretches: of a periodic motion, if its cycle was cut
+    """
 
     state: State | None
     multipliers: np.ndarray | None
     outcome: Outcome
     message: str
+    stretches: Maps | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """Monodromy matrix of a cycle, what the loads add to a state in it (None where it broke off), and what to say."""
+    """Monodromy matrix of a cycle, what the loads add to a state in it (None where it broke off), and what to say.
+
+    stretches: where the cycle was cut
+    """
 
     monodromy: np.ndarray | None
     forced: np.ndarray | None
     outcome: Outcome
     message: str
+    stretches: Maps | None = None
 
 
 def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -> Beginning:
@@ -48,31 +63,95 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     if outcome is not Outcome.COMPLETED:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
-    return Beginning(_state_of(setup, x, _scales(setup)), multipliers, outcome, message)
+    state = _states_of(setup, x[None, :])
+    setup.consistent(state, np.ones(1))
+    return Beginning(state, multipliers, outcome, message, over.stretches)
 
 
 def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:
-    """Where a cycle moves every unit state, and zero; all share one factorisation a step."""
-    n, scales = setup.system.n, _scales(setup)
-    size = n * len(scales)
-    state = State.zeros(size + 1, n)
-    for part, scale in enumerate(scales):
-        state[part][part * n : (part + 1) * n] = np.eye(n) / scale
-    load = np.zeros(size + 1)
-    load[size] = 1.0  # the last column starts from zero and is forced, the others are free
+    """Where a cycle moves every unit state, and zero; all share one factorisation a step.
+
+    Stretches of the cycle go side by side where they can, and their matrices are multiplied. What goes wrong in one of
+    them is left to the cycle in one piece, which says when.
+    """
+    if can_be_cut(setup, period_steps):
+        stretches = Stretches(setup.feed, period_steps)
+        maps = _over_stretches(replace(setup, feed=stretches), progress)
+        if maps is not None:
+            monodromy, forced = reduce(_after, zip(*maps, strict=True))
+            return Cycle(monodromy, forced, Outcome.COMPLETED, "", (stretches, *maps))
+    state, load = _unit_states(setup)
     if not setup.consistent(state, load):
         outcome = Outcome.SINGULAR
         return Cycle(None, None, outcome, f"{outcome.value}: M is singular at the start of the cycle")
-    if setup.method.carried == 2:
-        state.a[:] = state.q
-    nothing = Stored(*(np.zeros((1, n)) for _ in Stored._fields))
-    came = advance(setup, state, load, period_steps, period_steps + 1, nothing, False, progress)
+    came = advance(setup, state, load, period_steps, period_steps + 1, Stored.of(state, 1), False, progress)
     if came.outcome is not Outcome.COMPLETED:
         at = setup.feed.t0 + came.steps * setup.feed.step
         message = f"{came.outcome.value}, at t = {at:.9g} s, in the first cycle"
         return Cycle(None, None, came.outcome, message)
-    ends = np.hstack([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)])
-    return Cycle(ends[:size].T, ends[size], came.outcome, "")
+    ends = _vectors_of(setup, state)
+    return Cycle(ends[:-1].T, ends[-1], came.outcome, "")
+
+
+def repeated(setup: Setup, beginning: Beginning, progress: Progress | None) -> tuple[Stored, float] | None:
+    """One cycle of a periodic motion by its stretches, side by side: rows 0 to period_steps - 1, and ns per step.
+
+    None where the cycle was not cut, or a stretch goes wrong.
+    """
+    if beginning.stretches is None:
+        return None
+    stretches, moved, forced = beginning.stretches
+    x = [_vectors_of(setup, beginning.state)[0]]
+    for lane in range(LANES - 1):
+        x.append(moved[lane] @ x[-1] + forced[lane])
+    lanes = replace(setup, feed=stretches)
+    state = _states_of(setup, np.stack(x, axis=-1)[None])
+    if not lanes.consistent(state, np.ones(1)):
+        return None
+    stored = Stored.of(state, stretches.most + 1)
+    came = advance(lanes, state, np.ones(1), stretches.most, 1, stored, False, progress)
+    if came.outcome is not Outcome.COMPLETED:
+        return None
+    return Stored(*map(stretches.joined, stored)), came.ns_per_step * stretches.most / stretches.period_steps
+
+
+def _over_stretches(lanes: Setup, progress: Progress | None) -> tuple[np.ndarray, np.ndarray] | None:
+    """What every stretch makes of a state, shapes (LANES, size, size) and (LANES, size); None where one goes wrong."""
+    stretches = lanes.feed
+    state, load = _unit_states(lanes, LANES)
+    if not lanes.consistent(state, load):
+        return None
+    ends = None
+    for steps in (stretches.least, stretches.most - stretches.least):
+        if steps:
+            done = 0 if ends is None else stretches.least
+            came = advance(lanes, state, load, steps, stretches.most + 1, Stored.of(state, 1), False, progress, done)
+            if came.outcome is not Outcome.COMPLETED:
+                return None
+            now = _vectors_of(lanes, state)
+            ends = now if ends is None else np.where(np.arange(LANES) < stretches.longer, now, ends)
+    return ends[:-1].transpose(2, 1, 0), ends[-1].T
+
+
+def _after(first: tuple[np.ndarray, np.ndarray], then: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Two stretches, each x -> A x + b, one after the other."""
+    return then[0] @ first[0], then[0] @ first[1] + then[1]
+
+
+def can_be_cut(setup: Setup, period_steps: int) -> bool:
+    """Whether the method goes in lanes, there is a step for each, and all unit states of all lanes fit the memory."""
+    numbers = 2 * len(State._fields) * setup.system.n**2 * LANES
+    return setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
+
+
+def _unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
+    """A column for each unit state x, free of loads, and one from zero that is loaded; factors on the load."""
+    size = setup.system.n * len(_scales(setup))
+    x = np.zeros((size + 1, size))
+    x[:size] = np.eye(size)
+    load = np.zeros(size + 1)
+    load[size] = 1.0
+    return _states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load
 
 
 def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
@@ -86,15 +165,19 @@ def _scales(setup: Setup) -> tuple[float, ...]:
     return (1.0, step, step * step)[: setup.method.carried]
 
 
-def _state_of(setup: Setup, x: np.ndarray, scales: tuple[float, ...]) -> State:
+def _states_of(setup: Setup, x: np.ndarray) -> State:
+    """States of the vectors x, shape (columns, size) and maybe lanes; accelerations are still to be found."""
     n = setup.system.n
-    state = State.zeros(1, n)
-    for part, scale in enumerate(scales):
-        state[part][0] = x[part * n : (part + 1) * n] / scale
-    setup.consistent(state, np.ones(1))
-    if len(scales) == 2:
-        state.a[:] = state.q
+    state = State(*(np.zeros((x.shape[0], n, *x.shape[2:])) for _ in State._fields))
+    for part, scale in enumerate(_scales(setup)):
+        state[part][:] = x[:, part * n : (part + 1) * n] / scale
     return state
+
+
+def _vectors_of(setup: Setup, state: State) -> np.ndarray:
+    """The inverse of `_states_of`."""
+    scales = _scales(setup)
+    return np.concatenate([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)], axis=1)
 
 
 def _verdict(multipliers: np.ndarray) -> tuple[Outcome, str]:

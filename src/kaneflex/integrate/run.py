@@ -10,7 +10,7 @@ from kaneflex.integrate.feed import Feed, Table
 from kaneflex.integrate.methods import Method, method_named
 from kaneflex.integrate.modal import constants, forces_only
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state
+from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state, repeated
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.system import AffineSystem
 
@@ -104,14 +104,18 @@ def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
 
 
 def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int, progress: Progress | None) -> Trajectory:
-    state = beginning.state
-    rows = n_steps // every + 1
-    stored = Stored(*(np.zeros((rows, setup.system.n)) for _ in Stored._fields))
-    for out, now in zip(stored, (state.z, state.v, state.q), strict=True):
-        out[0] = now[0]
-    came = advance(setup, state, np.ones(1), n_steps, every, stored, True, progress)
+    message = "; ".join(filter(None, (Outcome.COMPLETED.value, beginning.message)))
     t0, step = setup.feed.t0, setup.feed.step
-    message = "; ".join(filter(None, (came.outcome.value, beginning.message)))
+    rows = n_steps // every + 1
+    cycle = repeated(setup, beginning, progress)
+    if cycle is not None:
+        motion, ns_per_step = cycle
+        steps = every * np.arange(rows)
+        ended = (Outcome.COMPLETED, message, beginning.multipliers)
+        return Trajectory(t0 + step * steps, *(each[steps % len(each)] for each in motion), *ended, ns_per_step)
+    state = beginning.state
+    stored = Stored.of(state, rows)
+    came = advance(setup, state, np.ones(1), n_steps, every, stored, True, progress)
     if came.outcome is not Outcome.COMPLETED:
         at = t0 + came.steps * step
         message = f"{came.outcome.value}, at t = {at:.9g} s, step {came.steps} of {n_steps}"

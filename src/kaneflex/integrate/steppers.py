@@ -1,4 +1,4 @@
-"""The compiled loops. One specialisation of each serves every scene.
+"""The compiled loops. One specialisation of each serves every scene, a second one eight stretches of time at once.
 
 All of them stay in this file: a cached function that calls one of another file would keep the old callee
 after that file was edited, because numba looks at the time stamp of the caller's file only.
@@ -19,14 +19,24 @@ bound         largest sum of squares of z that is still believed
 stored        z, v, true accelerations, each of shape (rows, n): row k belongs to step k * every
 
 They return the number of completed steps and a status.
+
+Lanes: `newmark`, `gauss` and `accelerations` also take arrays `scalars`, `state` and `stored` with a last axis of
+LANES entries more, each with a table and motion of its own but the same constants. Every number of theirs is then
+LANES numbers in one register, read by `at`, written by `put`. They stop where any lane would.
 """
 
 import math
+import operator
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
 
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
+LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
 
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
@@ -40,6 +50,132 @@ _jit = njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
 # A call costs as much as a small solve: numba hands over seven words an array.
 _inlined = njit(inline="always", error_model="numpy", fastmath=_FASTMATH)
 
+_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+_INT = ir.IntType(32)
+
+
+class _Lanes(types.Type):
+    """LANES numbers in a register: numba's type of them."""
+
+
+_lanes = _Lanes("Lanes")
+
+
+@register_model(_Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _spread(context, builder, kind, value):
+    """A number in every lane."""
+    if kind == _lanes:
+        return value
+    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    first = builder.insert_element(undefined, context.cast(builder, value, kind, types.float64), _INT(0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_INT, LANES), [0] * LANES))
+
+
+def _make_operator(function, instruction):
+    """An operator between lanes, and between lanes and a number."""
+
+    @infer_global(function)
+    class _Template(AbstractTemplate):
+        def generic(self, args, kws):
+            known = all(isinstance(kind, _Lanes | types.Number) for kind in args)
+            return signature(_lanes, *args) if _lanes in args and known else None
+
+    def lower(context, builder, sig, args):
+        spread = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
+        return getattr(builder, instruction)(*spread, flags=sorted(_FASTMATH))
+
+    for kinds in ((_Lanes, _Lanes), (_Lanes, types.Number), (types.Number, _Lanes)):
+        lower_builtin(function, *kinds)(lower)
+
+
+for _functions, _instruction in (
+    ((operator.add, operator.iadd), "fadd"), ((operator.sub, operator.isub), "fsub"),
+    ((operator.mul, operator.imul), "fmul"), ((operator.truediv,), "fdiv"),
+):  # fmt: skip
+    for _function in _functions:
+        _make_operator(_function, _instruction)
+
+
+def _has_lanes(array, place):
+    return array.ndim > (place.count if isinstance(place, types.BaseTuple) else 1)
+
+
+def _address(context, builder, kinds, array, place):
+    """Where the number, or the lanes, of a contiguous array lie at a place: an index, or (row, index)."""
+    kind, where = kinds
+    values = context.make_array(kind)(context, builder, array)
+    if isinstance(where, types.BaseTuple):
+        row, index = (builder.extract_value(place, k) for k in range(2))
+        place = builder.add(builder.mul(row, builder.extract_value(values.shape, 1)), index)
+    if not _has_lanes(kind, where):
+        return builder.gep(values.data, [place])
+    start = builder.gep(values.data, [builder.mul(place, place.type(LANES))])
+    return builder.bitcast(start, ir.PointerType(_VECTOR))
+
+
+@intrinsic
+def at(typing, array, place):
+    """``array[place]``, of arrays with one axis more the lanes there."""
+
+    def lower(context, builder, sig, args):
+        return builder.load(_address(context, builder, sig.args, *args), align=8)
+
+    return (_lanes if _has_lanes(array, place) else types.float64)(array, place), lower
+
+
+@intrinsic
+def put(typing, array, place, value):
+    """``array[place] = value``; a number goes into every lane."""
+
+    def lower(context, builder, sig, args):
+        *where, number = args
+        *kinds, kind = sig.args
+        if _has_lanes(*kinds):
+            number = _spread(context, builder, kind, number)
+        else:
+            number = context.cast(builder, number, kind, types.float64)
+        builder.store(number, _address(context, builder, kinds, *where), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, place, value), lower
+
+
+@intrinsic
+def _size(typing, number):
+    """The absolute value, in each lane."""
+
+    def lower(context, builder, sig, args):
+        name = f"llvm.fabs.v{LANES}f64" if sig.args[0] == _lanes else "llvm.fabs.f64"
+        shape = ir.FunctionType(args[0].type, [args[0].type])
+        return builder.call(cgutils.get_or_insert_function(builder.module, shape, name), args)
+
+    return number(number), lower
+
+
+@intrinsic
+def _less(typing, small, large):
+    """Whether `small` is less in every lane; not where one is no number."""
+
+    def lower(context, builder, sig, args):
+        if _lanes not in sig.args:
+            return builder.fcmp_ordered("<", *args)
+        pair = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
+        mask = builder.bitcast(builder.fcmp_ordered("<", *pair), ir.IntType(LANES))
+        return builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1))
+
+    return types.boolean(small, large), lower
+
+
+@_inlined
+def _work(scalars, n):
+    """An array of n numbers, or of n times LANES, as the table has them."""
+    return np.empty((np.intp(n), *scalars.shape[2:]))
+
 
 @_inlined
 def _affine_sum(packed, scalars, row, sums):
@@ -47,13 +183,13 @@ def _affine_sum(packed, scalars, row, sums):
     runs = packed.runs
     data = packed.data
     for i in range(sums.shape[0]):
-        sums[i] = 0.0
+        put(sums, i, 0.0)
     for k in range(runs.shape[0]):
-        scalar = scalars[row, runs[k, 0]]
+        scalar = at(scalars, (row, runs[k, 0]))
         start = runs[k, 1]
         offset = runs[k, 3]
         for i in range(runs[k, 2]):
-            sums[start + i] += scalar * data[offset + i]
+            put(sums, start + i, at(sums, start + i) + scalar * data[offset + i])
 
 
 @_inlined
@@ -66,17 +202,17 @@ def _factor(layout, lu, scale):
     last = layout.last
     for k in range(layout.n):
         row_k = base[k]
-        pivot = lu[row_k + k]
-        if not (abs(pivot) > _SMALLEST_PIVOT * scale[k]):
+        pivot = at(lu, row_k + k)
+        if not _less(_SMALLEST_PIVOT * at(scale, k), _size(pivot)):
             return False
         reciprocal = 1.0 / pivot
-        lu[row_k + k] = reciprocal
+        put(lu, row_k + k, reciprocal)
         for i in range(k + _ONE, last[k]):
             row_i = base[i]
-            factor = lu[row_i + k] * reciprocal
-            lu[row_i + k] = factor
+            factor = at(lu, row_i + k) * reciprocal
+            put(lu, row_i + k, factor)
             for j in range(k + _ONE, last[k]):
-                lu[row_i + j] -= factor * lu[row_k + j]
+                put(lu, row_i + j, at(lu, row_i + j) - factor * at(lu, row_k + j))
     return True
 
 
@@ -88,25 +224,25 @@ def _solve(layout, lu, x, column):
     last = layout.last
     n = layout.n
     for j in range(n):
-        known = x[column, j]
+        known = at(x, (column, j))
         for i in range(j + _ONE, last[j]):
-            x[column, i] -= lu[base[i] + j] * known
+            put(x, (column, i), at(x, (column, i)) - at(lu, base[i] + j) * known)
     for back in range(n):
         j = n - _ONE - back
-        known = x[column, j] * lu[base[j] + j]
-        x[column, j] = known
+        known = at(x, (column, j)) * at(lu, base[j] + j)
+        put(x, (column, j), known)
         for i in range(first[j], j):
-            x[column, i] -= lu[base[i] + j] * known
+            put(x, (column, i), at(x, (column, i)) - at(lu, base[i] + j) * known)
 
 
 @_inlined
-def _unbalanced(layout, sums, load, z, v, column, i):
+def _unbalanced(layout, sums, load, z, z_row, v, column, i):
     """Row i of F - C v - K z."""
     c_row = layout.n_slots + layout.base[i]
     k_row = c_row + layout.n_slots
-    total = load * sums[_THREE * layout.n_slots + i]
+    total = load * at(sums, _THREE * layout.n_slots + i)
     for j in range(layout.first[i], layout.last[i]):
-        total -= sums[c_row + j] * v[column, j] + sums[k_row + j] * z[column, j]
+        total -= at(sums, c_row + j) * at(v, (column, j)) + at(sums, k_row + j) * at(z, (z_row, j))
     return total
 
 
@@ -114,14 +250,14 @@ def _unbalanced(layout, sums, load, z, v, column, i):
 def _true_accelerations(layout, sums, mass, scale, load, z, v, q, columns):
     """q from M q = F - C v - K z, for the first columns. False where M is singular."""
     for i in range(layout.n_slots):
-        mass[i] = sums[i]
+        put(mass, i, at(sums, i))
     for i in range(layout.n):
-        scale[i] = abs(sums[layout.base[i] + i])
+        put(scale, i, _size(at(sums, layout.base[i] + i)))
     if not _factor(layout, mass, scale):
         return False
     for column in range(columns):
         for i in range(layout.n):
-            q[column, i] = _unbalanced(layout, sums, load[column], z, v, column, i)
+            put(q, (column, i), _unbalanced(layout, sums, load[column], z, column, v, column, i))
         _solve(layout, mass, q, column)
     return True
 
@@ -131,18 +267,18 @@ def _store(stored, out, z, v, q):
     """Row `out` of what is kept: the first column."""
     out_z, out_v, out_a = stored
     for i in range(z.shape[1]):
-        out_z[out, i] = z[0, i]
-        out_v[out, i] = v[0, i]
-        out_a[out, i] = q[0, i]
+        put(out_z, (out, i), at(z, (0, i)))
+        put(out_v, (out, i), at(v, (0, i)))
+        put(out_a, (out, i), at(q, (0, i)))
 
 
 @_jit
 def accelerations(packed, scalars, row, load, z, v, q):
     """Fill `q` from the equation of motion at one row of the table; False where M is singular."""
     layout = packed.layout
-    sums = np.empty(_THREE * layout.n_slots + layout.n)
+    sums = _work(scalars, _THREE * layout.n_slots + layout.n)
     _affine_sum(packed, scalars, row, sums)
-    mass, scale = np.empty(layout.n_slots), np.empty(layout.n)
+    mass, scale = _work(scalars, layout.n_slots), _work(scalars, layout.n)
     return _true_accelerations(layout, sums, mass, scale, load, z, v, q, z.shape[0])
 
 
@@ -164,37 +300,43 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
     n, n_slots = layout.n, layout.n_slots
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = coefficients
     period = scalars.shape[0] - 1
-    sums, lu, scale = np.empty(_THREE * n_slots + n), np.empty(n_slots), np.empty(n)
+    sums = _work(scalars, _THREE * n_slots + n)
+    lu, scale = _work(scalars, n_slots), _work(scalars, n)
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
         position += 1
         _affine_sum(packed, scalars, position, sums)
         for i in range(n_slots):
-            lu[i] = sums[i] + c_weight * sums[n_slots + i] + k_weight * sums[n_slots + n_slots + i]
+            stiffness = at(sums, n_slots + n_slots + i)
+            put(lu, i, at(sums, i) + c_weight * at(sums, n_slots + i) + k_weight * stiffness)
         for i in range(n):
             m = layout.base[i] + i
-            c_part, k_part = c_weight * sums[n_slots + m], k_weight * sums[n_slots + n_slots + m]
-            scale[i] = abs(sums[m]) + abs(c_part) + abs(k_part)
+            c_part, k_part = c_weight * at(sums, n_slots + m), k_weight * at(sums, n_slots + n_slots + m)
+            put(scale, i, _size(at(sums, m)) + _size(c_part) + _size(k_part))
         if not _factor(layout, lu, scale):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for i in range(n):
-                before = a[column, i]
-                known = from_q * q[column, i] + from_a * before
-                z[column, i] += step * v[column, i] + z_start * before + z_known * known
-                v[column, i] += v_start * before + v_known * known
-                a[column, i] = known
+                here = (column, i)
+                before, speed = at(a, here), at(v, here)
+                known = from_q * at(q, here) + from_a * before
+                put(z, here, at(z, here) + step * speed + z_start * before + z_known * known)
+                put(v, here, speed + v_start * before + v_known * known)
+                put(a, here, known)
             for i in range(n):
-                q[column, i] = _unbalanced(layout, sums, load[column], z, v, column, i)
+                put(q, (column, i), _unbalanced(layout, sums, load[column], z, column, v, column, i))
             _solve(layout, lu, q, column)
-            squares = 0.0
+            squares = 0.0 * at(z, (column, 0))
             for i in range(n):
-                z[column, i] += k_weight * q[column, i]
-                v[column, i] += c_weight * q[column, i]
-                a[column, i] += kappa * q[column, i]
-                squares += z[column, i] * z[column, i]
-            if not squares <= bound:
+                here = (column, i)
+                found = at(q, here)
+                moved = at(z, here) + k_weight * found
+                put(z, here, moved)
+                put(v, here, at(v, here) + c_weight * found)
+                put(a, here, at(a, here) + kappa * found)
+                squares += moved * moved
+            if not _less(squares, bound):
                 return count + 1, UNBOUNDED
         if position == period:
             position = 0
@@ -219,13 +361,16 @@ def _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix, scale):
         row_2 = pairs.base[_TWO * i + _ONE]
         for j in range(layout.first[i], layout.last[i]):
             m, c, k = row + j, n_slots + row + j, n_slots + n_slots + row + j
-            matrix[row_1 + _TWO * j] = sums_1[m] + c_same * sums_1[c] + k_same * sums_1[k]
-            matrix[row_1 + _TWO * j + _ONE] = c_12 * sums_1[c] + k_12 * sums_1[k]
-            matrix[row_2 + _TWO * j] = c_21 * sums_2[c] + k_21 * sums_2[k]
-            matrix[row_2 + _TWO * j + _ONE] = sums_2[m] + c_same * sums_2[c] + k_same * sums_2[k]
+            c_1, k_1, c_2, k_2 = at(sums_1, c), at(sums_1, k), at(sums_2, c), at(sums_2, k)
+            put(matrix, row_1 + _TWO * j, at(sums_1, m) + c_same * c_1 + k_same * k_1)
+            put(matrix, row_1 + _TWO * j + _ONE, c_12 * c_1 + k_12 * k_1)
+            put(matrix, row_2 + _TWO * j, c_21 * c_2 + k_21 * k_2)
+            put(matrix, row_2 + _TWO * j + _ONE, at(sums_2, m) + c_same * c_2 + k_same * k_2)
         m, c, k = row + i, n_slots + row + i, n_slots + n_slots + row + i
-        scale[_TWO * i] = abs(sums_1[m]) + abs(c_same * sums_1[c]) + abs(k_same * sums_1[k])
-        scale[_TWO * i + _ONE] = abs(sums_2[m]) + abs(c_same * sums_2[c]) + abs(k_same * sums_2[k])
+        for stage in range(_TWO):
+            sums = sums_1 if stage == 0 else sums_2
+            parts = _size(at(sums, m)) + _size(c_same * at(sums, c)) + _size(k_same * at(sums, k))
+            put(scale, _TWO * i + stage, parts)
 
 
 @_jit
@@ -245,9 +390,9 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
     v_weight = 0.5 * step
     z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
     period = (scalars.shape[0] - 1) // 3
-    sums_1, sums_2 = np.empty(_THREE * n_slots + n), np.empty(_THREE * n_slots + n)
-    matrix, scale, mass = np.empty(pairs.n_slots), np.empty(_TWO * n), np.empty(n_slots)
-    at_stage, x = np.empty((z.shape[0], n)), np.empty((1, _TWO * n))
+    sums_1, sums_2 = _work(scalars, _THREE * n_slots + n), _work(scalars, _THREE * n_slots + n)
+    matrix, scale, mass = _work(scalars, pairs.n_slots), _work(scalars, _TWO * n), _work(scalars, n_slots)
+    at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, 2 * z.shape[1], *z.shape[2:]))
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
@@ -262,17 +407,20 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
                 ahead = step * (_STAGE_1 if stage == 0 else _STAGE_2)
                 sums = sums_1 if stage == 0 else sums_2
                 for i in range(n):
-                    at_stage[column, i] = z[column, i] + ahead * v[column, i]
+                    put(at_stage, (0, i), at(z, (column, i)) + ahead * at(v, (column, i)))
                 for i in range(n):
-                    x[0, _TWO * i + stage] = _unbalanced(layout, sums, load[column], at_stage, v, column, i)
+                    rest = _unbalanced(layout, sums, load[column], at_stage, 0, v, column, i)
+                    put(x, (0, _TWO * i + stage), rest)
             _solve(pairs, matrix, x, 0)
-            squares = 0.0
+            squares = 0.0 * at(z, (column, 0))
             for i in range(n):
-                x_1, x_2 = x[0, _TWO * i], x[0, _TWO * i + _ONE]
-                z[column, i] += step * v[column, i] + z_weight_1 * x_1 + z_weight_2 * x_2
-                v[column, i] += v_weight * (x_1 + x_2)
-                squares += z[column, i] * z[column, i]
-            if not squares <= bound:
+                here = (column, i)
+                x_1, x_2, speed = at(x, (0, _TWO * i)), at(x, (0, _TWO * i + _ONE)), at(v, here)
+                moved = at(z, here) + step * speed + z_weight_1 * x_1 + z_weight_2 * x_2
+                put(z, here, moved)
+                put(v, here, speed + v_weight * (x_1 + x_2))
+                squares += moved * moved
+            if not _less(squares, bound):
                 return count + 1, UNBOUNDED
         due -= 1
         if due == 0:

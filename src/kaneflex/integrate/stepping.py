@@ -13,6 +13,7 @@ from kaneflex.integrate import steppers
 from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem, Packed
 
 Progress = Callable[[float], None]
@@ -30,7 +31,7 @@ _OUTCOMES = {
 
 
 class State(NamedTuple):
-    """Columns of states, each array of shape (columns, n).
+    """Columns of states, each array of shape (columns, n); in lanes (columns, n, LANES).
 
     Displacements, velocities, the method's own accelerations and those of the equation of motion.
     """
@@ -46,11 +47,19 @@ class State(NamedTuple):
 
 
 class Stored(NamedTuple):
-    """Stored steps of the first column, each array of shape (n_out, n)."""
+    """Stored steps of the first column, each array of shape (n_out, n); in lanes (n_out, n, LANES)."""
 
     z: np.ndarray
     v: np.ndarray
     a: np.ndarray
+
+    @classmethod
+    def of(cls, state: State, rows: int) -> Stored:
+        """Room for so many rows, with the start in the first one."""
+        stored = cls(*(np.zeros((rows, *state.z.shape[1:])) for _ in cls._fields))
+        for out, now in zip(stored, (state.z, state.v, state.q), strict=True):
+            out[0] = now[0]
+        return stored
 
 
 class Advance(NamedTuple):
@@ -67,21 +76,27 @@ class Setup:
 
     system: AffineSystem
     method: Method
-    feed: Feed
+    feed: Feed | Stretches
     packed: Packed
     coefficients: object
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
-        """Fill `state.q` with the true accelerations at the start; False where M is singular there."""
-        row = self.feed.first_row()[None, :].copy()
-        return steppers.accelerations(self.system.packed, row, 0, load, state.z, state.v, state.q)
+        """Fill `state.q` with the true accelerations at the start; False where M is singular there.
+
+        They are the method's own, too, if it carries none of its own.
+        """
+        row = self.feed.first_row()[None].copy()
+        found = steppers.accelerations(self.system.packed, row, 0, load, state.z, state.v, state.q)
+        if self.method.carried == 2:
+            state.a[:] = state.q
+        return found
 
 
 def advance(
     setup: Setup, state: State, load: np.ndarray, n_steps: int, every: int, stored: Stored, bounded: bool,
-    progress: Progress | None,
+    progress: Progress | None, begin: int = 0,
 ) -> Advance:  # fmt: skip
-    """Take `n_steps` steps with every column of `state`, in place; store the first column in `stored`.
+    """Take `n_steps` steps after step `begin` with all columns of `state`, in place; store the first one in `stored`.
 
     load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
@@ -89,13 +104,14 @@ def advance(
     loop = getattr(steppers, setup.method.stepper)
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup.system, state.z.shape[0], len(setup.method.nodes))
-    done, spent, outcome = 0, 0.0, Outcome.COMPLETED
-    while done < n_steps and outcome is Outcome.COMPLETED:
-        scalars, position, steps = setup.feed.piece(done, min(most, n_steps - done))
+    done, spent, outcome = begin, 0.0, Outcome.COMPLETED
+    end = begin + n_steps
+    while done < end and outcome is Outcome.COMPLETED:
+        scalars, position, steps = setup.feed.piece(done, min(most, end - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
         at = (setup.packed, scalars, position)
         rest = (setup.coefficients, load, state, done, every, limit, stored)
-        if done == 0:
+        if done == begin:
             loop(*at, 0, *rest)  # compiles, outside the clock
         started = time.perf_counter()
         taken, status = loop(*at, steps, *rest)
@@ -103,8 +119,8 @@ def advance(
         done += taken
         outcome = _OUTCOMES[status]
         if progress:
-            progress(done / n_steps)
-    return Advance(done, outcome, 1e9 * spent / max(done, 1))
+            progress((done - begin) / n_steps)
+    return Advance(done, outcome, 1e9 * spent / max(done - begin, 1))
 
 
 class _Bound:
