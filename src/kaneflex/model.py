@@ -18,6 +18,7 @@ from kaneflex.integrate.system import AffineSystem
 from kaneflex.interfaces import Interfaces
 from kaneflex.links import Link, Part
 from kaneflex.options import Options
+from kaneflex.products import Products
 from kaneflex.scene import Scene
 
 if TYPE_CHECKING:
@@ -228,8 +229,11 @@ class Model:
 
     def scalars(self, times: np.ndarray) -> np.ndarray:
         """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""
-        rigid = self.motion.at(times)
-        return np.stack([rigid.monomial(monomial) for monomial in self.monomials], axis=1)
+        return self._products.at(self.motion.table(times))
+
+    @cached_property
+    def _products(self) -> Products:
+        return Products.of(self.monomials, self.motion.column, self.motion.module.CONSTANTS)
 
     @cached_property
     def system(self) -> AffineSystem:

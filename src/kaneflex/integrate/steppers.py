@@ -240,10 +240,12 @@ def _unbalanced(layout, sums, load, z, z_row, v, column, i):
     """Row i of F - C v - K z."""
     c_row = layout.n_slots + layout.base[i]
     k_row = c_row + layout.n_slots
-    total = load * at(sums, _THREE * layout.n_slots + i)
+    force = load * at(sums, _THREE * layout.n_slots + i)
+    reaction = 0.0 * force  # two sums, for an addition waits for the one before it
     for j in range(layout.first[i], layout.last[i]):
-        total -= at(sums, c_row + j) * at(v, (column, j)) + at(sums, k_row + j) * at(z, (z_row, j))
-    return total
+        force -= at(sums, c_row + j) * at(v, (column, j))
+        reaction += at(sums, k_row + j) * at(z, (z_row, j))
+    return force - reaction
 
 
 @_inlined
