@@ -12,31 +12,47 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, issparse
 
 Monomial = tuple[str, ...]
 """Sorted names of scalars, repeated for powers: ("rod.c", "rod.omega", "rod.omega") is c omega^2."""
 
+Matrix = np.ndarray | csr_array
+_FEW = 10_000
+"""Entries up to which a matrix is kept as an array: an operation on a sparse one costs what thousands of entries do."""
+
+
+def kept(matrix: Matrix | list) -> Matrix:
+    """The matrix as an array if it is small, else sparse."""
+    if issparse(matrix):
+        return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else csr_array(matrix)
+    matrix = np.asarray(matrix, dtype=float)
+    return matrix if matrix.size <= _FEW else csr_array(matrix)
+
+
+def as_array(matrix: Matrix) -> np.ndarray:
+    return matrix.toarray() if issparse(matrix) else matrix
+
 
 @dataclass(frozen=True)
 class Affine:
-    """sum_k monomial_k(t) A_k with constant sparse matrices A_k of one shape."""
+    """sum_k monomial_k(t) A_k with constant matrices A_k of one shape, sparse where they are large."""
 
     shape: tuple[int, int]
-    terms: Mapping[Monomial, csr_array]
+    terms: Mapping[Monomial, Matrix]
 
     @staticmethod
     def zero(rows: int, columns: int) -> Affine:
         return Affine((rows, columns), {})
 
     @staticmethod
-    def constant(matrix: csr_array | np.ndarray) -> Affine:
+    def constant(matrix: Matrix | list) -> Affine:
         return Affine.term((), matrix)
 
     @staticmethod
-    def term(monomial: Iterable[str], matrix: csr_array | np.ndarray) -> Affine:
+    def term(monomial: Iterable[str], matrix: Matrix | list) -> Affine:
         """One scalar (product) times a matrix."""
-        matrix = csr_array(np.asarray(matrix) if isinstance(matrix, list) else matrix)
+        matrix = kept(matrix)
         return Affine(matrix.shape, {tuple(sorted(monomial)): matrix})
 
     def __add__(self, other: Affine) -> Affine:
@@ -55,13 +71,13 @@ class Affine:
         for left, a in self.terms.items():
             for right, b in other.terms.items():
                 ab = a @ b
-                if ab.count_nonzero():
+                if ab.count_nonzero() if issparse(ab) else ab.any():
                     product += Affine.term(left + right, ab)
         return product
 
     @property
     def T(self) -> Affine:
-        return Affine(self.shape[::-1], {monomial: matrix.T.tocsr() for monomial, matrix in self.terms.items()})
+        return Affine(self.shape[::-1], {monomial: kept(matrix.T) for monomial, matrix in self.terms.items()})
 
     def rate(self) -> Affine:
         """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon of each body; constants stay constant."""
@@ -79,12 +95,12 @@ class Affine:
 
     def congruent(self, basis: np.ndarray | csr_array) -> Affine:
         """B^T A B for a constant basis B, term by term."""
-        return Affine((basis.shape[1],) * 2, {m: csr_array(basis.T @ a @ basis) for m, a in self.terms.items()})
+        return Affine((basis.shape[1],) * 2, {m: kept(basis.T @ a @ basis) for m, a in self.terms.items()})
 
     def projected(self, basis: np.ndarray | csr_array) -> Affine:
         """B^T A for a constant basis B, term by term (a load in reduced coordinates)."""
         shape = (basis.shape[1], self.shape[1])
-        return Affine(shape, {m: csr_array(basis.T @ a) for m, a in self.terms.items()})
+        return Affine(shape, {m: kept(basis.T @ a) for m, a in self.terms.items()})
 
     @cached_property
     def monomials(self) -> tuple[Monomial, ...]:
@@ -92,17 +108,15 @@ class Affine:
 
     def at(self, scalars: Mapping[str, float]) -> csr_array:
         """The matrix for given values of the scalars."""
-        total = csr_array(self.shape)
-        for monomial, matrix in self.terms.items():
-            total = total + float(np.prod([scalars[name] for name in monomial])) * matrix
+        total = sum(
+            (float(np.prod([scalars[name] for name in monomial])) * matrix for monomial, matrix in self.terms.items()),
+            kept(csr_array(self.shape)),
+        )
         return csr_array(total)
 
-    def pattern(self) -> csr_array:
+    def pattern(self) -> Matrix:
         """Sum of absolute values: where an entry can be non-zero at some time."""
-        total = csr_array(self.shape)
-        for matrix in self.terms.values():
-            total = total + abs(matrix)
-        return csr_array(total)
+        return sum(map(abs, self.terms.values()), kept(csr_array(self.shape)))
 
 
 def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:

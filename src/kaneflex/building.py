@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from kaneflex.affine import Affine
+from kaneflex.affine import Affine, kept
 from kaneflex.assembly import ElasticEquations, Placed, assemble, load_on_link, place_masses, place_rigid, place_torques
 from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
@@ -74,10 +74,10 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     size = len(frame.coordinates)
-    touched = csr_array((size, size))
+    touched = kept(csr_array((size, size)))
     for part, L in placed:
-        within = sum((part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), csr_array((part.size,) * 2))
-        touched = touched + L.pattern().T @ within @ L.pattern()
+        within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
+        touched = touched + motion.T @ within @ motion
     pattern = csr_array(touched)
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
     before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from kaneflex.affine import Affine, Monomial
+from kaneflex.affine import Affine, Monomial, as_array
 from kaneflex.assembly import ElasticEquations, spin_or_euler
 from kaneflex.frame import Frame
 from kaneflex.integrate.system import AffineSystem
@@ -214,7 +214,7 @@ class Model:
     def _matrix(affine: Affine, rigid: RigidMotion) -> np.ndarray:
         total = np.zeros(affine.shape)
         for monomial, matrix in affine.terms.items():
-            total += rigid.monomial(monomial)[0] * matrix.toarray()
+            total += rigid.monomial(monomial)[0] * as_array(matrix)
         return total
 
     @cached_property
@@ -239,7 +239,7 @@ class Model:
     def system(self) -> AffineSystem:
         """The kept equations as the integrators read them."""
         size = self.reduced.size
-        pattern = coo_array(sum((self.kept[name].pattern() for name in "MCK"), csr_array((size, size))))
+        pattern = coo_array(sum(self.kept[name].pattern() for name in "MCK"))
         half_bandwidth = int(abs(pattern.row - pattern.col).max(initial=0))
         width = 2 * half_bandwidth + 1
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array
 
-from kaneflex.affine import Affine
+from kaneflex.affine import Affine, as_array
 from kaneflex.model import Model, RigidMotion
 from kaneflex.modes import lowest_modes
 
@@ -60,7 +60,7 @@ def _dense(affine: Affine, rigid: RigidMotion) -> np.ndarray:
     """Matrices at all times, shape (n_times, n, n)."""
     total = np.zeros((len(rigid.times), *affine.shape))
     for monomial, matrix in affine.terms.items():
-        total += rigid.monomial(monomial)[:, None, None] * matrix.toarray()
+        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
     return total
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -122,8 +123,20 @@ def read_table(
 
     The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the
     scene's key: file missing or empty, no header, no such column, cells that are no finite numbers, abscissae
-    that do not rise.
+    that do not rise. A file is read anew only if it has changed.
     """
+    try:
+        found = Path(path).stat()
+        version = (found.st_mtime_ns, found.st_size)
+    except OSError:
+        version = None  # reading it says why
+    return _read(path, version, column, unit, x_unit, dimension)
+
+
+@lru_cache(maxsize=64)
+def _read(
+    path: str | Path, version: tuple[int, int] | None, column: str | None, unit: str, x_unit: str, dimension: Dimension
+) -> Table:
     rows = _rows(Path(path))
     header = [cell.strip() for cell in rows[0][1]]
     if _number(header[0]) is not None:
@@ -146,8 +159,13 @@ def read_table(
         if x <= before:
             reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"
             raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
-    x = np.array([scaled(x, x_unit, x_dimension) for _, x, _ in cells])
-    return Table(x, np.array([scaled(y, unit, dimension) for _, _, y in cells]))
+    table = Table(
+        np.array([scaled(x, x_unit, x_dimension) for _, x, _ in cells]),
+        np.array([scaled(y, unit, dimension) for _, _, y in cells]),
+    )
+    for values in (table.x, table.y):
+        values.flags.writeable = False  # one table for all who read the file
+    return table
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:

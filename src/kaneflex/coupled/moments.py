@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 
+from kaneflex.affine import as_array
 from kaneflex.building import rayleigh_coefficients
 from kaneflex.coupled.shapes import Shapes
 from kaneflex.links import Link, spread_sums
@@ -61,11 +62,11 @@ def link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
     size = 3 * len(nodes)
     M = matrices["M"].at({}).toarray()
     omega, square = f"{link.name}.omega", (f"{link.name}.omega",) * 2
-    translation = -matrices["K_d"].terms[square].toarray()
+    translation = -as_array(matrices["K_d"].terms[square])
     rotary = M - translation
-    gyroscopic = matrices["C_d"].terms[(omega,)].toarray() / 2
+    gyroscopic = as_array(matrices["C_d"].terms[(omega,)]) / 2
     tension = {
-        key: matrices["K_g"].terms[monomial].toarray()
+        key: as_array(matrices["K_g"].terms[monomial])
         for key, monomial in (
             ("P_0", (f"{link.name}.link.P_0",)),
             ("a_x", (f"{link.name}.link.a_x",)),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.affine import Affine
+from kaneflex.affine import Affine, as_array
 from kaneflex.model import Model, RigidMotion, keep_terms
 
 INSTANTS, FEW_INSTANTS = 144, 36
@@ -62,7 +62,7 @@ def matrices(affine: Affine, rigid: RigidMotion) -> np.ndarray:
     """A square affine matrix at all times of a rigid motion, shape (n_times, n, n)."""
     total = np.zeros((len(rigid.times), *affine.shape))
     for monomial, matrix in affine.terms.items():
-        total += rigid.monomial(monomial)[:, None, None] * matrix.toarray()
+        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
     return total
 
 
