@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.errors import UserError
+from kaneflex.integrate.stretches import one_after_the_other
 
 Table = Callable[[np.ndarray], np.ndarray]
 """Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
@@ -21,6 +22,7 @@ class Feed:
 
     nodes: of the method, where a step reads the table
     period_steps: steps of a cycle, whose table is made once and read again; None where there is no cycle
+    lanes: whether the loops read tables in lanes
     constant: indices of scalars that must keep their first values; None where all may change
     """
 
@@ -30,8 +32,10 @@ class Feed:
     step: float
     nodes: tuple[float, ...]
     period_steps: int | None
+    lanes: bool = False
     constant: np.ndarray | None = None
     _cycle: np.ndarray | None = None
+    _cycle_table: np.ndarray | None = None
     _first: np.ndarray | None = None
 
     def first_row(self) -> np.ndarray:
@@ -44,17 +48,26 @@ class Feed:
         """Scalars at one time in s, shape (n_scalars,)."""
         return self._checked(np.array([t]))[0]
 
-    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int]:
-        """Table for at most `n_steps` steps after step `done`, its steps before that one, steps it serves."""
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
+        """For at most `n_steps` steps after step `done`: a table, its steps, those already taken, those it serves."""
         if self.period_steps is not None:
-            if self._cycle is None:
-                rows = self._rows(0, self.period_steps)
-                self._cycle = np.concatenate((rows, rows[:1]))
-            return self._cycle, done % self.period_steps, n_steps
+            if self._cycle_table is None:
+                self._cycle_table = self._laid_out(self.cycle())
+            return self._cycle_table, self.period_steps, done % self.period_steps, n_steps
         steps = max(1, min(n_steps, _LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
         rows = self._rows(done, steps)
         end = self._checked(np.array([self.t0 + (done + steps) * self.step]))
-        return np.concatenate((rows, end)), 0, steps
+        return self._laid_out(np.concatenate((rows, end))), steps, 0, steps
+
+    def cycle(self) -> np.ndarray:
+        """Rows of a whole cycle, shape (period_steps * nodes + 1, n_scalars); the last is the first again."""
+        if self._cycle is None:
+            rows = self._rows(0, self.period_steps)
+            self._cycle = np.concatenate((rows, rows[:1]))
+        return self._cycle
+
+    def _laid_out(self, rows: np.ndarray) -> np.ndarray:
+        return one_after_the_other(rows, len(self.nodes)) if self.lanes else rows
 
     def _rows(self, done: int, steps: int) -> np.ndarray:
         at = done + np.arange(steps)

@@ -75,7 +75,7 @@ def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> 
     them is left to the cycle in one piece, which says when.
     """
     if can_be_cut(setup, period_steps):
-        stretches = Stretches(setup.feed, period_steps)
+        stretches = Stretches(setup.feed.cycle(), len(setup.method.nodes), setup.feed.step)
         maps = _over_stretches(replace(setup, feed=stretches), progress)
         if maps is not None:
             monodromy, forced = reduce(_after, zip(*maps, strict=True))

@@ -88,7 +88,8 @@ def _set_up(
     rho_infinity: float,
 ) -> Setup:  # fmt: skip
     exact = method.stepper == "exact_modal"
-    feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, constants(system) if exact else None)
+    constant = constants(system) if exact else None
+    feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, method.lanes, constant)
     packed = forces_only(system.packed) if exact else system.packed
     return Setup(system, method, feed, packed, method.coefficients(system, feed.first_row(), step, rho_infinity))
 

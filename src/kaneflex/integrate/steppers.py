@@ -3,12 +3,12 @@
 All of them stay in this file: a cached function that calls one of another file would keep the old callee
 after that file was edited, because numba looks at the time stamp of the caller's file only.
 
-Common arguments of the loops `newmark`, `gauss` and `exact_modal`:
+Arguments of the loops `newmark`, `gauss` and `exact_modal`:
 
 packed        the system, :class:`kaneflex.integrate.system.Packed`
-scalars       table, shape (period * nodes + 1, n_scalars): rows `nodes * k` are the scalars at step k, those
-              between them at the stages of the step; the last row is the first one of the next table or cycle
-position      steps already taken in this table; it is read again from its start after its last step
+scalars       table of the motion, see below
+period        steps in the table; it is read again from its start after the last one
+position      steps already taken in this table
 n_steps       steps to take
 coefficients  numbers of the method, see `kaneflex.integrate.methods`
 load          shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
@@ -20,9 +20,11 @@ stored        z, v, true accelerations, each of shape (rows, n): row k belongs t
 
 They return the number of completed steps and a status.
 
-Lanes: `newmark`, `gauss` and `accelerations` also take arrays `scalars`, `state` and `stored` with a last axis of
-LANES entries more, each with a table and motion of its own but the same constants. Every number of theirs is then
-LANES numbers in one register, read by `at`, written by `put`. They stop where any lane would.
+Lanes. Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `at`
+and written by `put`. So the table of `newmark` and `gauss` has the shape (blocks * nodes, n_scalars, LANES): step
+LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
+themselves follow one another. Where `state` and `stored` have an axis of LANES more, each lane is a motion of its own,
+takes the step of its lane in every block, and all go side by side; they stop where any lane would.
 """
 
 import math
@@ -33,7 +35,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
@@ -159,22 +161,104 @@ def _size(typing, number):
 
 @intrinsic
 def _less(typing, small, large):
-    """Whether `small` is less in every lane; not where one is no number."""
+    """1.0 in each lane where `small` is less, else, also where one is no number, 0.0; of numbers whether it is."""
 
     def lower(context, builder, sig, args):
-        if _lanes not in sig.args:
+        if sig.return_type == types.boolean:
             return builder.fcmp_ordered("<", *args)
         pair = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
-        mask = builder.bitcast(builder.fcmp_ordered("<", *pair), ir.IntType(LANES))
+        return builder.uitofp(builder.fcmp_ordered("<", *pair), _VECTOR)
+
+    return (_lanes if _lanes in (small, large) else types.boolean)(small, large), lower
+
+
+@intrinsic
+def _everywhere(typing, true):
+    """Whether that is so in every lane."""
+
+    def lower(context, builder, sig, args):
+        if sig.args[0] == types.boolean:
+            return args[0]
+        zero = ir.Constant(_VECTOR, [0.0] * LANES)
+        mask = builder.bitcast(builder.fcmp_ordered("!=", args[0], zero), ir.IntType(LANES))
         return builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1))
 
-    return types.boolean(small, large), lower
+    return types.boolean(true), lower
+
+
+@intrinsic
+def _turn(typing, lanes, start, rows):
+    """A square from `start` on of an array (slots, LANES) into its transpose (LANES, slots): three rounds of swaps."""
+
+    def lower(context, builder, sig, args):
+        source, first, target = args
+        kinds = sig.args
+        vectors = []
+        for k in range(LANES):
+            place = builder.add(first, first.type(k))
+            vectors.append(builder.load(_address(context, builder, kinds[:2], source, place), align=8))
+        for half in (4, 2, 1):  # swap the off-diagonal blocks of this size
+            low = [k if not k & half else LANES + k - half for k in range(LANES)]
+            high = [k + half if not k & half else LANES + k for k in range(LANES)]
+            for k in (k for k in range(LANES) if not k & half):
+                pair = vectors[k], vectors[k + half]
+                masks = (ir.Constant(ir.VectorType(_INT, LANES), order) for order in (low, high))
+                vectors[k], vectors[k + half] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+        values = context.make_array(kinds[2])(context, builder, target)
+        width = builder.extract_value(values.shape, 1)
+        for k, vector in enumerate(vectors):
+            place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), first)])
+            builder.store(vector, builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+        return context.get_dummy_value()
+
+    return types.void(lanes, start, rows), lower
 
 
 @_inlined
-def _work(scalars, n):
-    """An array of n numbers, or of n times LANES, as the table has them."""
-    return np.empty((np.intp(n), *scalars.shape[2:]))
+def _room(n):
+    """An array of at least n times LANES numbers: whole squares of them, so that they can be transposed."""
+    return np.empty(((np.intp(n) + LANES - 1) // LANES * LANES, LANES))
+
+
+# Side by side or one after the other: the axes of the state, or of what it reads, say which when a loop is compiled.
+
+
+def _place(z, position):
+    """Block of the table, and row of what is prepared, of a step."""
+
+
+@overload(_place, inline="always")
+def _place_of(z, position):
+    if z.ndim == 3:
+        return lambda z, position: (position, 0)
+    return lambda z, position: (position // LANES, position % LANES)
+
+
+def _rows(z, lanes):
+    """What steps read of the array (slots, LANES): it, as (1, slots, LANES), or room for its transpose."""
+
+
+@overload(_rows, inline="always")
+def _rows_of(z, lanes):
+    if z.ndim == 3:
+        return lambda z, lanes: lanes.reshape((1, *lanes.shape))
+    return lambda z, lanes: np.empty((LANES, lanes.shape[0]))
+
+
+def _hand_over(lanes, rows):
+    """What was prepared in lanes, to those who read it."""
+
+
+@overload(_hand_over, inline="always")
+def _handed_over(lanes, rows):
+    if rows.ndim == 3:
+        return lambda lanes, rows: None
+
+    def turned(lanes, rows):
+        for block in range(rows.shape[1] // LANES):
+            _turn(lanes, block * LANES, rows)
+
+    return turned
 
 
 @_inlined
@@ -182,7 +266,7 @@ def _affine_sum(packed, scalars, row, sums):
     """M, C, K and F at one row of the table: sum of scalar x constant."""
     runs = packed.runs
     data = packed.data
-    for i in range(sums.shape[0]):
+    for i in range(_THREE * packed.layout.n_slots + packed.layout.n):
         put(sums, i, 0.0)
     for k in range(runs.shape[0]):
         scalar = at(scalars, (row, runs[k, 0]))
@@ -192,19 +276,20 @@ def _affine_sum(packed, scalars, row, sums):
             put(sums, start + i, at(sums, start + i) + scalar * data[offset + i])
 
 
-@_inlined
-def _factor(layout, lu, scale):
-    """A = L U in place, without pivoting, reciprocal pivots on the diagonal. False where a pivot vanishes.
+@_jit
+def _factor(layout, lu, scale, good, place):
+    """A = L U in place, without pivoting, reciprocal pivots on the diagonal.
 
-    scale: shape (n,), sum of the absolute values of what was added up in the diagonal.
+    scale: of each row, sum of the absolute values of what was added up in the diagonal
+    good: there, at the place, 1.0 goes where no pivot vanishes, else 0.0
     """
     base = layout.base
     last = layout.last
+    regular = _less(-1.0, at(scale, 0))
     for k in range(layout.n):
         row_k = base[k]
         pivot = at(lu, row_k + k)
-        if not _less(_SMALLEST_PIVOT * at(scale, k), _size(pivot)):
-            return False
+        regular *= _less(_SMALLEST_PIVOT * at(scale, k), _size(pivot))
         reciprocal = 1.0 / pivot
         put(lu, row_k + k, reciprocal)
         for i in range(k + _ONE, last[k]):
@@ -213,11 +298,11 @@ def _factor(layout, lu, scale):
             put(lu, row_i + k, factor)
             for j in range(k + _ONE, last[k]):
                 put(lu, row_i + j, at(lu, row_i + j) - factor * at(lu, row_k + j))
-    return True
+    put(good, place, regular)
 
 
 @_inlined
-def _solve(layout, lu, x, column):
+def _solve(layout, lu, row, x, column):
     """Solve L U x = x for one row of `x`: by columns, because short sums wait for each other."""
     base = layout.base
     first = layout.first
@@ -226,42 +311,46 @@ def _solve(layout, lu, x, column):
     for j in range(n):
         known = at(x, (column, j))
         for i in range(j + _ONE, last[j]):
-            put(x, (column, i), at(x, (column, i)) - at(lu, base[i] + j) * known)
+            put(x, (column, i), at(x, (column, i)) - at(lu, (row, base[i] + j)) * known)
     for back in range(n):
         j = n - _ONE - back
-        known = at(x, (column, j)) * at(lu, base[j] + j)
+        known = at(x, (column, j)) * at(lu, (row, base[j] + j))
         put(x, (column, j), known)
         for i in range(first[j], j):
-            put(x, (column, i), at(x, (column, i)) - at(lu, base[i] + j) * known)
+            put(x, (column, i), at(x, (column, i)) - at(lu, (row, base[i] + j)) * known)
 
 
 @_inlined
-def _unbalanced(layout, sums, load, z, z_row, v, column, i):
+def _unbalanced(layout, sums, row, load, z, z_row, v, column, i):
     """Row i of F - C v - K z."""
     c_row = layout.n_slots + layout.base[i]
     k_row = c_row + layout.n_slots
-    force = load * at(sums, _THREE * layout.n_slots + i)
+    force = load * at(sums, (row, _THREE * layout.n_slots + i))
     reaction = 0.0 * force  # two sums, for an addition waits for the one before it
     for j in range(layout.first[i], layout.last[i]):
-        force -= at(sums, c_row + j) * at(v, (column, j))
-        reaction += at(sums, k_row + j) * at(z, (z_row, j))
+        force -= at(sums, (row, c_row + j)) * at(v, (column, j))
+        reaction += at(sums, (row, k_row + j)) * at(z, (z_row, j))
     return force - reaction
 
 
-@_inlined
-def _true_accelerations(layout, sums, mass, scale, load, z, v, q, columns):
-    """q from M q = F - C v - K z, for the first columns. False where M is singular."""
+@_jit
+def _mass_matrices(packed, scalars, row, sums, mass, scale, good, place):
+    """All sums at one row of the table, and M factorised."""
+    layout = packed.layout
+    _affine_sum(packed, scalars, row, sums)
     for i in range(layout.n_slots):
         put(mass, i, at(sums, i))
     for i in range(layout.n):
         put(scale, i, _size(at(sums, layout.base[i] + i)))
-    if not _factor(layout, mass, scale):
-        return False
-    for column in range(columns):
-        for i in range(layout.n):
-            put(q, (column, i), _unbalanced(layout, sums, load[column], z, column, v, column, i))
-        _solve(layout, mass, q, column)
-    return True
+    _factor(layout, mass, scale, good, place)
+
+
+@_inlined
+def _true_accelerations(layout, sums, mass, row, load, z, v, q, column):
+    """q from M q = F - C v - K z."""
+    for i in range(layout.n):
+        put(q, (column, i), _unbalanced(layout, sums, row, load[column], z, column, v, column, i))
+    _solve(layout, mass, row, q, column)
 
 
 @_inlined
@@ -275,17 +364,40 @@ def _store(stored, out, z, v, q):
 
 
 @_jit
-def accelerations(packed, scalars, row, load, z, v, q):
-    """Fill `q` from the equation of motion at one row of the table; False where M is singular."""
+def accelerations(packed, scalars, load, z, v, q):
+    """Fill `q` from the equation of motion, scalars of shape (1, n_scalars, LANES); False where M is singular."""
     layout = packed.layout
-    sums = _work(scalars, _THREE * layout.n_slots + layout.n)
-    _affine_sum(packed, scalars, row, sums)
-    mass, scale = _work(scalars, layout.n_slots), _work(scalars, layout.n)
-    return _true_accelerations(layout, sums, mass, scale, load, z, v, q, z.shape[0])
+    sums, mass = _room(_THREE * layout.n_slots + layout.n), _room(layout.n_slots)
+    scale, good = _room(layout.n), _room(1)
+    _mass_matrices(packed, scalars, 0, sums, mass, scale, good, 0)
+    if not _everywhere(_less(0.0, at(good, 0))):
+        return False
+    sums_at, mass_at = _rows(z, sums), _rows(z, mass)
+    _hand_over(sums, sums_at)
+    _hand_over(mass, mass_at)
+    for column in range(z.shape[0]):
+        _true_accelerations(layout, sums_at, mass_at, 0, load, z, v, q, column)
+    return True
 
 
 @_jit
-def newmark(packed, scalars, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale, good):
+    """All sums, and M + c_weight C + k_weight K factorised."""
+    layout = packed.layout
+    n_slots = layout.n_slots
+    _affine_sum(packed, scalars, row, sums)
+    for i in range(n_slots):
+        stiffness = at(sums, n_slots + n_slots + i)
+        put(lu, i, at(sums, i) + c_weight * at(sums, n_slots + i) + k_weight * stiffness)
+    for i in range(layout.n):
+        m = layout.base[i] + i
+        c_part, k_part = c_weight * at(sums, n_slots + m), k_weight * at(sums, n_slots + n_slots + m)
+        put(scale, i, _size(at(sums, m)) + _size(c_part) + _size(k_part))
+    _factor(layout, lu, scale, good, 0)
+
+
+@_jit
+def newmark(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Newmark's family with weighted accelerations, unknown: the true acceleration q at the end of the step.
 
     With p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m), known, and kappa = (1 - alpha_f) / (1 - alpha_m):
@@ -301,22 +413,18 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
     layout, (z, v, a, q) = packed.layout, state
     n, n_slots = layout.n, layout.n_slots
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = coefficients
-    period = scalars.shape[0] - 1
-    sums = _work(scalars, _THREE * n_slots + n)
-    lu, scale = _work(scalars, n_slots), _work(scalars, n)
+    sums, lu, scale, good = _room(_THREE * n_slots + n), _room(n_slots), _room(n), _room(1)
+    sums_at, lu_at, good_at = _rows(z, sums), _rows(z, lu), _rows(z, good)
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
-        position += 1
-        _affine_sum(packed, scalars, position, sums)
-        for i in range(n_slots):
-            stiffness = at(sums, n_slots + n_slots + i)
-            put(lu, i, at(sums, i) + c_weight * at(sums, n_slots + i) + k_weight * stiffness)
-        for i in range(n):
-            m = layout.base[i] + i
-            c_part, k_part = c_weight * at(sums, n_slots + m), k_weight * at(sums, n_slots + n_slots + m)
-            put(scale, i, _size(at(sums, m)) + _size(c_part) + _size(k_part))
-        if not _factor(layout, lu, scale):
+        block, row = _place(z, position)
+        if row == 0 or count == 0:
+            _newmark_matrices(packed, scalars, block, c_weight, k_weight, sums, lu, scale, good)
+            _hand_over(sums, sums_at)
+            _hand_over(lu, lu_at)
+            _hand_over(good, good_at)
+        if not _everywhere(_less(0.0, at(good_at, (row, 0)))):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for i in range(n):
@@ -327,8 +435,8 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
                 put(v, here, speed + v_start * before + v_known * known)
                 put(a, here, known)
             for i in range(n):
-                put(q, (column, i), _unbalanced(layout, sums, load[column], z, column, v, column, i))
-            _solve(layout, lu, q, column)
+                put(q, (column, i), _unbalanced(layout, sums_at, row, load[column], z, column, v, column, i))
+            _solve(layout, lu_at, row, q, column)
             squares = 0.0 * at(z, (column, 0))
             for i in range(n):
                 here = (column, i)
@@ -338,8 +446,9 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
                 put(v, here, at(v, here) + c_weight * found)
                 put(a, here, at(a, here) + kappa * found)
                 squares += moved * moved
-            if not _less(squares, bound):
+            if not _everywhere(_less(squares, bound)):
                 return count + 1, UNBOUNDED
+        position += 1
         if position == period:
             position = 0
         due -= 1
@@ -350,33 +459,37 @@ def newmark(packed, scalars, position, n_steps, coefficients, load, state, done,
     return n_steps, COMPLETED
 
 
-@_inlined
-def _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix, scale):
-    """delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r): see `gauss`."""
+@_jit
+def _gauss_matrices(packed, scalars, row, step, sums_1, sums_2, matrix, scale, good):
+    """All sums at the stages; delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r), factorised."""
+    layout, pairs = packed.layout, packed.pairs
     n_slots = layout.n_slots
     root = math.sqrt(3.0) / 6.0
     c_same, c_12, c_21 = 0.25 * step, (0.25 - root) * step, (0.25 + root) * step
     k_same, k_12, k_21 = step * step / 24.0, 0.5 * step * c_12, 0.5 * step * c_21
+    _affine_sum(packed, scalars, row, sums_1)
+    _affine_sum(packed, scalars, row + 1, sums_2)
     for i in range(layout.n):
-        row = layout.base[i]
+        base = layout.base[i]
         row_1 = pairs.base[_TWO * i]
         row_2 = pairs.base[_TWO * i + _ONE]
         for j in range(layout.first[i], layout.last[i]):
-            m, c, k = row + j, n_slots + row + j, n_slots + n_slots + row + j
+            m, c, k = base + j, n_slots + base + j, n_slots + n_slots + base + j
             c_1, k_1, c_2, k_2 = at(sums_1, c), at(sums_1, k), at(sums_2, c), at(sums_2, k)
             put(matrix, row_1 + _TWO * j, at(sums_1, m) + c_same * c_1 + k_same * k_1)
             put(matrix, row_1 + _TWO * j + _ONE, c_12 * c_1 + k_12 * k_1)
             put(matrix, row_2 + _TWO * j, c_21 * c_2 + k_21 * k_2)
             put(matrix, row_2 + _TWO * j + _ONE, at(sums_2, m) + c_same * c_2 + k_same * k_2)
-        m, c, k = row + i, n_slots + row + i, n_slots + n_slots + row + i
+        m, c, k = base + i, n_slots + base + i, n_slots + n_slots + base + i
         for stage in range(_TWO):
             sums = sums_1 if stage == 0 else sums_2
             parts = _size(at(sums, m)) + _size(c_same * at(sums, c)) + _size(k_same * at(sums, k))
             put(scale, _TWO * i + stage, parts)
+    _factor(pairs, matrix, scale, good, 0)
 
 
 @_jit
-def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def gauss(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Two-stage Gauss-Legendre (Hairer and Wanner 1996, table IV.5.1); unknowns: accelerations at the stages.
 
     With x_1, x_2 in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, the tableau's a_sr and e_sr = (A A)_sr:
@@ -391,29 +504,37 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
     (step,) = coefficients
     v_weight = 0.5 * step
     z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
-    period = (scalars.shape[0] - 1) // 3
-    sums_1, sums_2 = _work(scalars, _THREE * n_slots + n), _work(scalars, _THREE * n_slots + n)
-    matrix, scale, mass = _work(scalars, pairs.n_slots), _work(scalars, _TWO * n), _work(scalars, n_slots)
+    sums_1, sums_2, sums_3 = _room(_THREE * n_slots + n), _room(_THREE * n_slots + n), _room(_THREE * n_slots + n)
+    matrix, mass, scale, good = _room(pairs.n_slots), _room(n_slots), _room(_TWO * n), _room(2)
+    sums_1_at, sums_2_at, sums_3_at = _rows(z, sums_1), _rows(z, sums_2), _rows(z, sums_3)
+    matrix_at, mass_at, good_at = _rows(z, matrix), _rows(z, mass), _rows(z, good)
     at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, 2 * z.shape[1], *z.shape[2:]))
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
-        row = 3 * position
-        _affine_sum(packed, scalars, row + 1, sums_1)
-        _affine_sum(packed, scalars, row + 2, sums_2)
-        _gauss_matrix(layout, pairs, step, sums_1, sums_2, matrix, scale)
-        if not _factor(pairs, matrix, scale):
+        block, row = _place(z, position)
+        if row == 0 or count == 0:
+            _gauss_matrices(packed, scalars, 3 * block, step, sums_1, sums_2, matrix, scale, good)
+            _hand_over(sums_1, sums_1_at)
+            _hand_over(sums_2, sums_2_at)
+            _hand_over(matrix, matrix_at)
+            if due <= good_at.shape[0]:
+                _mass_matrices(packed, scalars, 3 * block + 2, sums_3, mass, scale, good, 1)
+                _hand_over(sums_3, sums_3_at)
+                _hand_over(mass, mass_at)
+            _hand_over(good, good_at)
+        if not _everywhere(_less(0.0, at(good_at, (row, 0)))):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for stage in range(_TWO):
                 ahead = step * (_STAGE_1 if stage == 0 else _STAGE_2)
-                sums = sums_1 if stage == 0 else sums_2
+                sums = sums_1_at if stage == 0 else sums_2_at
                 for i in range(n):
                     put(at_stage, (0, i), at(z, (column, i)) + ahead * at(v, (column, i)))
                 for i in range(n):
-                    rest = _unbalanced(layout, sums, load[column], at_stage, 0, v, column, i)
+                    rest = _unbalanced(layout, sums, row, load[column], at_stage, 0, v, column, i)
                     put(x, (0, _TWO * i + stage), rest)
-            _solve(pairs, matrix, x, 0)
+            _solve(pairs, matrix_at, row, x, 0)
             squares = 0.0 * at(z, (column, 0))
             for i in range(n):
                 here = (column, i)
@@ -422,31 +543,31 @@ def gauss(packed, scalars, position, n_steps, coefficients, load, state, done, e
                 put(z, here, moved)
                 put(v, here, speed + v_weight * (x_1 + x_2))
                 squares += moved * moved
-            if not _less(squares, bound):
+            if not _everywhere(_less(squares, bound)):
                 return count + 1, UNBOUNDED
-        due -= 1
-        if due == 0:
-            due = every
-            _affine_sum(packed, scalars, row + 3, sums_1)
-            if not _true_accelerations(layout, sums_1, mass, scale, load, z, v, q, 1):
-                return count, SINGULAR
-            _store(stored, out, z, v, q)
-            out += 1
         position += 1
         if position == period:
             position = 0
+        due -= 1
+        if due == 0:
+            due = every
+            if not _everywhere(_less(0.0, at(good_at, (row, 1)))):
+                return count, SINGULAR
+            _true_accelerations(layout, sums_3_at, mass_at, row, load, z, v, q, 0)
+            _store(stored, out, z, v, q)
+            out += 1
     return n_steps, COMPLETED
 
 
 @_jit
-def exact_modal(packed, scalars, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def exact_modal(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) and damping; exact for F linear in t.
 
-    coefficients: shape (n, 11), see `kaneflex.integrate.modal`. `packed` holds the runs of F only, no slots.
+    coefficients: shape (n, 11), see `kaneflex.integrate.modal`. packed: the runs of F only, no slots. scalars: shape
+    (period + 1, n_scalars), at the steps.
     """
     z, v, _, q = state
     n = z.shape[1]
-    period = scalars.shape[0] - 1
     force_0, force_1 = np.empty(n), np.empty(n)
     _affine_sum(packed, scalars, position, force_0)
     due = every - done % every

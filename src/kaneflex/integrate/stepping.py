@@ -85,8 +85,9 @@ class Setup:
 
         They are the method's own, too, if it carries none of its own.
         """
-        row = self.feed.first_row()[None].copy()
-        found = steppers.accelerations(self.system.packed, row, 0, load, state.z, state.v, state.q)
+        row = self.feed.first_row()
+        lanes = np.ascontiguousarray(np.broadcast_to(row.T, (steppers.LANES, len(row))).T)[None]
+        found = steppers.accelerations(self.system.packed, lanes, load, state.z, state.v, state.q)
         if self.method.carried == 2:
             state.a[:] = state.q
         return found
@@ -107,9 +108,9 @@ def advance(
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
     end = begin + n_steps
     while done < end and outcome is Outcome.COMPLETED:
-        scalars, position, steps = setup.feed.piece(done, min(most, end - done))
+        scalars, period, position, steps = setup.feed.piece(done, min(most, end - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
-        at = (setup.packed, scalars, position)
+        at = (setup.packed, scalars, period, position)
         rest = (setup.coefficients, load, state, done, every, limit, stored)
         if done == begin:
             loop(*at, 0, *rest)  # compiles, outside the clock
@@ -142,8 +143,9 @@ class _Bound:
         if scalars is not self._seen:
             self._seen = scalars
             width = self._system.half_bandwidth
-            mass = np.abs(self._system.M @ scalars[0])[width :: 2 * width + 1]
-            force = np.abs(self._system.F @ scalars.T).max(axis=1)
+            rows = scalars if scalars.ndim == 2 else scalars.transpose(0, 2, 1).reshape(-1, scalars.shape[1])
+            mass = np.abs(self._system.M @ rows[0])[width :: 2 * width + 1]
+            force = np.abs(self._system.F @ rows.T).max(axis=1)
             with np.errstate(divide="ignore", invalid="ignore"):
                 largest = np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max()
             self._acceleration = max(self._acceleration, largest)

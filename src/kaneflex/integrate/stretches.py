@@ -1,4 +1,4 @@
-"""A cycle cut into stretches of time that are integrated side by side, one in each lane."""
+"""Tables of the motion laid out in lanes: for steps that follow one another, and for stretches of a cycle."""
 
 from __future__ import annotations
 
@@ -7,24 +7,41 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.steppers import LANES
+
+
+def in_lanes(rows: np.ndarray, nodes: int, steps: np.ndarray) -> np.ndarray:
+    """The table of steps (blocks, LANES), shape (blocks * nodes, n_scalars, LANES).
+
+    rows: shape (n * nodes + 1, n_scalars): row `nodes * k` at the start of step k, then its stages, then its end.
+    """
+    places = nodes * steps[:, None, :] + np.arange(1, nodes + 1)[None, :, None]
+    return np.ascontiguousarray(rows[places.reshape(-1, LANES)].transpose(0, 2, 1))
+
+
+def one_after_the_other(rows: np.ndarray, nodes: int) -> np.ndarray:
+    """The table of all steps in their order; the last block is filled up with the last step."""
+    count = (len(rows) - 1) // nodes
+    steps = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
+    return in_lanes(rows, nodes, steps.reshape(-1, LANES))
 
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """The feed of a cycle's stretches: rows of the table with an axis of LANES more, one for each stretch.
+    """A cycle cut into stretches of time that are integrated side by side, one in each lane: their feed.
 
     The first `longer` stretches have one step more than the others.
+
+    rows: shape (period_steps * nodes + 1, n_scalars), of the whole cycle
     """
 
-    feed: Feed
-    period_steps: int
+    rows: np.ndarray
+    nodes: int
+    step: float
 
     @property
-    def step(self) -> float:
-        """Of the cycle, in s."""
-        return self.feed.step
+    def period_steps(self) -> int:
+        return (len(self.rows) - 1) // self.nodes
 
     @property
     def least(self) -> int:
@@ -36,31 +53,33 @@ class Stretches:
         return self.period_steps % LANES
 
     @property
-    def counts(self) -> np.ndarray:
-        """Steps of each stretch, shape (LANES,)."""
-        return self.least + (np.arange(LANES) < self.longer)
-
-    @property
     def most(self) -> int:
         """Steps of a longer stretch, if there is one; a shorter one then has a step beyond its end."""
         return self.least + (self.longer > 0)
 
     @cached_property
+    def counts(self) -> np.ndarray:
+        """Steps of each stretch, shape (LANES,)."""
+        return self.least + (np.arange(LANES) < self.longer)
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """Their first steps, shape (LANES,)."""
+        return np.cumsum(self.counts) - self.counts
+
+    @cached_property
     def scalars(self) -> np.ndarray:
-        """The table, shape (most * nodes + 1, n_scalars, LANES)."""
-        rows, _, _ = self.feed.piece(0, self.period_steps)
-        nodes = len(self.feed.nodes)
-        starts = nodes * (np.cumsum(self.counts) - self.counts)
-        places = np.add.outer(np.arange(nodes * self.most + 1), starts) % (nodes * self.period_steps)
-        return np.ascontiguousarray(rows[places].transpose(0, 2, 1))
+        """The table of all stretches, shape (most * nodes, n_scalars, LANES)."""
+        steps = np.add.outer(np.arange(self.most), self.starts) % self.period_steps
+        return in_lanes(self.rows, self.nodes, steps)
 
     def first_row(self) -> np.ndarray:
         """Scalars at the start of every stretch, shape (n_scalars, LANES)."""
-        return self.scalars[0]
+        return self.rows[self.nodes * self.starts].T
 
-    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int]:
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
         """The table for `n_steps` steps after step `done` of every stretch, as :meth:`Feed.piece`."""
-        return self.scalars, done, n_steps
+        return self.scalars, self.most, done, n_steps
 
     def joined(self, stored: np.ndarray) -> np.ndarray:
         """Rows of the whole cycle, shape (period_steps, n), from those of its stretches, (most + 1, n, LANES)."""
