@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from runs import model, run
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
@@ -203,6 +204,31 @@ def test_bands_of_a_pulsating_force_against_its_frequency():
     ]
     assert exact == pytest.approx([2 * (1 - share) ** 0.5, 2 * (1 + share) ** 0.5], abs=2e-3)  # Bolotin 1964, at first
     assert found.bands == (pytest.approx(tuple(exact), abs=1e-3),)
+
+
+def strut_multiplier(speed: float) -> float:
+    """Largest multiplier of the first mode, y'' + 2 zeta omega y' + omega^2 (1 - P(t) / P_1) y = 0, by scipy."""
+    stiffness, mass = 210e9 * 0.01**4 / 12, 7850 * 0.01**2
+    omega, euler = np.pi**2 * np.sqrt(stiffness / mass), np.pi**2 * stiffness
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        y, v = x.reshape(2, 2)
+        force = 345 + 518 * np.cos(speed * t)
+        return np.concatenate([v, -2 * 0.01 * omega * v - omega**2 * (1 - force / euler) * y])
+
+    found = solve_ivp(rates, (0.0, 2 * np.pi / speed), np.eye(2).ravel(), "DOP853", rtol=1e-11, atol=1e-13)
+    return float(abs(np.linalg.eigvals(found.y[:, -1].reshape(2, 2))).max())
+
+
+def test_bands_of_the_strut_are_those_of_its_first_mode():
+    """Bolotin 1964: around omega_1 and 2 omega_1, omega_1 = 23.45 Hz under a mean of 20 % of Euler's load: 20.97 Hz."""
+    rpm = np.pi / 30
+    edges = [
+        brentq(lambda speed: strut_multiplier(rpm * speed) - 1.0, *around, xtol=1e-3)
+        for around in ((1200, 1245), (1245, 1300), (2200, 2500), (2500, 2800))
+    ]
+    found = sweep(read_scene("pulsating-strut"), rpm * np.linspace(1100, 2900, 61), 1)
+    assert [edge / rpm for band in found.bands for edge in band] == pytest.approx(edges, rel=1e-3)
 
 
 def test_frozen_frequencies_leave_the_damping_out_and_the_growth_does_not():
