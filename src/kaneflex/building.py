@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,8 +26,8 @@ _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
 
-def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
-    """Mesh the links, assemble, reduce."""
+def build_model(scene: Scene, options: Options, motion: Motion, frozen: Model | None = None) -> Model:
+    """Mesh the links, assemble, reduce; with the bases and the modes of damping of ``frozen`` where it is given."""
     reference = _reference_time(scene, options, motion)
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         empty = {
@@ -41,7 +42,7 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     }
     carried = carried_bodies(scene)
     interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
-    parts, bases = _parts(scene, options, links, interfaces)
+    parts, bases = _parts(scene, options, links, interfaces, {} if frozen is None else frozen.bases)
     frame = build_frame(scene, parts, carried, interfaces)
     placed = [(part, frame.maps[name]) for name, part in parts.items()]
     placed += place_rigid(scene, carried, frame)
@@ -54,10 +55,10 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
-        equations = _with_modal_damping(model)
+        equations = _with_modal_damping(model, model if frozen is None else frozen)
         model = replace(model, equations=equations, reduced=equations)
     if options.reduction == "modal":
-        omega, basis = reference_modes(model, options.modes)
+        omega, basis = reference_modes(model if frozen is None else frozen, options.modes)
         names = tuple(f"mode_{k + 1}" for k in range(len(omega)))
         reduced = equations.in_basis(basis, names)
         if options.dynamics == "frozen":
@@ -134,7 +135,7 @@ def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
 
 
 def _parts(
-    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces
+    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}
@@ -149,7 +150,7 @@ def _parts(
                     "solve.modes", options.modes, f"{name} has {limit} fixed-interface modes",
                     "Ask for fewer modes, or give the link more elements",
                 )  # fmt: skip
-            parts[name], bases[name] = craig_bampton(parts[name], held, count)
+            parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
     return parts, bases
 
 
@@ -188,10 +189,10 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
     return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
 
 
-def _with_modal_damping(model: Model) -> ElasticEquations:
-    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration."""
+def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
+    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration, Phi and omega those ``of`` a model."""
     ratios = model.scene.damping.modal.ratio
-    omega, shapes = reference_modes(model, "all")
+    omega, shapes = reference_modes(of, "all")
     zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in range(len(omega))])
     weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
     damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)

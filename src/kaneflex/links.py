@@ -241,7 +241,9 @@ def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
     return Part(part.name, part.coordinates, matrices, part.place)
 
 
-def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, np.ndarray]:
+def craig_bampton(
+    part: Part, held: Collection[int], modes: int, frozen: np.ndarray | None = None
+) -> tuple[Part, np.ndarray]:
     """Reduce a link to its interface coordinates and its lowest fixed-interface modes (Craig & Bampton 1968).
 
     Parameters
@@ -253,15 +255,32 @@ def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, 
         axial extension and the rotation of the chord.
     modes : int
         Fixed-interface modes to keep.
+    frozen : ndarray (size, reduced size), optional
+        A basis to reduce to instead, of a link with the same coordinates and held rows.
 
     Returns
     -------
     Part, ndarray (size, reduced size)
         The reduced link, and the basis B with q = B q_reduced.
     """
+    held = sorted(held)
+    basis = _basis(part, held, modes) if frozen is None else frozen
+    matrices = {
+        key: affine.projected(basis) if key == "F" else affine.congruent(basis) for key, affine in part.matrices.items()
+    }
+    names = [part.coordinates[row] for row in held]
+    names += [f"{part.name}.mode_{k + 1}" for k in range(basis.shape[1] - len(held))]
+    row_of = {row: k for k, row in enumerate(held)}
+    place = {
+        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
+    }
+    return Part(part.name, tuple(names), matrices, place), basis
+
+
+def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
+    """Static shapes of the held rows, then the lowest fixed-interface modes."""
     from kaneflex.modes import lowest_modes
 
-    held = sorted(held)
     free = np.setdiff1d(np.arange(part.size), held)
     stiffness, mass = part.matrices["K_s"].at({}), part.matrices["M"].at({})
     static = np.zeros((part.size, len(held)))
@@ -274,14 +293,4 @@ def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, 
     _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
     dynamic = np.zeros((part.size, shapes.shape[1]))
     dynamic[free] = shapes
-    basis = np.hstack([static, dynamic])
-    matrices = {
-        key: affine.projected(basis) if key == "F" else affine.congruent(basis) for key, affine in part.matrices.items()
-    }
-    names = [part.coordinates[row] for row in held]
-    names += [f"{part.name}.mode_{k + 1}" for k in range(shapes.shape[1])]
-    row_of = {row: k for k, row in enumerate(held)}
-    place = {
-        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
-    }
-    return Part(part.name, tuple(names), matrices, place), basis
+    return np.hstack([static, dynamic])

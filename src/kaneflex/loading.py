@@ -92,6 +92,23 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     return replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
 
 
+def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
+    """A model of a scene that differs in numbers alone, with the same module, options and numbers of steps.
+
+    Parameters
+    ----------
+    model : Model
+        Of the scene before the change, with no free joints.
+    frozen : bool
+        Whether the new one keeps the modal bases and the modes of the damping.
+    """
+    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
+    options = replace(model.options, duration=duration)
+    scene = _acting(scene, options)
+    parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
+    return build_model(scene, options, Motion(model.module, parameters), model if frozen else None)
+
+
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     """What the scene asks for and its preset overrules."""
     found = []

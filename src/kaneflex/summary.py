@@ -191,12 +191,12 @@ def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> Se
         at_min=instant(lowest),
         at_max=instant(highest),
         # scaled, because the values of an unstable run may be too large to be squared
-        rms=largest * math.sqrt(_mean((values / largest) ** 2, times)),
-        mean=_mean(values, times),
+        rms=largest * math.sqrt(mean_over_time((values / largest) ** 2, times)),
+        mean=mean_over_time(values, times),
     )
 
 
-def _mean(values: np.ndarray, times: np.ndarray) -> float:
+def mean_over_time(values: np.ndarray, times: np.ndarray) -> float:
     """Mean over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
     if len(times) == 1:
         return float(values[0])
