@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,8 +26,13 @@ _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
 
-def build_model(scene: Scene, options: Options, motion: Motion, frozen: Model | None = None) -> Model:
-    """Mesh the links, assemble, reduce; with the bases and the modes of damping of ``frozen`` where it is given."""
+def build_model(
+    scene: Scene, options: Options, motion: Motion, like: Model | None = None, frozen: Model | None = None
+) -> Model:
+    """Mesh the links, assemble, reduce.
+
+    ``like`` gives the order of the coordinates, ``frozen`` the bases and the modes of damping, where they are given.
+    """
     reference = _reference_time(scene, options, motion)
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         empty = {
@@ -51,7 +56,7 @@ def build_model(scene: Scene, options: Options, motion: Motion, frozen: Model | 
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
     placed += place_springs(scene, links, parts, frame)  # with dampers of their own
-    frame, placed = _narrow_band(frame, placed)
+    frame, placed = _narrow_band(frame, placed) if like is None else _ordered(frame, placed, like.coordinates)
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
@@ -84,9 +89,18 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])
     if before <= _NARROW or after >= before:  # what is narrow keeps the order of its names
         return frame, placed
+    return _ordered(frame, placed, [frame.coordinates[k] for k in order])
+
+
+def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> tuple[Frame, list[Placed]]:
+    """The same with the coordinates in another order; as it is where they are others."""
+    size = len(frame.coordinates)
+    if set(coordinates) != set(frame.coordinates):
+        return frame, placed
+    order = [frame.coordinates.index(name) for name in coordinates]
     swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
     moved = Frame(
-        tuple(frame.coordinates[k] for k in order),
+        tuple(coordinates),
         {name: L @ swap for name, L in frame.maps.items()},
         {name: L @ swap for name, L in frame.bodies.items()},
     )

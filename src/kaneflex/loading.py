@@ -106,7 +106,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     options = replace(model.options, duration=duration)
     scene = _acting(scene, options)
     parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
-    return build_model(scene, options, Motion(model.module, parameters), model if frozen else None)
+    return build_model(scene, options, Motion(model.module, parameters), model, model if frozen else None)
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:

@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 import numpy as np
 
 from kaneflex.affine import Affine, Monomial
+from kaneflex.binding import Progress, find_tangent_module
 from kaneflex.errors import SceneError
 from kaneflex.loading import neighbour
 from kaneflex.model import Model
@@ -37,6 +39,7 @@ class Varied:
     model: Model
     parameter: Parameter
     neighbours: tuple[Model, ...]
+    tangents: ModuleType
 
     def slope(self, of: Callable[[Model], float | np.ndarray]) -> np.ndarray:
         """p dx/dp of what a function gives of a model."""
@@ -46,6 +49,11 @@ class Varied:
     def stretch(self) -> float:
         """p dT/dp / T of the cycle or the run: how its instants move with the parameter."""
         return float(self.slope(lambda model: model.step)) / self.model.step
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """Slopes of the kernels' argument p."""
+        return self.slope(lambda model: model.motion.parameters)
 
     @cached_property
     def constants(self) -> dict[str, Affine]:
@@ -64,11 +72,13 @@ class Varied:
 
     def scalars(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The motion's scalars at instants [s] of the model's own run, and their slopes: (n_times, n_scalars) each."""
-        values = self.model.motion.table(times)
-        return values, self.slope(lambda model: model.motion.table(times * (model.step / self.model.step)))
+        motion = self.model.motion
+        slopes = np.zeros((len(times), len(motion.column)))
+        self.tangents.tabulate_slopes(times, self.stretch * times, motion.parameters, self.parameters, slopes)
+        return motion.table(times), slopes
 
 
-def vary(model: Model, parameter: Parameter, frozen: bool) -> Varied:
+def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = lambda stage: None) -> Varied:
     """The neighbours of a model along a parameter.
 
     Parameters
@@ -96,4 +106,5 @@ def vary(model: Model, parameter: Parameter, frozen: bool) -> Varied:
             parameter.name, parameter.value, "a small change of it makes another mesh",
             "Move it off the value at which the numbers of elements change",
         )  # fmt: skip
-    return Varied(model, parameter, tuple(neighbours))
+    tangents, _ = find_tangent_module(model.scene, progress)
+    return Varied(model, parameter, tuple(neighbours), tangents)
