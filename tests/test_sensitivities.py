@@ -8,7 +8,7 @@ from kaneflex.loading import neighbour
 from kaneflex.sensitivity.report import sensitivities
 from kaneflex.simulation import simulate
 
-STEP = 2e-4  # not that of the package's own differences
+STEP = 5e-4  # not that of the package's own differences
 
 
 def differences(scene, settings, parameter, frozen=True):

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
+
 if TYPE_CHECKING:
     from kaneflex.sensors import Series
     from kaneflex.solution import Solution
@@ -118,6 +120,9 @@ class Summary(_Table):
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
+    sensitivities: dict[str, ParameterSensitivity] = Field(
+        default={}, description="by parameter, where the run was asked for derivatives"
+    )
 
 
 def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
@@ -258,7 +263,7 @@ def json_schema() -> dict[str, Any]:
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field, and the JSON Schema."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
-    for table in (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations):
+    for table in _TABLES:
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
@@ -277,6 +282,11 @@ leaves the version as it is, a field that goes or changes its meaning raises it.
 
 Made by `python -m kaneflex.summary`; do not edit.
 """
+
+
+_TABLES = (
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations, ParameterSensitivity, SensorDerivative,
+)  # fmt: skip
 
 
 def _type_name(kind: Any) -> str:

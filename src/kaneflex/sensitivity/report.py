@@ -12,6 +12,7 @@ from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.model import Model, Motion
 from kaneflex.sensitivity.parameters import Parameter, find_parameters
+from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.sensitivity.tangent import Tangent, tangent
 from kaneflex.sensitivity.varied import SHARES, STEP, Varied, slope_of, vary
 from kaneflex.sensors import measure
@@ -25,24 +26,6 @@ DYNAMICS = ("dynamic", "quasistatic")
 """What can be differentiated; so named in kaneflex.options."""
 _NOTHING = 1e-9
 """Share of a sensor's largest value that a slope must reach somewhere, or the sensors don't depend on the parameter."""
-
-
-@dataclass(frozen=True)
-class Derivative:
-    """Of a sensor's statistics with respect to a parameter, in SI.
-
-    ``log_max`` and the others are p dy/dp / y: by how many per cent the value grows with a per cent of the parameter;
-    None where the value is zero.
-    """
-
-    min: float
-    max: float
-    rms: float
-    mean: float
-    log_min: float | None
-    log_max: float | None
-    log_rms: float | None
-    log_mean: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +59,8 @@ class Sensitivities:
         by = parameter.unit
         return own if by == "1" else f"{own}/({by})" if set(by) & set(" /") else f"{own}/{by}"
 
-    def of(self, parameter: Parameter, sensor: str) -> Derivative:
-        """Of the smallest, largest, rms and mean value."""
+    def of(self, parameter: Parameter, sensor: str) -> SensorDerivative:
+        """Derivatives of the smallest, largest, rms and mean value."""
         y, slope = self.solution.series[sensor].values, self.slopes[parameter.name][sensor]
         times = self.solution.times
         rms = np.sqrt(mean_over_time(y**2, times))
@@ -87,7 +70,18 @@ class Sensitivities:
         slopes["rms"] = mean_over_time(y * slope, times) / rms if rms else 0.0
         plain = {key: float(value / parameter.value) for key, value in slopes.items()}
         logarithmic = {f"log_{key}": float(slopes[key] / value) if value else None for key, value in values.items()}
-        return Derivative(**plain, **logarithmic)
+        return SensorDerivative(unit=self.unit(parameter, sensor), **plain, **logarithmic)
+
+    def summary(self) -> dict[str, ParameterSensitivity]:
+        """What ``summary.json`` holds: parameter's name -> value, unit and the derivatives by sensor."""
+        return {
+            parameter.name: ParameterSensitivity(
+                value=parameter.value,
+                unit=parameter.unit,
+                sensors={sensor: self.of(parameter, sensor) for sensor in self.slopes[parameter.name]},
+            )
+            for parameter in self.parameters
+        }
 
     @property
     def dataset(self) -> xarray.Dataset:
@@ -192,7 +186,9 @@ def _sensor_slopes(solution: Solution, varied: Varied, slope: Tangent) -> dict[s
     read = []
     for share, model in zip(SHARES, varied.neighbours, strict=True):
         step = share * STEP
-        motion = _Shifted(model.motion.module, model.motion.parameters, values + step * rates)
+        scalars = values + step * rates
+        _turn(scalars, values, step * rates, model.motion.column)
+        motion = _Shifted(model.motion.module, model.motion.parameters, scalars)
         moved = replace(
             trajectory,
             times=times * (model.step / varied.model.step),
@@ -202,6 +198,20 @@ def _sensor_slopes(solution: Solution, varied: Varied, slope: Tangent) -> dict[s
         )
         read.append(measure(Solution(replace(model, motion=motion), moved, 0.0)))
     return {sensor: slope_of([series[sensor].values for series in read]) for sensor in read[0]}
+
+
+def _turn(scalars: np.ndarray, values: np.ndarray, changes: np.ndarray, column: Mapping[str, int]) -> None:
+    """Let cosines and sines turn by the change of their angle: along a straight line they leave the circle.
+
+    Over a run of many turns the angle's change is large, however small that of the parameter.
+    """
+    for name in column:
+        if not name.endswith(".c") or f"{name[:-1]}s" not in column:
+            continue
+        at = [column[name], column[f"{name[:-1]}s"]]
+        (c, s), (c_change, s_change) = values[:, at].T, changes[:, at].T
+        angle = c * s_change - s * c_change
+        scalars[:, at] = np.stack([c * np.cos(angle) - s * np.sin(angle), s * np.cos(angle) + c * np.sin(angle)], 1)
 
 
 def _demand_some(solution: Solution, parameter: Parameter, slopes: Mapping[str, np.ndarray]) -> None:

@@ -21,7 +21,7 @@ from kaneflex.loading import neighbour
 from kaneflex.model import Model
 from kaneflex.sensitivity.parameters import Parameter
 
-STEP = 1e-3
+STEP = 2e-4
 """Relative step from neighbour to neighbour: what is left out is of its fourth power."""
 SHARES = (-2, -1, 1, 2)
 _WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / (12.0 * STEP)
