@@ -117,7 +117,7 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
 @click.option(
     "--sensitivities", "parameters", multiple=True, metavar="PATHS",
     help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed. Can be repeated.",
-)
+)  # fmt: skip
 @click.option(
     "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
     help="Whether modal bases keep their shapes in --sensitivities.",

@@ -285,7 +285,8 @@ Made by `python -m kaneflex.summary`; do not edit.
 
 
 _TABLES = (
-    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations, ParameterSensitivity, SensorDerivative,
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations,
+    ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
 
 

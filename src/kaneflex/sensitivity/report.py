@@ -29,6 +29,16 @@ _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
+class Derivative:
+    """dy/dp of one sensor: what it is, its values over the stored times (n_times,), and of the statistics."""
+
+    parameter: Parameter
+    meaning: str
+    values: np.ndarray
+    of: SensorDerivative
+
+
+@dataclass(frozen=True, eq=False)
 class Sensitivities:
     """Derivatives of a run's sensors.
 
@@ -83,6 +93,19 @@ class Sensitivities:
             for parameter in self.parameters
         }
 
+    def named(self) -> dict[str, Derivative]:
+        """All derivatives by their names in datasets, ``d_SENSOR_d_PARAMETER``."""
+        return {
+            f"d_{sensor}_d_{parameter.name}": Derivative(
+                parameter,
+                f"derivative of {sensor} with respect to {parameter.name}",
+                self.series(parameter, sensor),
+                self.of(parameter, sensor),
+            )
+            for parameter in self.parameters
+            for sensor in self.slopes[parameter.name]
+        }
+
     @property
     def dataset(self) -> xarray.Dataset:
         """All derivatives over time.
@@ -95,21 +118,11 @@ class Sensitivities:
         """
         run = self.solution.dataset
         variables = {}
-        for parameter in self.parameters:
-            for sensor in self.slopes[parameter.name]:
-                about = {
-                    "units": self.unit(parameter, sensor),
-                    "long_name": f"derivative of {sensor} with respect to {parameter.name}",
-                    "value": parameter.value,
-                }
-                variables[derivative_name(sensor, parameter.name)] = ("time", self.series(parameter, sensor), about)
+        for name, derivative in self.named().items():
+            about = {"units": derivative.of.unit, "long_name": derivative.meaning, "value": derivative.parameter.value}
+            variables[name] = ("time", derivative.values, about)
         basis = {"modal_basis": "frozen" if self.frozen else "recomputed"}
         return run.drop_vars(list(run.data_vars)).assign(variables).assign_attrs(basis)
-
-
-def derivative_name(sensor: str, parameter: str) -> str:
-    """Name of a derivative in datasets."""
-    return f"d_{sensor}_d_{parameter}"
 
 
 def sensitivities(

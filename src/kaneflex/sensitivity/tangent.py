@@ -18,7 +18,7 @@ from scipy.sparse import coo_array, csr_array
 
 from kaneflex.affine import Affine
 from kaneflex.errors import SceneError
-from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.run import integrate
 from kaneflex.model import affine_system
 from kaneflex.quasistatic import has_mechanism_modes, quasistatic, rate_of, solve_banded_at
@@ -51,7 +51,7 @@ def tangent(solution: Solution, varied: Varied) -> Tangent:
     if model.options.dynamics == "quasistatic":
         z = _of_quasistatic(varied, solution.times, solution.trajectory.z)
         return Tangent(z, *_rates_of_quasistatic(varied, solution.trajectory.v, z, model.options.cycles))
-    run = _integrated(varied)
+    run = integrated_pair(varied)
     return Tangent(
         run.z[:, 1::2], run.v[:, 1::2] - tau * solution.trajectory.v, run.a[:, 1::2] - 2 * tau * solution.trajectory.a
     )
@@ -105,7 +105,7 @@ def _products(varied: Varied, times: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return values, slopes
 
 
-def _integrated(varied: Varied):
+def integrated_pair(varied: Varied) -> Trajectory:
     """The run of motion and slopes side by side, by the model's own integrator."""
     model, options = varied.model, varied.model.options
     monomials = [*varied.monomials, *((_SLOPE, *monomial) for monomial in varied.monomials)]

@@ -16,5 +16,5 @@ def sensitivity_table(summary: Summary) -> str:
     for name, entry in summary.sensors.items():
         key = "log_max" if abs(entry.max) >= abs(entry.min) else "log_min"
         peaks = (getattr(by.sensors[name], key) for by in summary.sensitivities.values())
-        rows.append((name, *("-" if value is None else f"{value:+.4f}" for value in peaks)))
+        rows.append((name, *("-" if value is None else f"{round(value, 4) + 0.0:+.4f}" for value in peaks)))
     return table(("% of the peak by 1 % of", *summary.sensitivities), rows)
