@@ -114,13 +114,13 @@ def _solve(
         from kaneflex.coupled.state import read_state
 
         state = read_state(after)
-    model = load(scene, waiting.stage)
-    if parameters:  # what can't be differentiated is known before anything is solved
+    if parameters:  # what can't be differentiated is known before anything is derived
         from kaneflex.sensitivity.parameters import find_parameters
         from kaneflex.sensitivity.report import check_differentiable
 
-        check_differentiable(model)
+        check_differentiable(scene)
         find_parameters(scene, parameters)
+    model = load(scene, waiting.stage)
     waiting.stage("compiling the integrator, first time only")
     solution = simulate(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")

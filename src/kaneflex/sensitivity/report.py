@@ -10,7 +10,9 @@ import numpy as np
 
 from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.model import Model, Motion
+from kaneflex.model import Motion
+from kaneflex.options import resolve_options
+from kaneflex.scene import Scene
 from kaneflex.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.sensitivity.tangent import Tangent, tangent
@@ -147,7 +149,7 @@ def sensitivities(
         For a run that can't be differentiated, and for a path that is no number or changes no sensor.
     """
     model = solution.model
-    check_differentiable(model)
+    check_differentiable(model.scene)
     if solution.outcome is not Outcome.COMPLETED or solution.whole is not None:
         reason = "only a whole run that was completed can be differentiated"
         raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
@@ -162,17 +164,18 @@ def sensitivities(
     return Sensitivities(solution, parameters, frozen, slopes)
 
 
-def check_differentiable(model: Model) -> None:
-    """Raise SceneError for a model that can't be differentiated, naming what stands in the way."""
-    options, scene = model.options, model.scene
-    if options.dynamics not in DYNAMICS or not model.links:
+def check_differentiable(scene: Scene) -> None:
+    """Raise SceneError for a scene whose run can't be differentiated, naming what stands in the way."""
+    options = resolve_options(scene)
+    if options.dynamics not in DYNAMICS:
         raise SceneError(
             "solve.preset", options.preset, "its sensors can't be differentiated",
             "Take preset linear, stiffened or quasistatic, with a body that has a beam",
         )  # fmt: skip
-    if model.module.FREE:
+    free = next((name for name, drive in scene.drives.items() if drive.free), None)
+    if free is not None:
         raise SceneError(
-            f"drives.{model.module.FREE[0]}.free", True, "a motion that follows the forces can't be differentiated",
+            f"drives.{free}.free", True, "a motion that follows the forces can't be differentiated",
             "Give the drive a speed, a law or a table",
         )  # fmt: skip
     stopping = next((name for name, event in scene.events.items() if event.stop), None)
