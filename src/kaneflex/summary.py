@@ -121,7 +121,7 @@ class Summary(_Table):
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
     sensitivities: dict[str, ParameterSensitivity] = Field(
-        default={}, description="by parameter, where the run was asked for derivatives"
+        description="derivatives of the sensors by parameter; empty for a run that was not asked for any"
     )
 
 
@@ -172,6 +172,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
             kernel: Operations(written_out=written_out, shared=shared)
             for kernel, (written_out, shared) in model.module.OPERATIONS.items()
         },
+        sensitivities={},
     )
 
 
