@@ -34,9 +34,7 @@ def check(scene, settings, name, frozen=True, tolerance=1e-6):
         np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=tolerance * size, err_msg=f"{sensor}, {name}")
 
 
-@pytest.mark.parametrize(
-    "name", ["rod.E", "rod.I", "rod.mass", "rod.length", "crank.length", "piston.mass", "main.speed"]
-)
+@pytest.mark.parametrize("name", ["rod.I", "rod.mass", "rod.length", "crank.length", "main.speed"])
 def test_engine(name):
     check("engine", (), name)
 
@@ -47,16 +45,14 @@ def test_quasistatic_engine(name):
     check("engine", ("solve.preset=quasistatic",), name, tolerance=2e-5)
 
 
-@pytest.mark.parametrize(
-    "name", ["blade.I", "blade.A", "blade.rho", "blade.length", "push.value", "shaft.speed", "damping.rayleigh.ratio"]
-)
+@pytest.mark.parametrize("name", ["blade.E", "blade.A", "blade.length", "push.value", "damping.rayleigh.ratio"])
 def test_rotating_cantilever(name):
     check("rotating-cantilever", (), name)
 
 
-@pytest.mark.parametrize("name", ["coupler.A", "coupler.length", "masses.at_first.mass", "main.speed"])
+@pytest.mark.parametrize("name", ["coupler.length", "masses.at_first.mass"])
 def test_four_bar(name):
-    check("four-bar", ("solve.steps=180",), name)
+    check("four-bar", ("solve.steps=120",), name)
 
 
 @pytest.mark.parametrize("integrator", ["newmark", "generalised-alpha"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -26,12 +27,17 @@ _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
 
+Near = tuple[Model, ModuleType]
+"""A model whose numbers are nearly the same, and the module of its slopes."""
+
+
 def build_model(
-    scene: Scene, options: Options, motion: Motion, like: Model | None = None, frozen: Model | None = None
+    scene: Scene, options: Options, motion: Motion, near: Near | None = None, frozen: Model | None = None
 ) -> Model:
     """Mesh the links, assemble, reduce.
 
-    ``like`` gives the order of the coordinates, ``frozen`` the bases and the modes of damping, where they are given.
+    ``near`` gives the order of the coordinates, and the elements that this model's differ from to first order;
+    ``frozen`` the bases and the modes of damping.
     """
     reference = _reference_time(scene, options, motion)
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
@@ -41,7 +47,9 @@ def build_model(
         none = ElasticEquations((), **empty)
         return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
     links = {
-        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
+        name: build_link(
+            scene, name, motion.module, options.elements or body.beam.elements, near and (near[0].links[name], near[1])
+        )
         for name, body in scene.bodies.items()
         if body.elastic
     }
@@ -56,7 +64,7 @@ def build_model(
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
     placed += place_springs(scene, links, parts, frame)  # with dampers of their own
-    frame, placed = _narrow_band(frame, placed) if like is None else _ordered(frame, placed, like.coordinates)
+    frame, placed = _narrow_band(frame, placed) if near is None else _ordered(frame, placed, near[0].coordinates)
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":

@@ -65,4 +65,4 @@ COUPLED_ATTRIBUTES = (
 """Attributes of every coupled module; with elastic links also ``terms``."""
 
 TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "SCENE", "OPERATIONS", "motion_slope", "tabulate_slopes")
-"""Attributes of every module of the slopes of a motion."""
+"""Attributes of every module of slopes; with elastic links also ``terms_slope``."""

@@ -114,11 +114,14 @@ def _apart(stops: Collection[float], length: float) -> list[float]:
     return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
-def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
+def build_link(
+    scene: Scene, name: str, module: ModuleType, elements: int, near: tuple[Link, ModuleType] | None = None
+) -> Link:
     """Assemble the constant matrices of a link from the element kernels of its module.
 
     Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
-    result has no more entries than the chain of elements, whatever its length.
+    result has no more entries than the chain of elements, whatever its length. With a link ``near`` this one and the
+    module of its slopes, the elements' matrices are those of that link and their slopes towards this one.
     """
     body = scene.bodies[name]
     nodes = mesh(scene, name, elements)
@@ -130,7 +133,10 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         p = np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
         for k, (_, group, target, factors) in enumerate(module.TERMS):
             out = np.zeros((6, 1 if target == "F" else 6))
-            module.terms(k, p, out)
+            if near is None:
+                module.terms(k, p, out)
+            else:
+                _add_linear(k, module, near, e, p, out)
             if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
                 out *= scene.damping.viscous.mu
             elif group == "damping":
@@ -155,6 +161,16 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
     part = Part(name, coordinates, matrices, place)
     return Link(name, nodes, parameters, element_terms, part)
+
+
+def _add_linear(k: int, module: ModuleType, near: tuple[Link, ModuleType], e: int, p: np.ndarray, out: np.ndarray):
+    """Add the k-th term of an element of the link nearby, and its slope along the difference of the parameters."""
+    link, slopes = near
+    p_0 = np.array([link.parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
+    module.terms(k, p_0, out)
+    change = np.zeros_like(out)
+    slopes.terms_slope(k, p_0, p - p_0, change)
+    out += change
 
 
 _GAUSS = np.polynomial.legendre.leggauss(4)

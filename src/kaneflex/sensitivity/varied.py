@@ -17,6 +17,7 @@ import numpy as np
 from kaneflex.affine import Affine, Monomial
 from kaneflex.binding import Progress, find_tangent_module
 from kaneflex.errors import SceneError
+from kaneflex.links import mesh
 from kaneflex.loading import neighbour
 from kaneflex.model import Model
 from kaneflex.sensitivity.parameters import Parameter
@@ -92,6 +93,7 @@ def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = 
         If a small change of the parameter changes which equations there are, or what can be assembled.
     """
     structure = model.scene.structure_hash()
+    tangents, _ = find_tangent_module(model.scene, progress)
     neighbours = []
     for share in SHARES:
         scene = parameter.scaled(model.scene, 1.0 + share * STEP)
@@ -100,11 +102,14 @@ def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = 
                 parameter.name, parameter.value, "a small change of it makes other equations",
                 "Move it off the value at which the equations change",
             )  # fmt: skip
-        neighbours.append(neighbour(model, scene, frozen))
-    if any(other.coordinates != model.coordinates for other in neighbours):
-        raise SceneError(
-            parameter.name, parameter.value, "a small change of it makes another mesh",
-            "Move it off the value at which the numbers of elements change",
-        )  # fmt: skip
-    tangents, _ = find_tangent_module(model.scene, progress)
+        if any(len(mesh(scene, name, _elements(model, name))) != len(link.nodes) for name, link in model.links.items()):
+            raise SceneError(
+                parameter.name, parameter.value, "a small change of it makes another mesh",
+                "Move it off the value at which the numbers of elements change",
+            )  # fmt: skip
+        neighbours.append(neighbour(model, scene, frozen, tangents))
     return Varied(model, parameter, tuple(neighbours), tangents)
+
+
+def _elements(model: Model, link: str) -> int:
+    return model.options.elements or model.scene.bodies[link].beam.elements
