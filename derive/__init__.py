@@ -13,6 +13,7 @@ The pipeline, one file a stage:
     flexible    Kane's equations of one free body with modal coordinates
     coupled     -> the coupled equations of the mechanism: bodies, constraints, loads, as programs
     coupled_module   the whole: generate_coupled(scene, shapes, structure) -> module text
+    tangent     forward mode on a Program: generate_tangent(scene, structure) -> text of the motion's slopes
 """
 
 if __name__ == "derive":
@@ -22,5 +23,9 @@ from kaneflex.derive.closure import UnsupportedLoop
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.generate import Equations, derive_equations, generate
 from kaneflex.derive.linear import StructurallySingular
+from kaneflex.derive.tangent import generate_tangent
 
-__all__ = ["Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled"]
+__all__ = [
+    "Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled",
+    "generate_tangent",
+]  # fmt: skip

@@ -21,6 +21,11 @@ def _lookup(name: str, derivative: str | None) -> UndefinedFunction:
 
 _LOOKUPS = {
     name: _lookup(name, derivative)
-    for name, derivative in (("table", "table_rate"), ("table_rate", "table_curvature"), ("table_curvature", None))
-}
-table, table_rate, table_curvature = _LOOKUPS.values()
+    for name, derivative in (
+        ("table", "table_rate"), ("table_rate", "table_curvature"), ("table_curvature", "table_jerk"),
+        ("table_jerk", None),
+    )
+}  # fmt: skip
+table, table_rate, table_curvature, _ = _LOOKUPS.values()
+SLOPES = {_LOOKUPS[name]: _lookup(f"{name}_slope", None) for name in ("table", "table_rate", "table_curvature")}
+"""Lookup -> the one of its slope where x stays and the table's own numbers move."""

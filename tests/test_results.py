@@ -15,6 +15,7 @@ import xarray
 import kaneflex
 from kaneflex.presentation import _sensor_row
 from kaneflex.results import write_netcdf
+from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.summary import (
     EnergyBalance,
     Instant,
@@ -194,6 +195,7 @@ def test_documentation_is_that_of_the_code():
 
 def test_every_field_of_the_summary_is_described():
     tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations)
+    tables += (ParameterSensitivity, SensorDerivative)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []
     assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}

@@ -19,6 +19,7 @@ _HOMES = {
     "OutputError": "kaneflex.errors",
     "Scene": "kaneflex.scene",
     "SceneError": "kaneflex.errors",
+    "Sensitivities": "kaneflex.sensitivity.report",
     "Solution": "kaneflex.solution",
     "Stability": "kaneflex.stability.report",
     "StateSpace": "kaneflex.statespace",
@@ -29,6 +30,7 @@ _HOMES = {
     "load": "kaneflex.loading",
     "read_scene": "kaneflex.scene",
     "read_state": "kaneflex.coupled.state",
+    "sensitivities": "kaneflex.sensitivity.report",
     "simulate": "kaneflex.simulation",
     "with_settings": "kaneflex.scene",
 }

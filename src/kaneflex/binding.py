@@ -13,10 +13,10 @@ from types import MappingProxyType, ModuleType
 
 import numpy as np
 
-from kaneflex.contract import COUPLED_ATTRIBUTES, COURSES, FORMAT, REQUIRED_ATTRIBUTES
+from kaneflex.contract import COUPLED_ATTRIBUTES, COURSES, FORMAT, REQUIRED_ATTRIBUTES, TANGENT_ATTRIBUTES
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
-from kaneflex.scene.structure import coupled_hash
+from kaneflex.scene.structure import coupled_hash, tangent_hash
 from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
@@ -45,6 +45,18 @@ def coupled_text(scene: Scene, shapes: Counts) -> str:
     from kaneflex.derive import generate_coupled
 
     return generate_coupled(scene, shapes, coupled_hash(scene, shapes))
+
+
+def find_tangent_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the slopes of a scene's motion; otherwise as :func:`find_module`."""
+    structure = tangent_hash(scene)
+
+    def text() -> str:
+        from kaneflex.derive import generate_tangent
+
+        return generate_tangent(scene, structure)
+
+    return _find(structure, text, TANGENT_ATTRIBUTES, progress)
 
 
 def _find(

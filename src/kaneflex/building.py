@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -25,8 +27,18 @@ _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
 
-def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
-    """Mesh the links, assemble, reduce."""
+Near = tuple[Model, ModuleType]
+"""A model whose numbers are nearly the same, and the module of its slopes."""
+
+
+def build_model(
+    scene: Scene, options: Options, motion: Motion, near: Near | None = None, frozen: Model | None = None
+) -> Model:
+    """Mesh the links, assemble, reduce.
+
+    ``near`` gives the order of the coordinates, and the elements that this model's differ from to first order;
+    ``frozen`` the bases and the modes of damping.
+    """
     reference = _reference_time(scene, options, motion)
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         empty = {
@@ -35,13 +47,15 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
         none = ElasticEquations((), **empty)
         return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
     links = {
-        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
+        name: build_link(
+            scene, name, motion.module, options.elements or body.beam.elements, near and (near[0].links[name], near[1])
+        )
         for name, body in scene.bodies.items()
         if body.elastic
     }
     carried = carried_bodies(scene)
     interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
-    parts, bases = _parts(scene, options, links, interfaces)
+    parts, bases = _parts(scene, options, links, interfaces, {} if frozen is None else frozen.bases)
     frame = build_frame(scene, parts, carried, interfaces)
     placed = [(part, frame.maps[name]) for name, part in parts.items()]
     placed += place_rigid(scene, carried, frame)
@@ -50,14 +64,14 @@ def build_model(scene: Scene, options: Options, motion: Motion) -> Model:
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
     placed += place_springs(scene, links, parts, frame)  # with dampers of their own
-    frame, placed = _narrow_band(frame, placed)
+    frame, placed = _narrow_band(frame, placed) if near is None else _ordered(frame, placed, near[0].coordinates)
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
-        equations = _with_modal_damping(model)
+        equations = _with_modal_damping(model, model if frozen is None else frozen)
         model = replace(model, equations=equations, reduced=equations)
     if options.reduction == "modal":
-        omega, basis = reference_modes(model, options.modes)
+        omega, basis = reference_modes(model if frozen is None else frozen, options.modes)
         names = tuple(f"mode_{k + 1}" for k in range(len(omega)))
         reduced = equations.in_basis(basis, names)
         if options.dynamics == "frozen":
@@ -83,9 +97,18 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])
     if before <= _NARROW or after >= before:  # what is narrow keeps the order of its names
         return frame, placed
+    return _ordered(frame, placed, [frame.coordinates[k] for k in order])
+
+
+def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> tuple[Frame, list[Placed]]:
+    """The same with the coordinates in another order; as it is where they are others."""
+    size = len(frame.coordinates)
+    if set(coordinates) != set(frame.coordinates):
+        return frame, placed
+    order = [frame.coordinates.index(name) for name in coordinates]
     swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
     moved = Frame(
-        tuple(frame.coordinates[k] for k in order),
+        tuple(coordinates),
         {name: L @ swap for name, L in frame.maps.items()},
         {name: L @ swap for name, L in frame.bodies.items()},
     )
@@ -134,7 +157,7 @@ def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
 
 
 def _parts(
-    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces
+    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
     parts: dict[str, Part] = {}
     bases: dict[str, np.ndarray] = {}
@@ -149,7 +172,7 @@ def _parts(
                     "solve.modes", options.modes, f"{name} has {limit} fixed-interface modes",
                     "Ask for fewer modes, or give the link more elements",
                 )  # fmt: skip
-            parts[name], bases[name] = craig_bampton(parts[name], held, count)
+            parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
     return parts, bases
 
 
@@ -188,10 +211,10 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
     return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
 
 
-def _with_modal_damping(model: Model) -> ElasticEquations:
-    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration."""
+def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
+    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration, Phi and omega those ``of`` a model."""
     ratios = model.scene.damping.modal.ratio
-    omega, shapes = reference_modes(model, "all")
+    omega, shapes = reference_modes(of, "all")
     zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in range(len(omega))])
     weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
     damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)

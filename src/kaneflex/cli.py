@@ -114,12 +114,21 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
     "--after", type=click.Path(path_type=Path), metavar="RESULTS",
     help="Continue from the last state of another run's folder (preset coupled).",
 )  # fmt: skip
+@click.option(
+    "--sensitivities", "parameters", multiple=True, metavar="PATHS",
+    help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed. Can be repeated.",
+)  # fmt: skip
+@click.option(
+    "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
+    help="Whether modal bases keep their shapes in --sensitivities.",
+)  # fmt: skip
 @click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier result folder.")
 @click.pass_context
 def run(
     ctx: click.Context, name: str, preset: str | None, settings: tuple[str, ...], steps: str | None,
-    integrator: str | None, output: Path | None, after: Path | None, plots: bool, force: bool,
+    integrator: str | None, output: Path | None, after: Path | None, parameters: tuple[str, ...], basis: str,
+    plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Solve SCENE and write results.nc, summary.json and pictures into a new folder.
 
@@ -132,7 +141,8 @@ def run(
     with uncollected():
         scene = read(name, chosen)
     folder = output or Path(f"{scene.name}-results")
-    summary = run_into(scene, folder, chosen, plots, force, after)
+    names = [name.strip() for text in parameters for name in text.split(",")]
+    summary = run_into(scene, folder, chosen, plots, force, after, names, basis == "frozen")
     _report(summary, folder)
     if summary.outcome != "completed":
         ctx.exit(STOPPED_EARLY)
@@ -145,6 +155,10 @@ def _report(summary: Summary, folder: Path) -> None:
         click.echo(summary_table(summary))
     if summary.mode_angle_spread:
         click.echo(spread_table(summary))
+    if summary.sensitivities:
+        from kaneflex.sensitivity.words import sensitivity_table
+
+        click.echo(sensitivity_table(summary))
     click.echo(run_lines(summary))
     click.echo(f"Written to {folder}")
     for warning in summary.warnings:

@@ -63,3 +63,6 @@ COUPLED_ATTRIBUTES = (
     "OPERATIONS", "equations", "constraints", "tangent", "energy",
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``terms``."""
+
+TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "SCENE", "OPERATIONS", "motion_slope", "tabulate_slopes")
+"""Attributes of every module of slopes; with elastic links also ``terms_slope``."""

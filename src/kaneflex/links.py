@@ -114,11 +114,14 @@ def _apart(stops: Collection[float], length: float) -> list[float]:
     return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
-def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
+def build_link(
+    scene: Scene, name: str, module: ModuleType, elements: int, near: tuple[Link, ModuleType] | None = None
+) -> Link:
     """Assemble the constant matrices of a link from the element kernels of its module.
 
     Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
-    result has no more entries than the chain of elements, whatever its length.
+    result has no more entries than the chain of elements, whatever its length. With a link ``near`` this one and the
+    module of its slopes, the elements' matrices are those of that link and their slopes towards this one.
     """
     body = scene.bodies[name]
     nodes = mesh(scene, name, elements)
@@ -130,7 +133,10 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         p = np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
         for k, (_, group, target, factors) in enumerate(module.TERMS):
             out = np.zeros((6, 1 if target == "F" else 6))
-            module.terms(k, p, out)
+            if near is None:
+                module.terms(k, p, out)
+            else:
+                _add_linear(k, module, near, e, p, out)
             if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
                 out *= scene.damping.viscous.mu
             elif group == "damping":
@@ -155,6 +161,16 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
     part = Part(name, coordinates, matrices, place)
     return Link(name, nodes, parameters, element_terms, part)
+
+
+def _add_linear(k: int, module: ModuleType, near: tuple[Link, ModuleType], e: int, p: np.ndarray, out: np.ndarray):
+    """Add the k-th term of an element of the link nearby, and its slope along the difference of the parameters."""
+    link, slopes = near
+    p_0 = np.array([link.parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
+    module.terms(k, p_0, out)
+    change = np.zeros_like(out)
+    slopes.terms_slope(k, p_0, p - p_0, change)
+    out += change
 
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
@@ -241,7 +257,9 @@ def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
     return Part(part.name, part.coordinates, matrices, part.place)
 
 
-def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, np.ndarray]:
+def craig_bampton(
+    part: Part, held: Collection[int], modes: int, frozen: np.ndarray | None = None
+) -> tuple[Part, np.ndarray]:
     """Reduce a link to its interface coordinates and its lowest fixed-interface modes (Craig & Bampton 1968).
 
     Parameters
@@ -253,15 +271,32 @@ def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, 
         axial extension and the rotation of the chord.
     modes : int
         Fixed-interface modes to keep.
+    frozen : ndarray (size, reduced size), optional
+        A basis to reduce to instead, of a link with the same coordinates and held rows.
 
     Returns
     -------
     Part, ndarray (size, reduced size)
         The reduced link, and the basis B with q = B q_reduced.
     """
+    held = sorted(held)
+    basis = _basis(part, held, modes) if frozen is None else frozen
+    matrices = {
+        key: affine.projected(basis) if key == "F" else affine.congruent(basis) for key, affine in part.matrices.items()
+    }
+    names = [part.coordinates[row] for row in held]
+    names += [f"{part.name}.mode_{k + 1}" for k in range(basis.shape[1] - len(held))]
+    row_of = {row: k for k, row in enumerate(held)}
+    place = {
+        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
+    }
+    return Part(part.name, tuple(names), matrices, place), basis
+
+
+def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
+    """Static shapes of the held rows, then the lowest fixed-interface modes."""
     from kaneflex.modes import lowest_modes
 
-    held = sorted(held)
     free = np.setdiff1d(np.arange(part.size), held)
     stiffness, mass = part.matrices["K_s"].at({}), part.matrices["M"].at({})
     static = np.zeros((part.size, len(held)))
@@ -274,14 +309,4 @@ def craig_bampton(part: Part, held: Collection[int], modes: int) -> tuple[Part, 
     _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
     dynamic = np.zeros((part.size, shapes.shape[1]))
     dynamic[free] = shapes
-    basis = np.hstack([static, dynamic])
-    matrices = {
-        key: affine.projected(basis) if key == "F" else affine.congruent(basis) for key, affine in part.matrices.items()
-    }
-    names = [part.coordinates[row] for row in held]
-    names += [f"{part.name}.mode_{k + 1}" for k in range(shapes.shape[1])]
-    row_of = {row: k for k, row in enumerate(held)}
-    place = {
-        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
-    }
-    return Part(part.name, tuple(names), matrices, place), basis
+    return np.hstack([static, dynamic])

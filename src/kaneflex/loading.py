@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 
@@ -90,6 +91,26 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
     return replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
+
+
+def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | None = None) -> Model:
+    """A model of a scene that differs in numbers alone, with the same module, options and numbers of steps.
+
+    Parameters
+    ----------
+    model : Model
+        Of the scene before the change, with no free joints.
+    frozen : bool
+        Whether the new one keeps the modal bases and the modes of the damping.
+    slopes : ModuleType, optional
+        The module of the model's slopes: the elements then differ by them, to first order; else by what they are.
+    """
+    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
+    options = replace(model.options, duration=duration)
+    scene = _acting(scene, options)
+    parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
+    near = None if slopes is None else (model, slopes)
+    return build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:

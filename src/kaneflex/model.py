@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -238,29 +238,34 @@ class Model:
     @cached_property
     def system(self) -> AffineSystem:
         """The kept equations as the integrators read them."""
-        size = self.reduced.size
-        pattern = coo_array(sum(self.kept[name].pattern() for name in "MCK"))
-        half_bandwidth = int(abs(pattern.row - pattern.col).max(initial=0))
-        width = 2 * half_bandwidth + 1
+        return affine_system(self.kept, self.monomials)
 
-        def slots(affine: Affine) -> csr_array:
-            rows, columns, data = [], [], []
-            for k, monomial in enumerate(self.monomials):
-                if monomial in affine.terms:
-                    entries = coo_array(affine.terms[monomial])
-                    banded = affine.shape[1] != 1
-                    slot = entries.row * width + entries.col - entries.row + half_bandwidth if banded else entries.row
-                    rows.append(slot)
-                    columns.append(np.full(len(slot), k))
-                    data.append(entries.data)
-            shape = (size * width if affine.shape[1] != 1 else size, len(self.monomials))
-            if not rows:
-                return csr_array(shape)
-            return csr_array(
-                coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
-            )
 
-        return AffineSystem(size, half_bandwidth, *(slots(self.kept[name]) for name in ("M", "C", "K", "F")))
+def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> AffineSystem:
+    """M, C, K, F as the integrators read them: one column for each product of the motion's scalars."""
+    size = kept["M"].shape[0]
+    pattern = coo_array(sum(kept[name].pattern() for name in "MCK"))
+    half_bandwidth = int(abs(pattern.row - pattern.col).max(initial=0))
+    width = 2 * half_bandwidth + 1
+
+    def slots(affine: Affine) -> csr_array:
+        rows, columns, data = [], [], []
+        for k, monomial in enumerate(monomials):
+            if monomial in affine.terms:
+                entries = coo_array(affine.terms[monomial])
+                banded = affine.shape[1] != 1
+                slot = entries.row * width + entries.col - entries.row + half_bandwidth if banded else entries.row
+                rows.append(slot)
+                columns.append(np.full(len(slot), k))
+                data.append(entries.data)
+        shape = (size * width if affine.shape[1] != 1 else size, len(monomials))
+        if not rows:
+            return csr_array(shape)
+        return csr_array(
+            coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+        )
+
+    return AffineSystem(size, half_bandwidth, *(slots(kept[name]) for name in ("M", "C", "K", "F")))
 
 
 def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:

@@ -35,13 +35,13 @@ def quasistatic(
     z = np.zeros((len(times), model.reduced.size))
     size = model.reduced.size
     batch = max(1, _CHUNK // max(size * size, 1))
-    relief = _has_mechanism_modes(model, times[0])
+    relief = has_mechanism_modes(model, times[0])
     for first in range(0, len(times), batch):
         rows = slice(first, first + batch)
         rigid = model.motion.at(times[rows])
         load = rigid.column_of(model.kept["F"]).T
         if size > 64 and not relief:
-            z[rows] = _solve_banded(model, times[rows], load)
+            z[rows] = solve_banded_at(model, times[rows], load)
         else:
             stiffness = _dense(model.kept["K"], rigid)
             if relief:
@@ -52,8 +52,8 @@ def quasistatic(
         if progress is not None:
             progress(min(1.0, (first + batch) / len(times)))
     step = times[1] - times[0]
-    v = _derivative(z, step, periodic)
-    return z, v, _derivative(v, step, periodic)
+    v = rate_of(z, step, periodic)
+    return z, v, rate_of(v, step, periodic)
 
 
 def _dense(affine: Affine, rigid: RigidMotion) -> np.ndarray:
@@ -64,7 +64,7 @@ def _dense(affine: Affine, rigid: RigidMotion) -> np.ndarray:
     return total
 
 
-def _solve_banded(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarray:
+def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarray:
     """One banded solve an instant: the cost grows with the number of elements, not with its cube."""
     from scipy.linalg import solve_banded
 
@@ -84,7 +84,7 @@ def _solve_banded(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarr
     return answer
 
 
-def _has_mechanism_modes(model: Model, t: float) -> bool:
+def has_mechanism_modes(model: Model, t: float) -> bool:
     """Whether K_s alone leaves the mechanism a motion."""
     rigid = model.motion.at(t)
     stiffness, mass = (
@@ -109,7 +109,7 @@ def _relieved(elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load
     return answer
 
 
-def _derivative(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
+def rate_of(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
     """Central differences of fourth order; second order, one-sided, at the ends of a motion without period."""
     if not periodic:
         inner = np.gradient(values, step, axis=0, edge_order=2)

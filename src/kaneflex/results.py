@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray
 
+    from kaneflex.sensitivity.report import Sensitivities
     from kaneflex.solution import Solution
 
 
@@ -73,6 +74,9 @@ def _last_state(solution: Solution) -> tuple[tuple, dict[str, tuple]]:
     }
 
 
-def write_netcdf(solution: Solution, path: Path) -> None:
-    """Write :func:`to_dataset` as netCDF 3 (64-bit offset), which ``xarray.open_dataset`` reads with scipy alone."""
+def write_netcdf(solution: Solution | Sensitivities, path: Path) -> None:
+    """Write the dataset of a solution, or of its sensitivities, as netCDF 3 (64-bit offset).
+
+    ``xarray.open_dataset`` reads it with scipy alone.
+    """
     solution.dataset.to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")

@@ -18,10 +18,11 @@ from kaneflex.terminal import Waiting
 if TYPE_CHECKING:
     from kaneflex.comparison import Comparison
     from kaneflex.scene import Scene
+    from kaneflex.sensitivity.report import Sensitivities
     from kaneflex.solution import Solution
     from kaneflex.summary import Summary
 
-SUMMARY_FILE, RESULTS_FILE = "summary.json", "results.nc"
+SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
 COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
 
 
@@ -32,8 +33,12 @@ def run_into(
     plots: bool = True,
     force: bool = False,
     after: Path | None = None,
+    parameters: Sequence[str] = (),
+    frozen: bool = True,
 ) -> Summary:
     """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
+
+    With parameters to differentiate by also ``sensitivities.nc``.
 
     Parameters
     ----------
@@ -49,6 +54,8 @@ def run_into(
         Whether an earlier result folder may be replaced.
     after : Path, optional
         Results of a coupled run to continue from its last state.
+    parameters, frozen
+        Paths and basis as :func:`kaneflex.sensitivities` takes them.
 
     Returns
     -------
@@ -62,11 +69,18 @@ def run_into(
     SceneError
         If the scene can't be solved.
     """
+    from kaneflex.results import write_netcdf
+
     with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
         with uncollected():
-            solution, summary = _solve(scene, settings, waiting, after)
+            solution, summary = _solve(scene, settings, waiting, after, parameters)
+            found = _differentiated(solution, parameters, frozen, waiting) if parameters else None
+            if found is not None:
+                summary = summary.model_copy(update={"sensitivities": found.summary()})
             with writing(folder):
                 _write(solution, summary, partial)
+                if found is not None:
+                    write_netcdf(found, partial / SENSITIVITIES_FILE)
         if plots and summary.outcome == "completed":
             with writing(folder):
                 _draw(solution, partial, waiting)
@@ -89,7 +103,7 @@ def uncollected() -> Iterator[None]:
 
 
 def _solve(
-    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None
+    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None, parameters: Sequence[str]
 ) -> tuple[Solution, Summary]:
     from kaneflex.loading import load
     from kaneflex.simulation import simulate
@@ -100,11 +114,31 @@ def _solve(
         from kaneflex.coupled.state import read_state
 
         state = read_state(after)
+    if parameters:  # what can't be differentiated is known before anything is derived
+        from kaneflex.sensitivity.parameters import find_parameters
+        from kaneflex.sensitivity.report import check_differentiable
+
+        check_differentiable(scene)
+        find_parameters(scene, parameters)
     model = load(scene, waiting.stage)
     waiting.stage("compiling the integrator, first time only")
     solution = simulate(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")
     return solution, summarise(solution, settings)
+
+
+def _differentiated(
+    solution: Solution, parameters: Sequence[str], frozen: bool, waiting: Waiting
+) -> Sensitivities | None:
+    """The derivatives of a run; none of one that stopped early."""
+    from kaneflex.integrate.outcome import Outcome
+    from kaneflex.sensitivity.report import sensitivities
+
+    if solution.outcome is not Outcome.COMPLETED:
+        return None
+    stage = "differentiating"
+    waiting.stage(stage)
+    return sensitivities(solution, parameters, frozen, waiting.share_of(stage))
 
 
 def _write(solution: Solution, summary: Summary, folder: Path) -> None:

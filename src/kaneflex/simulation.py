@@ -89,6 +89,11 @@ def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
     return _completed(times, z, v, a, ns)
 
 
+def storing(model: Model) -> int:
+    """One step in so many is stored."""
+    return max(1, -(-model.options.steps // _MAX_STORED))
+
+
 def not_repeated(model: Model) -> str | None:
     """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
     period = model.scene.period
@@ -134,7 +139,7 @@ def _integrated(model: Model, progress: Progress | None) -> Trajectory:
         options.integrator,
         start=start,
         period_steps=options.steps if options.cycles else None,
-        every=max(1, -(-options.steps // _MAX_STORED)),
+        every=storing(model),
         rho_infinity=options.rho_infinity,
         progress=progress,
     )

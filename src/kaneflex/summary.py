@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
+
 if TYPE_CHECKING:
     from kaneflex.sensors import Series
     from kaneflex.solution import Solution
@@ -118,6 +120,9 @@ class Summary(_Table):
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
+    sensitivities: dict[str, ParameterSensitivity] = Field(
+        description="derivatives of the sensors by parameter; empty for a run that was not asked for any"
+    )
 
 
 def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
@@ -167,6 +172,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
             kernel: Operations(written_out=written_out, shared=shared)
             for kernel, (written_out, shared) in model.module.OPERATIONS.items()
         },
+        sensitivities={},
     )
 
 
@@ -191,12 +197,12 @@ def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> Se
         at_min=instant(lowest),
         at_max=instant(highest),
         # scaled, because the values of an unstable run may be too large to be squared
-        rms=largest * math.sqrt(_mean((values / largest) ** 2, times)),
-        mean=_mean(values, times),
+        rms=largest * math.sqrt(mean_over_time((values / largest) ** 2, times)),
+        mean=mean_over_time(values, times),
     )
 
 
-def _mean(values: np.ndarray, times: np.ndarray) -> float:
+def mean_over_time(values: np.ndarray, times: np.ndarray) -> float:
     """Mean over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
     if len(times) == 1:
         return float(values[0])
@@ -258,7 +264,7 @@ def json_schema() -> dict[str, Any]:
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field, and the JSON Schema."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
-    for table in (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations):
+    for table in _TABLES:
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
@@ -277,6 +283,12 @@ leaves the version as it is, a field that goes or changes its meaning raises it.
 
 Made by `python -m kaneflex.summary`; do not edit.
 """
+
+
+_TABLES = (
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations,
+    ParameterSensitivity, SensorDerivative,
+)  # fmt: skip
 
 
 def _type_name(kind: Any) -> str:

@@ -8,6 +8,7 @@ import typing
 from pydantic import BaseModel
 
 from kaneflex.scene.scene import Scene
+from kaneflex.units import Dimension
 
 ANY_NAME = "*"
 """Stands for the names that a user gives, where a table has any."""
@@ -34,6 +35,20 @@ def _entry(kind: object, key: str) -> object:
             if key == (field.alias or name):
                 return _plain(field.annotation)
     return None
+
+
+def dimensions(path: typing.Sequence[str]) -> tuple[Dimension, ...]:
+    """Of the quantity at `path`: one, or that of a joint that turns and of one that slides; none of anything else."""
+    kind: object = Scene
+    for key in path[:-1]:
+        kind = _entry(kind, key)
+    fields = kind.model_fields.items() if _is_table(kind) else ()
+    field = next((field for name, field in fields if path[-1] == (field.alias or name)), None)
+    if field is None:
+        return ()
+    options = [field.annotation, *typing.get_args(field.annotation)]
+    known = [*field.metadata, *(entry for option in options for entry in getattr(option, "__metadata__", ()))]
+    return tuple(entry for entry in known if isinstance(entry, Dimension))
 
 
 def has_entry(path: typing.Sequence[str]) -> bool:

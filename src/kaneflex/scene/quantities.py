@@ -49,7 +49,7 @@ def _quantity(dimension: Dimension, lowest: float = -math.inf, zero: bool = True
 
     written = f"{dimension.name}, {dimension.unit or 'a plain number'}"
     schema = {"type": ["number", "string"], "description": f"{written}; or a string with a unit"}
-    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema)]
+    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema), dimension]
 
 
 def _positive(dimension: Dimension) -> Any:
@@ -70,7 +70,7 @@ def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
 
     written = f"{turning.name}, {turning.unit}; of a guide {sliding.name}, {sliding.unit}; or a string with a unit"
     schema = {"type": ["number", "string"], "description": written}
-    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema)]
+    return Annotated[float, BeforeValidator(convert), WithJsonSchema(schema), turning, sliding]
 
 
 def _vector(dimension: Dimension) -> Any:

@@ -26,7 +26,7 @@ def nested(raw: Mapping[str, Any], setting: str) -> dict[str, Any]:
     if not equals or not path:
         raise SceneError("setting", setting, "not of the form path=value", "Write like rod.elements=1")
     result: Any = _value(text.strip())
-    for key in reversed(_resolved(raw, path, text.strip())):
+    for key in reversed(resolved(raw, path, text.strip())):
         result = {key: result}
     return result
 
@@ -39,7 +39,11 @@ def _value(text: str) -> Any:
         return text
 
 
-def _resolved(raw: Mapping[str, Any], path: str, text: str) -> list[str]:
+def resolved(raw: Mapping[str, Any], path: str, text: str | None = None) -> list[str]:
+    """The keys that a path means, short or whole, in a scene's tables; ``text`` is the value to name in an error.
+
+    Raises SceneError for a path that leads nowhere, or to several places.
+    """
     keys = path.split(".")
     if keys[0] in known_keys(()):
         _demand_entry(raw, keys, path, text)
@@ -84,7 +88,7 @@ def _or_rather(close: list[str]) -> str:
     return f"; similar names are {', '.join(close)}" if close else ""
 
 
-def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str) -> None:
+def _demand_entry(raw: Mapping[str, Any], keys: list[str], path: str, text: str | None) -> None:
     """Raise SceneError unless the scene may have an entry at `keys` and has the thing that it belongs to."""
     for depth in range(1, len(keys) + 1):
         if not has_entry(keys[:depth]):

@@ -50,6 +50,11 @@ def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
     return _digits({"format": FORMAT, "shapes": counts, **structure(scene)})
 
 
+def tangent_hash(scene: Scene) -> str:
+    """The same of the module of the motion's slopes."""
+    return _digits({"format": FORMAT, "tangent": True, **structure(scene)})
+
+
 def _digits(content: Mapping[str, Any]) -> str:
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from kaneflex.errors import SceneError, nearest
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
-from kaneflex.scene.settings import nested
+from kaneflex.scene.settings import nested, resolved
 from kaneflex.study.points import Point, points_of
 from kaneflex.study.study import Study, Value, read_study
 
@@ -38,6 +38,10 @@ class Plan:
         By number; only some of them where they are solved in chunks.
     series : bool
         Whether every sensor is kept over time.
+    sensitivities : tuple of str
+        Paths of what the sensors are differentiated by.
+    frozen : bool
+        Whether modal bases keep their shapes in the derivatives.
     files : mapping of str to bytes
         Tables and modal data that the scene or a point names, by absolute path.
     """
@@ -46,6 +50,8 @@ class Plan:
     points: Mapping[int, Point]
     series: bool
     files: Mapping[str, bytes]
+    sensitivities: tuple[str, ...] = ()
+    frozen: bool = True
 
     def at(self, index: int) -> Scene:
         """The scene at a point. Raises SceneError for values that the scene can't have."""
@@ -58,6 +64,8 @@ class Plan:
 
         contents = {path: hashlib.sha256(data).hexdigest() for path, data in self.files.items()}
         about = [kaneflex.__version__, self.scene.raw, list(self.points.values()), self.series, contents]
+        if self.sensitivities:
+            about += [self.sensitivities, self.frozen]
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -76,10 +84,13 @@ def make_plan(path: Path) -> Plan:
     points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
     for key, value in points[0].items():
         nested(scene.raw, setting(key, value))
+    for name in study.sensitivities:
+        resolved(scene.raw, name)
     for sensor in scene.sensors:
         if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
             raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
-    return Plan(scene, dict(enumerate(points)), study.series, _files(scene, points))
+    kept = (study.series, _files(scene, points), study.sensitivities, study.basis == "frozen")
+    return Plan(scene, dict(enumerate(points)), *kept)
 
 
 def setting(path: str, value: Value) -> str:

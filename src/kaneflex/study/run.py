@@ -71,11 +71,17 @@ def _solved(plan: Plan, point: int) -> Record:
     if outcome != COMPLETED:
         return Record(point, outcome, solution.trajectory.message)
     found = sensor_summaries(solution)
+    series = {name: entry.values for name, entry in solution.series.items()}
+    statistics = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
+    labels = {name: (entry.unit, entry.meaning) for name, entry in found.items()}
+    if plan.sensitivities:
+        from kaneflex.sensitivity.report import sensitivities
+
+        derivatives = sensitivities(solution, plan.sensitivities, plan.frozen)
+        for name, derivative in derivatives.named().items():
+            statistics[name] = tuple(getattr(derivative.of, key) for key in STATISTICS)
+            labels[name] = (derivative.of.unit, derivative.meaning)
+            series[name] = derivative.values
     return Record(
-        point,
-        outcome,
-        statistics={name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()},
-        labels={name: (entry.unit, entry.meaning) for name, entry in found.items()},
-        times=solution.times if plan.series else None,
-        series={name: series.values for name, series in solution.series.items()} if plan.series else {},
+        point, outcome, "", statistics, labels, solution.times if plan.series else None, series if plan.series else {}
     )

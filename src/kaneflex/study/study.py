@@ -114,6 +114,8 @@ class Study(SceneTable):
     points: tuple[dict[str, Value], ...] = Field(default=(), description="listed points: `{path = value}`, same paths")
     sample: Sample | None = Field(default=None, description="see below")
     series: bool = Field(default=False, description="whether to keep every sensor over time")
+    sensitivities: tuple[str, ...] = Field(default=(), description="paths of what every sensor is differentiated by")
+    basis: Literal["frozen", "recomputed"] = Field(default="frozen", description="modal bases in the derivatives")
 
     @validated_by(mode="after")
     def _consistent(self) -> Study:

@@ -1,0 +1,119 @@
+"""Derivatives of sensors against central differences of whole runs, and against closed forms."""
+
+import numpy as np
+import pytest
+from runs import model, run
+
+from kaneflex.loading import neighbour
+from kaneflex.sensitivity.parameters import find_parameters
+from kaneflex.sensitivity.report import sensitivities
+from kaneflex.sensitivity.tangent import integrated_pair
+from kaneflex.sensitivity.varied import vary
+from kaneflex.simulation import simulate
+from kaneflex.summary import sensor_summaries
+
+STEP = 5e-4  # not that of the package's own differences
+
+
+def differences(scene, settings, parameter, frozen=True):
+    """p dy/dp of every sensor by fourth-order differences of runs with the same numbers of steps."""
+    base = model(scene, *settings)
+    at = {k: simulate(neighbour(base, parameter.scaled(base.scene, 1 + k * STEP), frozen)) for k in (-2, -1, 1, 2)}
+    y = {k: {name: series.values for name, series in solution.series.items()} for k, solution in at.items()}
+    return {name: (y[-2][name] - 8 * (y[-1][name] - y[1][name]) - y[2][name]) / (12 * STEP) for name in y[1]}
+
+
+def check(scene, settings, name, frozen=True, tolerance=1e-6):
+    """Every sensor's slope against differences: of its own size, or of a hundredth of its sensor's."""
+    solution = run(scene, *settings)
+    found = sensitivities(solution, [name], frozen)
+    expected = differences(scene, settings, found.parameters[0], frozen)
+    assert found.slopes[name].keys() == solution.series.keys()
+    for sensor, slope in found.slopes[name].items():
+        size = max(abs(expected[sensor]).max(), 1e-2 * abs(solution.series[sensor].values).max())
+        np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=tolerance * size, err_msg=f"{sensor}, {name}")
+
+
+@pytest.mark.parametrize("name", ["rod.I", "rod.mass", "rod.length", "crank.length", "main.speed"])
+def test_engine(name):
+    check("engine", (), name)
+
+
+@pytest.mark.parametrize("name", ["rod.E", "rod.mass", "main.speed"])
+def test_quasistatic_engine(name):
+    # an acceleration of the quasi-static answer is a difference of differences: rounding weighs more
+    check("engine", ("solve.preset=quasistatic",), name, tolerance=2e-5)
+
+
+@pytest.mark.parametrize("name", ["blade.E", "blade.A", "blade.length", "push.value", "damping.rayleigh.ratio"])
+def test_rotating_cantilever(name):
+    check("rotating-cantilever", (), name)
+
+
+@pytest.mark.parametrize("name", ["coupler.length", "masses.at_first.mass"])
+def test_four_bar(name):
+    check("four-bar", ("solve.steps=120",), name)
+
+
+@pytest.mark.parametrize("integrator", ["newmark", "generalised-alpha"])
+@pytest.mark.parametrize("start", ["zero", "quasistatic", "periodic"])
+def test_each_integrator_and_start(integrator, start):
+    settings = (f"solve.integrator={integrator}", f"solve.start={start}", "solve.steps=200")
+    # average acceleration damps nothing: rounding rings on in the differences
+    check("rotating-cantilever", settings, "blade.E", tolerance=1e-5)
+    check("rotating-cantilever", settings, "shaft.speed", tolerance=1e-5)
+
+
+@pytest.mark.parametrize("reduction", ["craig-bampton", "modal"])
+def test_modal_basis_frozen_or_recomputed(reduction):
+    """Few modes bend to the parameter: what the two derivatives differ by is far beyond their errors."""
+    settings = (f"solve.reduction={reduction}", "solve.modes=2", "solve.steps=360")
+    check("engine", settings, "rod.length", frozen=True)
+    check("engine", settings, "rod.length", frozen=False)
+    solution = run("engine", *settings)
+    kept, moved = (sensitivities(solution, ["rod.length"], frozen).slopes["rod.length"] for frozen in (True, False))
+    assert max(abs(kept[name] - moved[name]).max() / abs(kept[name]).max() for name in kept) > 1e-4
+
+
+def test_many_turns_from_rest():
+    """The run ends 17 turns later with one per cent more speed: at a fixed time, not at a fixed angle."""
+    check("spin-up", ("solve.steps=1500",), "hub.speed", tolerance=3e-6)
+
+
+def test_slow_blade_is_a_static_cantilever():
+    """v = F l^3 / (3 E I) at the tip and F l at the clamp, whatever the speed."""
+    solution = run("rotating-cantilever", "solve.preset=quasistatic", "shaft.speed=1e-6", "solve.steps=24")
+    names = ["blade.I", "blade.E", "blade.length", "push.value"]
+    found = sensitivities(solution, names)
+    powers = {"tip_transverse": (-1, -1, 3, 1), "root_moment": (0, 0, 1, 1), "shaft_torque": (0, 0, 1, 1)}
+    for sensor, expected in powers.items():
+        logarithmic = [found.of(parameter, sensor).log_max for parameter in found.parameters]
+        np.testing.assert_allclose(logarithmic, expected, atol=1e-8)
+    bent = found.of(found.parameters[0], "tip_transverse").max
+    np.testing.assert_allclose(bent, -0.1 / (3 * 7.0e10 * 67.5e-12**2), rtol=1e-8)
+    assert found.unit(found.parameters[0], "tip_transverse") == "m/m^4"
+
+
+def test_statistics_are_those_of_neighbouring_runs():
+    settings = ("solve.steps=360",)
+    found = sensitivities(run("engine", *settings), ["main.speed"])
+    (parameter,) = found.parameters
+    base = model("engine", *settings)
+    high, low = (sensor_summaries(simulate(neighbour(base, parameter.scaled(base.scene, 1 + k), True)))
+                 for k in (1e-4, -1e-4))  # fmt: skip
+    here = sensor_summaries(found.solution)
+    for sensor in ("mid_transverse", "crank_torque", "rod_mid_strain"):
+        derivative = found.of(parameter, sensor)
+        for key in ("min", "max", "rms", "mean"):
+            difference = (getattr(high[sensor], key) - getattr(low[sensor], key)) / (2e-4 * parameter.value)
+            np.testing.assert_allclose(getattr(derivative, key), difference, rtol=2e-5, err_msg=f"{sensor} {key}")
+            logarithmic = getattr(derivative, key) * parameter.value / getattr(here[sensor], key)
+            np.testing.assert_allclose(getattr(derivative, f"log_{key}"), logarithmic)
+
+
+def test_the_motion_of_the_pair_is_the_run_itself():
+    solution = run("engine", "solve.steps=360")
+    varied = vary(solution.model, find_parameters(solution.model.scene, ["rod.E"])[0], True)
+    pair = integrated_pair(varied)
+    z = solution.trajectory.z
+    np.testing.assert_allclose(pair.z[:, 0::2], z, rtol=0, atol=1e-9 * abs(z).max())
