@@ -94,6 +94,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
         ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Take preset linear, stiffened or quasistatic")),
         ("slider-crank-150-coupled", "rod.E", ("solve.preset = 'coupled'",)),
         ("engine-torque-elastic", "rod.E", ("solve.preset = 'coupled'",)),
+        ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Take newmark")),
         ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
         ("engine", "rod.elements", ("rod.elements = '4'", "not a number that can change")),
         ("engine", "bore.direction", ("bore.direction", "not a number that can change")),
@@ -105,7 +106,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
     ],
 )
 def test_refusals_name_key_value_and_cure(tmp_path, scene, name, words):
-    refused(cli("run", scene, "-o", tmp_path / "out", "--no-plots", "--sensitivities", name), *words)
+    refused(cli("run", *shlex.split(scene), "-o", tmp_path / "out", "--no-plots", "--sensitivities", name), *words)
     assert not (tmp_path / "out").exists()
 
 

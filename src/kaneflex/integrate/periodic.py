@@ -51,6 +51,33 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     return Beginning(_state_of(setup, x, _scales(setup)), multipliers, outcome, message)
 
 
+def periodic_pair(own: Cycle, setup: Setup, period_steps: int) -> Beginning:
+    """The periodic state of a system and of its slope side by side, z_1, its slope, z_2, its slope ...
+
+    `own` is the cycle of the system itself; its slope has the same monodromy matrix Phi, so that one cycle from a slope
+    of zero, which ends at w, is all that is missing: (I - Phi) x' = w.
+    """
+    if own.monodromy is None:
+        return Beginning(None, None, own.outcome, own.message)
+    n, scales = setup.system.n // 2, _scales(setup)
+    inverse = np.linalg.inv(np.eye(len(own.forced)) - own.monodromy)
+    x = np.zeros((2, len(own.forced)))
+    x[0] = inverse @ own.forced
+    state = _state_of(setup, _woven(x, n), scales)
+    nothing = Stored(*(np.zeros((1, 2 * n)) for _ in Stored._fields))
+    came = advance(setup, state, np.ones(1), period_steps, period_steps + 1, nothing, False, None)
+    if came.outcome is not Outcome.COMPLETED:
+        return Beginning(None, None, came.outcome, f"{came.outcome.value}, in the first cycle")
+    ends = [part[0, 1::2] * scale for part, scale in zip(state[: len(scales)], scales, strict=True)]
+    x[1] = inverse @ np.concatenate(ends)
+    return Beginning(_state_of(setup, _woven(x, n), scales), None, Outcome.COMPLETED, "")
+
+
+def _woven(x: np.ndarray, n: int) -> np.ndarray:
+    """Two states, part by part of n numbers, coordinate by coordinate beside each other."""
+    return x.reshape(2, -1, n).transpose(1, 2, 0).ravel()
+
+
 def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:
     """Where a cycle moves every unit state, and zero; all share one factorisation a step."""
     n, scales = setup.system.n, _scales(setup)
