@@ -117,3 +117,7 @@ def test_the_motion_of_the_pair_is_the_run_itself():
     pair = integrated_pair(varied, own_cycle(solution.model))
     z = solution.trajectory.z
     np.testing.assert_allclose(pair.z[:, 0::2], z, rtol=0, atol=1e-9 * abs(z).max())
+
+
+def test_one_number_of_a_list():
+    check("four-bar", ("solve.steps=120",), "ground.right.0")
