@@ -7,7 +7,7 @@ from runs import model, run
 from kaneflex.loading import neighbour
 from kaneflex.sensitivity.parameters import find_parameters
 from kaneflex.sensitivity.report import sensitivities
-from kaneflex.sensitivity.tangent import integrated_pair
+from kaneflex.sensitivity.tangent import integrated_pair, own_cycle
 from kaneflex.sensitivity.varied import vary
 from kaneflex.simulation import simulate
 from kaneflex.summary import sensor_summaries
@@ -114,6 +114,10 @@ def test_statistics_are_those_of_neighbouring_runs():
 def test_the_motion_of_the_pair_is_the_run_itself():
     solution = run("engine", "solve.steps=360")
     varied = vary(solution.model, find_parameters(solution.model.scene, ["rod.E"])[0], True)
-    pair = integrated_pair(varied)
+    pair = integrated_pair(varied, own_cycle(solution.model))
     z = solution.trajectory.z
     np.testing.assert_allclose(pair.z[:, 0::2], z, rtol=0, atol=1e-9 * abs(z).max())
+
+
+def test_one_number_of_a_list():
+    check("four-bar", ("solve.steps=120",), "ground.right.0")

@@ -94,9 +94,13 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
         ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Take preset linear, stiffened or quasistatic")),
         ("slider-crank-150-coupled", "rod.E", ("solve.preset = 'coupled'",)),
         ("engine-torque-elastic", "rod.E", ("solve.preset = 'coupled'",)),
+        ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Take newmark")),
         ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
         ("engine", "rod.elements", ("rod.elements = '4'", "not a number that can change")),
-        ("engine", "bore.direction", ("bore.direction", "not a number that can change")),
+        ("engine", "bore.direction", ("bore.direction = '(1.0, 0.0)'", "a list", "like bore.direction.0")),
+        ("engine", "bore.direction.0", ("bore.direction.0 = 1.0", "no sensor depends on it")),
+        ("engine", "damping.rayleigh.at.2", ("a list of numbers", "Name one of its 2")),
+        ("engine", "rod.length.0", ("rod.length.0 = 0.137", "no list")),
         ("engine", "main.angle", ("main.angle = 0.0", "zero")),
         ("engine", "rod.EI", ("rod.EI", "nearest known one is 'I'")),
         ("engine", "solve.mode_angle", ("solve.mode_angle", "no number of the mechanism")),
@@ -105,7 +109,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
     ],
 )
 def test_refusals_name_key_value_and_cure(tmp_path, scene, name, words):
-    refused(cli("run", scene, "-o", tmp_path / "out", "--no-plots", "--sensitivities", name), *words)
+    refused(cli("run", *shlex.split(scene), "-o", tmp_path / "out", "--no-plots", "--sensitivities", name), *words)
     assert not (tmp_path / "out").exists()
 
 
@@ -128,6 +132,7 @@ def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
         ("engine", "gas.period", "rad"), ("rotating-cantilever", "push.value", "N"),
         ("four-bar", "masses.at_first.mass", "kg"), ("spin-up", "hub.spin_up", "s"),
         ("engine", "damping.rayleigh.ratio", "1"), ("engine", "rod_mid_strain.fibre", "m"),
+        ("engine", "damping.rayleigh.at.1", "Hz"), ("four-bar", "ground.right.0", "m"),
     ],
 )  # fmt: skip
 def test_units_of_parameters(scene, name, unit):

@@ -10,11 +10,11 @@ from kaneflex.integrate.feed import Feed, Table
 from kaneflex.integrate.methods import Method, method_named
 from kaneflex.integrate.modal import constants, forces_only
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_pair, periodic_state, repeated
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.system import AffineSystem
 
-Start = str | tuple[np.ndarray, np.ndarray]
+Start = str | tuple[np.ndarray, np.ndarray] | Cycle
 
 
 def integrate(
@@ -42,7 +42,8 @@ def integrate(
     method: a name in `methods.METHODS`.
     start: "zero", a pair (z, v) of arrays of shape (n,), or "periodic": the motion that repeats itself after
         `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one
-        factorisation a step), so that no transient has to die.
+        factorisation a step), so that no transient has to die. For a system beside its slope, as `periodic_pair` has
+        them, the Cycle of the system itself in the place of "periodic".
     period_steps: steps of one cycle of the table.
     every: store one step in so many, the first one included.
     rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
@@ -61,6 +62,8 @@ def integrate(
     setup = _set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
     if start == "periodic":
         found = periodic_state(setup, period_steps, progress)
+    elif isinstance(start, Cycle):
+        found = periodic_pair(start, setup, period_steps)
     else:
         found = _started(setup, *_given(system, start))
     if found.state is None:

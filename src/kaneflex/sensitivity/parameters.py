@@ -10,8 +10,11 @@ from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.fields import dimensions
 from kaneflex.scene.settings import resolved
 
-_TABLES = ("bodies", "masses", "drives", "loads", "springs", "joints", "damping", "sensors")
-"""Tables of the scene whose numbers the equations or the sensors hold."""
+_TABLES = ("gravity", "ground", "bodies", "masses", "drives", "loads", "springs", "joints", "damping", "sensors")
+"""Entries of the scene whose numbers the equations or the sensors hold."""
+_UNITS_IN_LISTS = {"gravity": "m/s^2", "ground": "m", "points": "m", "centre": "m", "section": "m", "taper": "m",
+                   "rayleigh": "Hz"}  # fmt: skip
+"""Word on the path of a list of numbers -> their unit; the others are plain numbers."""
 
 
 @dataclass(frozen=True)
@@ -28,20 +31,28 @@ class Parameter:
         In SI, never zero.
     unit : str
         Its SI unit; "1" for a plain number.
+    index : int or None
+        Which number of a list it is, from 0; None where it stands by itself.
     """
 
     name: str
     path: tuple[str, ...]
     value: float
     unit: str
+    index: int | None = None
 
     def scaled(self, scene: Scene, factor: float) -> Scene:
         """The scene with ``factor`` times the value."""
-        return with_settings(scene, [f"{'.'.join(self.path)}={self.value * factor!r}"])
+        written: object = self.value * factor
+        if self.index is not None:
+            numbers = list(_value_at(scene, self.path))
+            numbers[self.index] = written
+            written = numbers
+        return with_settings(scene, [f"{'.'.join(self.path)}={written!r}"])
 
 
 def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]:
-    """The parameters of these paths, short ones as ``with_settings`` takes them.
+    """The parameters of these paths, short ones as ``with_settings`` takes them; of a list with a number's place.
 
     Raises
     ------
@@ -49,16 +60,25 @@ def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]
         For a path that leads nowhere or is no number of the mechanism, and for a number that is zero.
     """
     found = [_find(scene, name) for name in names]
-    paths = [parameter.path for parameter in found]
-    for parameter in found:
-        if paths.count(parameter.path) > 1:
+    places = [(parameter.path, parameter.index) for parameter in found]
+    for parameter, place in zip(found, places, strict=True):
+        if places.count(place) > 1:
             raise SceneError("sensitivities", parameter.name, "asked for twice", "Give each parameter once")
     return tuple(found)
 
 
 def _find(scene: Scene, name: str) -> Parameter:
-    path = tuple(resolved(scene.raw, name))
+    whole, _, last = name.rpartition(".")
+    index = int(last) if whole and last.isdecimal() else None
+    path = tuple(resolved(scene.raw, name if index is None else whole))
     value = _value_at(scene, path)
+    if isinstance(value, tuple) and index is not None and index < len(value):
+        value = value[index]
+    elif isinstance(value, tuple):
+        cure = f"Name one of its {len(value)} numbers, like {name if index is None else whole}.0"
+        raise SceneError(name, str(value), "a list of numbers", cure)
+    elif index is not None:
+        raise SceneError(name, value, "no list that numbers could be taken from", f"Write {whole}")
     if path[0] not in _TABLES:
         cure = f"Give a path within {', '.join(_TABLES[:-1])} or {_TABLES[-1]}"
         raise SceneError(name, value, "no number of the mechanism", cure)
@@ -69,7 +89,7 @@ def _find(scene: Scene, name: str) -> Parameter:
     if value == 0.0:
         cure = "Give it a value"
         raise SceneError(name, value, "the derivative at zero is not available: equations may leave a zero out", cure)
-    return Parameter(name, path, value, _unit(scene, path))
+    return Parameter(name, path, value, _unit(scene, path) if index is None else _unit_in_list(path), index)
 
 
 def _value_at(scene: Scene, path: Sequence[str]) -> object:
@@ -81,6 +101,12 @@ def _value_at(scene: Scene, path: Sequence[str]) -> object:
             fields = type(value).model_fields.items()
             value = getattr(value, next(name for name, field in fields if key == (field.alias or name)))
     return value
+
+
+def _unit_in_list(path: tuple[str, ...]) -> str:
+    if path[-1] == "ratio":
+        return "1"
+    return next((_UNITS_IN_LISTS[word] for word in path if word in _UNITS_IN_LISTS), "1")
 
 
 def _unit(scene: Scene, path: tuple[str, ...]) -> str:

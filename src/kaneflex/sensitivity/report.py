@@ -15,7 +15,7 @@ from kaneflex.options import resolve_options
 from kaneflex.scene import Scene
 from kaneflex.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
-from kaneflex.sensitivity.tangent import Tangent, tangent
+from kaneflex.sensitivity.tangent import Tangent, own_cycle, tangent
 from kaneflex.sensitivity.varied import SHARES, STEP, Varied, slope_of, vary
 from kaneflex.sensors import measure
 from kaneflex.solution import Solution
@@ -154,10 +154,10 @@ def sensitivities(
         reason = "only a whole run that was completed can be differentiated"
         raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
     parameters = find_parameters(model.scene, names)
-    slopes = {}
+    cycle, slopes = own_cycle(model), {}
     for k, parameter in enumerate(parameters):
         varied = vary(model, parameter, frozen)
-        slopes[parameter.name] = _sensor_slopes(solution, varied, tangent(solution, varied))
+        slopes[parameter.name] = _sensor_slopes(solution, varied, tangent(solution, varied, cycle))
         _demand_some(solution, parameter, slopes[parameter.name])
         if progress is not None:
             progress((k + 1) / len(parameters))
@@ -171,6 +171,11 @@ def check_differentiable(scene: Scene) -> None:
         raise SceneError(
             "solve.preset", options.preset, "its sensors can't be differentiated",
             "Take preset linear, stiffened or quasistatic, with a body that has a beam",
+        )  # fmt: skip
+    if options.integrator == "scipy":
+        raise SceneError(
+            "solve.integrator", "scipy", "it chooses its steps, which have no derivative",
+            "Take newmark, generalised-alpha or gauss",
         )  # fmt: skip
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
     if free is not None:

@@ -19,8 +19,9 @@ from scipy.sparse import coo_array, csr_array
 from kaneflex.affine import Affine
 from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.run import integrate
-from kaneflex.model import affine_system
+from kaneflex.integrate.periodic import Cycle
+from kaneflex.integrate.run import cycle_map, integrate
+from kaneflex.model import Model, affine_system
 from kaneflex.quasistatic import has_mechanism_modes, quasistatic, rate_of, solve_banded_at
 from kaneflex.sensitivity.varied import Varied
 from kaneflex.simulation import storing
@@ -39,8 +40,21 @@ class Tangent:
     a: np.ndarray
 
 
-def tangent(solution: Solution, varied: Varied) -> Tangent:
+def own_cycle(model: Model) -> Cycle | None:
+    """The cycle of a periodic run, which all its slopes share; None of any other run."""
+    options = model.options
+    if options.dynamics == "quasistatic" or options.start != "periodic":
+        return None
+    period = options.steps * model.step
+    return cycle_map(
+        model.system, model.scalars, 0.0, period, options.steps, options.integrator, options.rho_infinity
+    )
+
+
+def tangent(solution: Solution, varied: Varied, cycle: Cycle | None) -> Tangent:
     """The slopes of a finished run's displacements, velocities and accelerations, in coordinates of the model.
+
+    ``cycle`` is the model's own, by :func:`own_cycle`.
 
     Raises
     ------
@@ -51,7 +65,7 @@ def tangent(solution: Solution, varied: Varied) -> Tangent:
     if model.options.dynamics == "quasistatic":
         z = _of_quasistatic(varied, solution.times, solution.trajectory.z)
         return Tangent(z, *_rates_of_quasistatic(varied, solution.trajectory.v, z, model.options.cycles))
-    run = integrated_pair(varied)
+    run = integrated_pair(varied, cycle)
     return Tangent(
         run.z[:, 1::2], run.v[:, 1::2] - tau * solution.trajectory.v, run.a[:, 1::2] - 2 * tau * solution.trajectory.a
     )
@@ -105,12 +119,12 @@ def _products(varied: Varied, times: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return values, slopes
 
 
-def integrated_pair(varied: Varied) -> Trajectory:
+def integrated_pair(varied: Varied, cycle: Cycle | None) -> Trajectory:
     """The run of motion and slopes side by side, by the model's own integrator."""
     model, options = varied.model, varied.model.options
     monomials = [*varied.monomials, *((_SLOPE, *monomial) for monomial in varied.monomials)]
     system = affine_system(_side_by_side(varied), monomials)
-    start: object = options.start
+    start: object = cycle or options.start
     if options.start == "quasistatic":
         start = _quasistatic_start(varied)
     run = integrate(
