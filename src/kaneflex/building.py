@@ -16,7 +16,7 @@ from kaneflex.frame import Frame, build_frame
 from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.model import Model, Motion, RigidMotion, keep_terms
-from kaneflex.modes import lowest_modes
+from kaneflex.modes import damping_ratios, lowest_modes
 from kaneflex.options import Options
 from kaneflex.scene import Scene
 from kaneflex.springs import place_springs
@@ -190,9 +190,8 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
 
 def _with_modal_damping(model: Model) -> ElasticEquations:
     """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration."""
-    ratios = model.scene.damping.modal.ratio
     omega, shapes = reference_modes(model, "all")
-    zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in range(len(omega))])
+    zeta = damping_ratios(model.scene.damping.modal.ratio, omega)
     weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
     damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)
     return replace(model.equations, C_s=model.equations.C_s + damping)
