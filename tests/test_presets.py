@@ -7,6 +7,7 @@ from runs import model, peaks, run
 from scipy.linalg import eigh, null_space
 
 from kaneflex.deformation import deform
+from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
 from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, with_settings
@@ -194,6 +195,18 @@ def test_motion_of_the_papers_frame():
     expected = np.array(expected)
     found = solution.coordinates[0].T[: len(expected)]
     assert found == pytest.approx(expected, abs=5e-4 * np.abs(expected).max())
+
+
+def test_a_frozen_mode_without_stiffness_diverges_and_is_named():
+    """The blade at eta = 8 loses its first mode to the spin: e^(35.28 t), the square root of -omega^2 of K_s + K_d."""
+    solution = run("rotating-cantilever", "solve.preset=paper", "solve.duration=1 s", "solve.steps=2000")
+    found = solution.model
+    squares = eigh(found.K_s(0.0) + found.K_d(0.0), found.M(0.0), eigvals_only=True)
+    tip = solution.series["tip_transverse"].values
+    assert np.log(tip[2000] / tip[1000]) == pytest.approx(0.5 * np.sqrt(-squares[0]), rel=1e-6)
+    (said,) = (text for text in doubts(solution, [10.96]) if "frozen" in text)
+    assert "grows by exp(35.28 t)" in said
+    assert not any("frozen" in text for text in doubts(run("engine-paper"), [1000.0]))
 
 
 # ---- linear and stiffened ---------------------------------------------------------------------------------------

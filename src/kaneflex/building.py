@@ -98,13 +98,17 @@ def _half_bandwidth(pattern: csr_array) -> int:
 
 
 def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:
-    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle."""
+    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle.
+
+    A mode of no frequency may have lost its stiffness to the spin: its omega^2 is then negative, and it diverges.
+    """
     size = len(omega)
     zero = Affine.zero(size, size)
     rigid = model.motion.at(model.reference_time)
     damping = np.diag(np.diag(_at(reduced.C_s, rigid).toarray())) if model.options.damping else np.zeros((size, size))
     constant = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
-    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(omega**2)}
+    squares = np.where(omega > 0.0, omega**2, _at(keep_terms(reduced, model.options)["K"], rigid).diagonal())
+    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
     frozen = {key: value if isinstance(value, Affine) else Affine.constant(value) for key, value in constant.items()}
     return ElasticEquations(reduced.coordinates, F=reduced.F, **frozen)
 
