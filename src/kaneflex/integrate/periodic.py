@@ -44,7 +44,7 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     if over.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, over.outcome, over.message)
     multipliers = leading(np.linalg.eigvals(over.monodromy), setup.system.n)
-    outcome, message = _verdict(multipliers)
+    outcome, message = _verdict(multipliers, _blur(setup, period_steps))
     if outcome is not Outcome.COMPLETED:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
@@ -97,12 +97,28 @@ def _state_of(setup: Setup, x: np.ndarray, scales: tuple[float, ...]) -> State:
     return state
 
 
-def _verdict(multipliers: np.ndarray) -> tuple[Outcome, str]:
+def _blur(setup: Setup, period_steps: int) -> float:
+    """What rounding may do to a multiplier of modulus one in a cycle.
+
+    A step of h multiplies a vibration of frequency omega by a number of modulus one, which balances terms in
+    (omega h)^2: where a step is thousands of periods long, little of that balance is left.
+    """
+    row = setup.feed.first_row()
+    stiffness, mass = (np.diag(setup.system.dense(name, row)) for name in "KM")
+    fastest = setup.feed.step**2 * np.abs(stiffness / mass).max()
+    return float(period_steps * np.finfo(float).eps * fastest)
+
+
+def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
     closest = multipliers[np.argmin(np.abs(multipliers - 1.0))]
     if abs(closest - 1.0) < _NEAR_ONE:
         outcome, cure = Outcome.NO_PERIODIC_STATE, "give a start state, or damp or hold the free motion"
         return outcome, f"{outcome.value}: {_said(closest)}; {cure}"
     largest = multipliers[0]
+    if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:
+        outcome, cure = Outcome.NO_PERIODIC_STATE, "take integrator generalised-alpha, preset quasistatic, or more steps"
+        reason = f"{_said(largest)}, to the rounding of steps that are far longer than the fastest periods"
+        return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:
         outcome = Outcome.UNSTABLE
         modulus = f" of modulus {abs(largest):.9g}" if largest.imag else ""
