@@ -55,5 +55,6 @@ duration = "1 s"
 def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
     """The force is a number, the square of the slope that it causes is none."""
     solution = simulate(derived_on_the_fly(CANTILEVER.format(law="1e200 * t"), tmp_path))
-    with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError, match=r"sensors\.tip: it has no finite value at t = 0\.1 s"):
+    with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError) as error:
         _ = solution.series
+    assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Correct the numbers")

@@ -84,8 +84,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
-    check_finite(scene, motion, options)
     check_springs(scene, motion, options)
+    check_finite(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
         "derive": derived,

@@ -116,7 +116,7 @@ def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
         return outcome, f"{outcome.value}: {_said(closest)}; {cure}"
     largest = multipliers[0]
     if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:
-        outcome, cure = Outcome.NO_PERIODIC_STATE, "take integrator generalised-alpha, preset quasistatic, or more steps"
+        outcome, cure = Outcome.NO_PERIODIC_STATE, "take integrator generalised-alpha, preset quasistatic or more steps"
         reason = f"{_said(largest)}, to the rounding of steps that are far longer than the fastest periods"
         return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:

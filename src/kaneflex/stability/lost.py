@@ -25,8 +25,8 @@ def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
             return []
         rate = float(np.sqrt(-squares.min()))
         return [
-            f"the spin takes away all stiffness where the matrices are frozen: a mode grows by exp({rate:.4g} t); K_g, by "
-            "which the axial forces would restore it, is kept by preset stiffened"
+            f"the spin takes away all stiffness where the matrices are frozen: a mode grows by exp({rate:.4g} t); K_g, "
+            "by which the axial forces would restore it, is kept by preset stiffened"
         ]
     if options.dynamics not in ("dynamic", "quasistatic") or not 0 < size <= _MOST:
         return []
