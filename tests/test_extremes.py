@@ -1,10 +1,14 @@
 """Extremes in their short form: every case ends within its accuracy or in a named outcome, never in silence."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from runs import derived_on_the_fly
+from runs import derived_on_the_fly, model, run
 
+from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
+from kaneflex.sampling import unseen
 from kaneflex.simulation import simulate
 
 CANTILEVER = """
@@ -58,3 +62,43 @@ def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError) as error:
         _ = solution.series
     assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Correct the numbers")
+
+
+def test_a_spike_between_two_steps_is_named(tmp_path):
+    """0.2 degrees wide at 370.25 degrees: steps of half a degree pass it by, unless they are finer."""
+    near = np.round(np.arange(365.05, 375, 0.05), 2)
+    spike = spiked(tmp_path / "spike.csv", [*range(0, 366, 5), *near, *range(375, 721, 5)], 370.25)
+    (said,) = unseen(model("engine", *spike))
+    assert said.startswith("loads.gas comes and goes between two steps, by 100% of its") and "t = 0.01028 s" in said
+    assert unseen(model("engine", *spike, "solve.steps=28800")) == []
+
+
+def test_a_table_whose_curve_overshoots_is_named(tmp_path):
+    """Rows of 0.05 degrees between rows of 5: the smooth curve turns the flank into a high wave."""
+    rows = [*range(0, 370, 5), 370, 370.05, 370.1, 370.15, 370.2, *range(375, 721, 5)]
+    (said,) = (text for text in unseen(model("engine", *spiked(tmp_path / "spike.csv", rows, 370.1))) if "rows" in text)
+    assert said.startswith("loads.gas: the smooth curve through its rows overshoots them by ")
+    assert not any("rows" in text for text in unseen(model("engine")))
+
+
+def spiked(table: Path, rows: list[float], at: float) -> tuple[str, ...]:
+    """Settings of the engine whose gas pushes with 100 kN at one angle [deg], with half of it 0.05 degrees beside."""
+    force = {at - 0.05: 5e4, at: 1e5, at + 0.05: 5e4}
+    pushed = [next((F for place, F in force.items() if abs(row - place) < 1e-6), 0.0) for row in rows]
+    table.write_text("deg,F\n" + "".join(f"{row},{F}\n" for row, F in zip(rows, pushed, strict=True)))
+    return f"gas.table={table}", "gas.column=F"
+
+
+def test_steps_of_whole_turns_are_named():
+    said = unseen(model("engine", "solve.preset=paper", "main.speed=600000 rpm", "solve.steps=400"))
+    assert said[0].startswith("main turns by 360 deg in a step") and "give solve.steps = 5027 or more" in said[0]
+
+
+STILL = ("bodies.piston.mass=1e6 kg", "loads.gas=none", "damping=none", "solve.start=zero")
+
+
+def test_a_link_that_stretches_is_named():
+    """A piston of 1e6 kg stands still while the crank turns: the rod is stretched by the stroke, 80 mm."""
+    solution = run("engine", "solve.preset=linear", *STILL)
+    (said,) = (text for text in doubts(solution, [1e3]) if "stretches" in text)
+    assert said.startswith("rod stretches by 0.58 of its length")
