@@ -1,9 +1,10 @@
 """Extremes in their short form: every case ends within its accuracy or in a named outcome, never in silence."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from extreme_cases import CASES, spike_cases, spiked
+from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
+from extremes import Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
 from kaneflex.doubts import doubts
@@ -66,8 +67,8 @@ def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
 
 def test_a_spike_between_two_steps_is_named(tmp_path):
     """0.2 degrees wide at 370.25 degrees: steps of half a degree pass it by, unless they are finer."""
-    near = np.round(np.arange(365.05, 375, 0.05), 2)
-    spike = spiked(tmp_path / "spike.csv", [*range(0, 366, 5), *near, *range(375, 721, 5)], 370.25)
+    near = np.arange(365.05, 374.99, 0.05)
+    spike = spiked(tmp_path / "spike.csv", np.array([*range(0, 366, 5), *near, *range(375, 721, 5)]), 370.25)
     (said,) = unseen(model("engine", *spike))
     assert said.startswith("loads.gas comes and goes between two steps, by 100% of its") and "t = 0.01028 s" in said
     assert unseen(model("engine", *spike, "solve.steps=28800")) == []
@@ -76,17 +77,10 @@ def test_a_spike_between_two_steps_is_named(tmp_path):
 def test_a_table_whose_curve_overshoots_is_named(tmp_path):
     """Rows of 0.05 degrees between rows of 5: the smooth curve turns the flank into a high wave."""
     rows = [*range(0, 370, 5), 370, 370.05, 370.1, 370.15, 370.2, *range(375, 721, 5)]
-    (said,) = (text for text in unseen(model("engine", *spiked(tmp_path / "spike.csv", rows, 370.1))) if "rows" in text)
+    spike = spiked(tmp_path / "spike.csv", np.array(rows), 370.1)
+    (said,) = (text for text in unseen(model("engine", *spike)) if "rows" in text)
     assert said.startswith("loads.gas: the smooth curve through its rows overshoots them by ")
     assert not any("rows" in text for text in unseen(model("engine")))
-
-
-def spiked(table: Path, rows: list[float], at: float) -> tuple[str, ...]:
-    """Settings of the engine whose gas pushes with 100 kN at one angle [deg], with half of it 0.05 degrees beside."""
-    force = {at - 0.05: 5e4, at: 1e5, at + 0.05: 5e4}
-    pushed = [next((F for place, F in force.items() if abs(row - place) < 1e-6), 0.0) for row in rows]
-    table.write_text("deg,F\n" + "".join(f"{row},{F}\n" for row, F in zip(rows, pushed, strict=True)))
-    return f"gas.table={table}", "gas.column=F"
 
 
 def test_steps_of_whole_turns_are_named():
@@ -102,3 +96,40 @@ def test_a_link_that_stretches_is_named():
     solution = run("engine", "solve.preset=linear", *STILL)
     (said,) = (text for text in doubts(solution, [1e3]) if "stretches" in text)
     assert said.startswith("rod stretches by 0.58 of its length")
+
+
+SHORT = [(case, method) for case in CASES for method in case.methods if method not in case.slow]
+
+
+@pytest.mark.parametrize(("case", "method"), SHORT, ids=[f"{case}, {method}" for case, method in SHORT])
+def test_extreme(case, method):
+    assert judge(case, method, attempt(case, method)) == ""
+
+
+def test_spikes_of_gas(tmp_path):
+    for case in spike_cases(tmp_path):
+        for method in case.methods:
+            assert judge(case, method, attempt(case, method)) == "", method
+
+
+def test_silence_is_a_fault():
+    """What is neither accurate nor said is what the suite is there to find."""
+    named = {"paper": "no cycle"}
+    case = Case("group", "name", "engine", (), lambda solution: 0.0, 1e-3, ("gauss",), named, ("linear",))
+    silent, said = Ending("completed", 0.1, "", ()), Ending("completed", 0.1, "", ("steps are long",))
+    assert judge(case, "linear", silent) == "error 0.1 beyond 0.001 without a word"
+    assert judge(case, "linear", said) == judge(case, "linear", Ending("unstable", None, "unstable: ...", ())) == ""
+    assert judge(case, "gauss", said) == "completed : error 0.1, stated 0.001"
+    assert "must say 'no cycle'" in judge(case, "paper", Ending("completed", 0.0, "", ()))
+
+
+@pytest.mark.parametrize("method", ANGLE_OF_A_STEP)
+def test_twenty_thousand_cycles_lose_what_the_method_says(method):
+    """Amplitude to rounding, phase by the method's own rational function of omega h."""
+    amplitude, _, unexplained = drift(method, 20_000, 32)
+    assert abs(amplitude) < 1e-9 and unexplained < 1e-8
+
+
+@pytest.mark.parametrize("scene", ["engine", "rotating-cantilever"])
+def test_kernels_in_single_precision(scene):
+    assert max(single_precision(scene).values()) < 2e-6

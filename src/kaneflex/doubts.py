@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from kaneflex.deformation import deform
+from kaneflex.links import Link
 from kaneflex.options import FIXED_STEP
 from kaneflex.sampling import unseen
 from kaneflex.solution import Solution
@@ -47,12 +50,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
         found.extend(lost_stiffness(model, solution.times))
     for name, link in model.links.items() if len(solution.times) else ():
         q = deform(model, solution.rigid, solution.coordinates, name).q
-        stretch = abs(q[-3] - q[0]).max()
-        if stretch > LARGEST_STRETCH * link.length:
-            found.append(
-                f"{name} stretches by {stretch / link.length:.2g} of its length: strains are taken as small, so its "
-                "forces and frequencies mean little"
-            )
+        found.extend(_stretched(name, link, q))
         largest = abs(q[1::3]).max()
         if largest > LARGEST_DEFLECTION * link.length:
             found.append(
@@ -74,6 +72,7 @@ def _of_coupled(solution: Solution) -> list[str]:
             f"{tighter}ask for more steps"
         )
     for name, link in solution.model.links.items():
+        found.extend(_stretched(name, link, motion.nodes(name)[0]))
         largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)
         if largest > LARGEST_BEND * link.length:
             found.append(
@@ -81,3 +80,14 @@ def _of_coupled(solution: Solution) -> list[str]:
                 "complete to the second order only, so compare with a geometrically exact model"
             )
     return found
+
+
+def _stretched(name: str, link: Link, q: np.ndarray) -> list[str]:
+    """A warning where a link's nodal coordinates, shape (3 n_nodes, n_times), change its length by far."""
+    share = abs(q[-3] - q[0]).max(initial=0.0) / link.length
+    if share <= LARGEST_STRETCH:
+        return []
+    return [
+        f"{name} stretches by {share:.2g} of its length: strains are taken as small, so its forces and frequencies "
+        "mean little"
+    ]

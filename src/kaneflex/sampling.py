@@ -13,13 +13,13 @@ _SAMPLES = 60_000
 _FINEST = 256
 """Instants looked at within a step at most, and places within two rows of a table."""
 _UNSEEN = 0.2
-"""Change of a load between two steps beyond the straight line, as a share of its largest value."""
+"""Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
 _TURN = 0.5
 """Angle [rad] that a drive may turn in a step without a word."""
 
 
 def unseen(model: Model) -> list[str]:
-    """Warnings where loads come and go between two steps, or drives turn far within one.
+    """Warnings where loads or speeds of links come and go between two steps, or drives turn far within one.
 
     Preset coupled chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
     """
@@ -38,18 +38,20 @@ def unseen(model: Model) -> list[str]:
                 f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; give "
                 f"solve.steps = {wanted} or more"
             )
-    for name, load in scene.loads.items():
-        if load.kind == "constant":
-            continue
-        values = rigid[name]
+    varying = {f"loads.{name}": rigid[name] for name, load in scene.loads.items() if load.kind != "constant"}
+    speeds = {f"the speed of {name}": rigid[f"{name}.omega"] for name in scene.bodies if f"{name}.omega" in rigid}
+    fastest = max((abs(values).max() for values in speeds.values()), default=0.0)  # beside it the rest may be rounding
+    for thing, values in (varying | speeds).items():
         straight = np.interp(rigid.times, rigid.times[::within], values[::within])
-        share = abs(values - straight).max() / max(abs(values).max(), np.finfo(float).tiny)
+        largest = fastest if thing in speeds else abs(values).max()
+        share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
         if share > _UNSEEN:
             t = rigid.times[int(abs(values - straight).argmax())]
             found.append(
-                f"loads.{name} comes and goes between two steps, by {share:.0%} of its largest value at t = {t:.4g} s: "
+                f"{thing} comes and goes between two steps, by {share:.0%} of its largest value at t = {t:.4g} s: "
                 f"give more than solve.steps = {options.steps}"
             )
+    for name, load in scene.loads.items():
         if load.kind == "table" and (beyond := _overshoot(load)) > _UNSEEN:
             found.append(
                 f"loads.{name}: the smooth curve through its rows overshoots them by {beyond:.0%} of the largest; give "
