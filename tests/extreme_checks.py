@@ -32,6 +32,12 @@ def gas_alone(solution: Solution) -> float:
     return relative(solution.series["tip_axial"].values, expected)
 
 
+def peak_of_spike(degrees: float) -> Callable[[Solution], float]:
+    """The shortest rod under 100 kN at one angle."""
+    expected = 1e5 * ROD / (STEEL * ROD_AREA * math.cos(math.asin(CRANK / ROD * math.sin(math.radians(degrees)))))
+    return lambda solution: abs(-solution.series["tip_axial"].values.min() / expected - 1.0)
+
+
 def piston_at_rest(solution: Solution) -> float:
     """A piston that is too heavy to move: the rod is stretched by what the crank draws."""
     phi = solution.drive_angles["main"]

@@ -33,7 +33,7 @@ STEPPED = ("linear", "gauss", "newmark", "generalised-alpha")
 """The methods that integrate the linear equations of the deformation step by step."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """One scene at one extreme.
 

@@ -1,10 +1,13 @@
 """Extremes in their short form: every case ends within its accuracy or in a named outcome, never in silence."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from extreme_cases import CASES, spike_cases, spiked
 from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
-from extremes import Case, Ending, attempt, judge
+from extremes import METHODS, Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
 from kaneflex.doubts import doubts
@@ -12,6 +15,7 @@ from kaneflex.errors import SceneError
 from kaneflex.sampling import unseen
 from kaneflex.simulation import simulate
 
+PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
 CANTILEVER = """
 schema = 1
 [bodies]
@@ -133,3 +137,16 @@ def test_twenty_thousand_cycles_lose_what_the_method_says(method):
 @pytest.mark.parametrize("scene", ["engine", "rotating-cantilever"])
 def test_kernels_in_single_precision(scene):
     assert max(single_precision(scene).values()) < 2e-6
+
+
+def test_the_page_has_every_case(tmp_path):
+    """A number or a named end where a method is meant, and accurate where it is stated so."""
+    rows = dict(re.findall(r"^\| (.*?) \| \S+ \| (.*) \|$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    for case in (*CASES, *spike_cases(tmp_path)):
+        cells = dict(zip(METHODS, rows[case.name].split(" | "), strict=True))
+        assert [method for method, cell in cells.items() if cell != "-"] == list(case.methods), case.name
+        for method in case.accurate if case.within else ():
+            assert float(cells[method]) <= 1.1 * case.within, (case.name, method)
+        for method in case.named:
+            assert cells[method] in ("refused", "unstable", "singular", "no periodic state"), (case.name, method)
+    assert (PAGE.parent / "pictures" / "extremes.png").is_file()
