@@ -1,7 +1,7 @@
 # `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test derive check-derived bench-derive lint clean
+.PHONY: help setup run test extremes derive check-derived bench-derive lint clean
 
 PYTHON ?= python3
 # EXTRAS=test,peer,cluster,zarr installs what is optional, too; without it the tests of it skip and say so.
@@ -36,6 +36,12 @@ test: export NUMBA_NUM_THREADS := 1
 test: $(READY)  ## run the tests
 	$(BIN)/kaneflex run engine -o $(BUILD)/warm --no-plots --force
 	$(BIN)/pytest -n 2
+
+extremes: export OMP_NUM_THREADS := 1
+extremes: export OPENBLAS_NUM_THREADS := 1
+extremes: export NUMBA_NUM_THREADS := 1
+extremes: $(READY)  ## run the extremes suite in full, minutes, into docs/extremes.md
+	$(BIN)/python tests/bench_extremes.py
 
 derive: $(READY)  ## derive the modules in generated/ anew
 	$(BIN)/python -m kaneflex.derive

@@ -52,6 +52,14 @@ BAD = {
         LENGTH, "length = inf",
         "bodies.rod.length = inf: not a finite number. Write a length like '137 mm', or a plain number in "
         "m."),
+    "too large to be multiplied": (
+        LENGTH, 'length = "1e61 m"',
+        "bodies.rod.length = '1e61 m': outside 1e-60 to 1e+60, where products of a few numbers leave double precision. "
+        "Write a length like '137 mm', or a plain number in m."),
+    "too small to be multiplied": (
+        LENGTH, "length = 1e-300",
+        "bodies.rod.length = 1e-300: outside 1e-60 to 1e+60, where products of a few numbers leave double precision. "
+        "Write a length like '137 mm', or a plain number in m."),
     "zero length": (
         LENGTH, "length = 0",
         "bodies.rod.length = 0: a length must be above zero. Write one like '137 mm'."),

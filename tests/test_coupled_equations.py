@@ -180,6 +180,16 @@ def test_stiffness_at_speed_is_that_of_the_stiffened_model():
     assert abs(K[rows, rows] - expected).max() < 1e-10 * abs(expected).max()
 
 
+def test_adams_damps_each_shape_of_a_link_by_its_own_frequency():
+    """The strip's axial shape (1296 Hz) is damped critically, those of bending (5.5, 17.8 and 37.2 Hz) by 1 %."""
+    settings = ['damping.modal={ratio="adams"}']
+    system = kaneflex.load(with_settings(read_scene("elastic-pendulum"), settings)).coupled
+    number = {path: system.parameters[k] for k, (path, _) in enumerate(system.module.PARAMETERS)}
+    for k, (hertz, ratio) in enumerate([(1295.9, 1.0), (5.496, 0.01), (17.82, 0.01), (37.22, 0.01)]):
+        expected = 2 * ratio * number[f"strip.stiffness_{k}"] / (2 * np.pi * hertz)  # c = 2 zeta k / omega
+        assert number[f"strip.damping_{k}_{k}"] == pytest.approx(expected, rel=1e-3)
+
+
 HINGED = """
 schema = 1
 description = "A beam on a hub that turns freely"

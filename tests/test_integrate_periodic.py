@@ -280,5 +280,12 @@ def test_import_leaves_scipy_integrate_alone():
 
 @pytest.mark.parametrize(("multiplier", "modulus"), [(-1.5, ""), (0.9 + 1.2j, " of modulus 1.5")])
 def test_modulus_is_said_of_complex_multipliers_only(multiplier, modulus):
-    _, message = _verdict(np.array([multiplier, 0.5], dtype=complex))
+    _, message = _verdict(np.array([multiplier, 0.5], dtype=complex), 0.0)
     assert f"{modulus} exceeds one" in message and ("modulus" in message) == bool(modulus)
+
+
+def test_growth_that_rounding_explains_is_not_called_unstable():
+    multipliers = np.array([1.00001, 0.5], dtype=complex)
+    outcome, message = _verdict(multipliers, blur=1e-4)
+    assert outcome is Outcome.NO_PERIODIC_STATE and "take integrator generalised-alpha" in message
+    assert _verdict(multipliers, blur=1e-8)[0] is Outcome.UNSTABLE

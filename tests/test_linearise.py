@@ -15,6 +15,7 @@ import kaneflex
 from kaneflex.building import rayleigh_coefficients, reference_modes
 from kaneflex.errors import OutputError, SceneError
 from kaneflex.loading import load
+from kaneflex.modes import damping_ratios
 from kaneflex.scene import read_scene
 from kaneflex.simulation import simulate
 from kaneflex.statespace import linearise
@@ -74,6 +75,18 @@ def test_poles_are_the_modes_with_their_damping(damping, folder):
         zeta = alpha / (2.0 * omega) + beta * omega / 2.0
     assert (zeta < 1.0).all()
     assert linearise(found).poles == pytest.approx(poles(omega, zeta), rel=1e-9)
+
+
+def test_adams_damps_by_frequency(folder):
+    """1 % below 100 Hz, 10 % below 1 kHz, critical above: this bar has modes at 81 Hz, 512 Hz and from 1.4 kHz on."""
+    found = cantilever('modal = {ratio = "adams"}', folder)
+    omega, shapes = reference_modes(found, "all")
+    assert np.count_nonzero(omega < 2 * np.pi * 100) == np.count_nonzero(omega[1:] < 2 * np.pi * 1000) == 1
+    zeta = np.array([0.01, 0.1] + [1.0] * (len(omega) - 2))
+    assert shapes.T @ found.C(0.0) @ shapes == pytest.approx(np.diag(2 * zeta * omega), abs=1e-8 * omega[-1])
+    assert damping_ratios("adams", 2 * np.pi * np.array([999.9, 0.0, 99.9, 1000.1, 100.1])).tolist() == [
+        0.1, 0.01, 0.01, 1.0, 0.1,
+    ]  # fmt: skip
 
 
 def test_a_step_of_the_load_gives_the_response_that_a_run_gives(folder):

@@ -8,6 +8,7 @@ from scipy.linalg import eigh, null_space
 from scipy.sparse import issparse
 
 from kaneflex.deformation import deform
+from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
 from kaneflex.options import resolve_options
 from kaneflex.scene import read_scene, with_settings
@@ -135,6 +136,17 @@ def test_fine_meshes_are_not_taken_for_mechanisms(elements):
         assert many[name].values == pytest.approx(expected, abs=1e-3 * np.abs(expected).max()), name
 
 
+@pytest.mark.parametrize(
+    "settings", [("blade.elements=1024",), ("blade.elements=64", "blade.beam.I=9e-15 m^4")], ids=["fine", "slender"]
+)
+def test_what_is_held_at_one_end_is_not_taken_for_a_mechanism(settings):
+    """A cantilever's lowest frequency beside its highest: 1e-8 on 1024 elements, 1e-9 at a slenderness of 1e5."""
+    common = ("solve.preset=quasistatic", "solve.steps=12", "shaft.speed=0.001 rad/s")
+    solution = run("rotating-cantilever", *common, *settings)
+    E_I = 70e9 * (9e-15 if len(settings) == 2 else 67.5e-12)
+    assert abs(solution.series["tip_transverse"].values).max() == pytest.approx(0.1 / (3 * E_I), rel=1e-4)
+
+
 # ---- the paper's own model --------------------------------------------------------------------------------------
 
 
@@ -195,6 +207,18 @@ def test_motion_of_the_papers_frame():
     expected = np.array(expected)
     found = solution.coordinates[0].T[: len(expected)]
     assert found == pytest.approx(expected, abs=5e-4 * np.abs(expected).max())
+
+
+def test_a_frozen_mode_without_stiffness_diverges_and_is_named():
+    """The blade at eta = 8 loses its first mode to the spin: e^(35.28 t), the square root of -omega^2 of K_s + K_d."""
+    solution = run("rotating-cantilever", "solve.preset=paper", "solve.duration=1 s", "solve.steps=2000")
+    found = solution.model
+    squares = eigh(found.K_s(0.0) + found.K_d(0.0), found.M(0.0), eigvals_only=True)
+    tip = solution.series["tip_transverse"].values
+    assert np.log(tip[2000] / tip[1000]) == pytest.approx(0.5 * np.sqrt(-squares[0]), rel=1e-6)
+    (said,) = (text for text in doubts(solution, [10.96]) if "frozen" in text)
+    assert "grows by exp(35.28 t)" in said
+    assert not any("frozen" in text for text in doubts(run("engine-paper"), [1000.0]))
 
 
 # ---- linear and stiffened ---------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from kaneflex.frame import Frame, build_frame
 from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
 from kaneflex.model import Model, Motion, RigidMotion, keep_terms
-from kaneflex.modes import lowest_modes
+from kaneflex.modes import damping_ratios, lowest_modes
 from kaneflex.options import Options
 from kaneflex.scene import Scene
 from kaneflex.springs import place_springs
@@ -121,13 +121,17 @@ def _half_bandwidth(pattern: csr_array) -> int:
 
 
 def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:
-    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle."""
+    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle.
+
+    A mode of no frequency may have lost its stiffness to the spin: its omega^2 is then negative, and it diverges.
+    """
     size = len(omega)
     zero = Affine.zero(size, size)
     rigid = model.motion.at(model.reference_time)
     damping = np.diag(np.diag(_at(reduced.C_s, rigid).toarray())) if model.options.damping else np.zeros((size, size))
     constant = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
-    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(omega**2)}
+    squares = np.where(omega > 0.0, omega**2, _at(keep_terms(reduced, model.options)["K"], rigid).diagonal())
+    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
     frozen = {key: value if isinstance(value, Affine) else Affine.constant(value) for key, value in constant.items()}
     return ElasticEquations(reduced.coordinates, F=reduced.F, **frozen)
 
@@ -213,9 +217,8 @@ def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndar
 
 def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
     """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration, Phi and omega those ``of`` a model."""
-    ratios = model.scene.damping.modal.ratio
     omega, shapes = reference_modes(of, "all")
-    zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in range(len(omega))])
+    zeta = damping_ratios(model.scene.damping.modal.ratio, omega)
     weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
     damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)
     return replace(model.equations, C_s=model.equations.C_s + damping)

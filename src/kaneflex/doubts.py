@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from kaneflex.deformation import deform
+from kaneflex.links import Link
 from kaneflex.options import FIXED_STEP
+from kaneflex.sampling import unseen
 from kaneflex.solution import Solution
 from kaneflex.stability.lost import lost_stiffness
 
@@ -15,6 +19,8 @@ LARGEST_BEND = 0.1
 """Bending in a floating frame, as a share of a link's length, beyond which coupled equations are in doubt."""
 LARGEST_GAP = 1e-4
 """Share of the energy turned over that a run with free joints may lose or gain without a word."""
+LARGEST_STRETCH = 0.05
+"""Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
 LARGEST_DEFLECTION = 0.05
 """Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
 
@@ -32,6 +38,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
                 f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
                 f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
             )
+    found.extend(unseen(model))
     if solution.coupled is not None:
         return [*found, *_of_coupled(solution)]
     if model.energy is not None and model.energy.drift > LARGEST_GAP:
@@ -42,7 +49,9 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     if len(solution.times):
         found.extend(lost_stiffness(model, solution.times))
     for name, link in model.links.items() if len(solution.times) else ():
-        largest = abs(deform(model, solution.rigid, solution.coordinates, name).q[1::3]).max()
+        q = deform(model, solution.rigid, solution.coordinates, name).q
+        found.extend(_stretched(name, link, q))
+        largest = abs(q[1::3]).max()
         if largest > LARGEST_DEFLECTION * link.length:
             found.append(
                 f"{name} moves across its axis by {largest / link.length:.0%} of its length: displacements are "
@@ -63,6 +72,7 @@ def _of_coupled(solution: Solution) -> list[str]:
             f"{tighter}ask for more steps"
         )
     for name, link in solution.model.links.items():
+        found.extend(_stretched(name, link, motion.nodes(name)[0]))
         largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)
         if largest > LARGEST_BEND * link.length:
             found.append(
@@ -70,3 +80,14 @@ def _of_coupled(solution: Solution) -> list[str]:
                 "complete to the second order only, so compare with a geometrically exact model"
             )
     return found
+
+
+def _stretched(name: str, link: Link, q: np.ndarray) -> list[str]:
+    """A warning where a link's nodal coordinates, shape (3 n_nodes, n_times), change its length by far."""
+    share = abs(q[-3] - q[0]).max(initial=0.0) / link.length
+    if share <= LARGEST_STRETCH:
+        return []
+    return [
+        f"{name} stretches by {share:.2g} of its length: strains are taken as small, so its forces and frequencies "
+        "mean little"
+    ]

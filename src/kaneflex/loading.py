@@ -30,6 +30,8 @@ _MEETING = 1e-3
 """Share of a spring's greatest length under which it has no direction."""
 _OPEN = 1e-9
 """Share of the mechanism's size by which a loop may be open."""
+_MOST = 20_000
+"""Instants at most at which laws must have values before anything is computed."""
 _SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 
@@ -84,6 +86,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
     check_springs(scene, motion, options)
+    check_finite(scene, motion, options)
     model = build_model(scene, options, motion)
     seconds = {
         "derive": derived,
@@ -188,6 +191,27 @@ def check_loops(scene: Scene, motion: Motion, rigid: RigidMotion) -> None:
                 f"the loop that it closes is left open by {rigid[name][worst]:.2g} m at {drive} = {at}, about to lock",
                 "Change the lengths, or limit the drive's range",
             )  # fmt: skip
+
+
+def check_finite(scene: Scene, motion: Motion, options: Options) -> None:
+    """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
+    horizon = scene.period if options.cycles else options.duration
+    times = np.linspace(0.0, horizon, min(options.steps, _MOST) + 1)
+    rigid = motion.at(times)
+    for name in sorted(motion.column, key=lambda name: name not in scene.loads):
+        lost = ~np.isfinite(rigid[name])
+        if not lost.any():
+            continue
+        t = times[int(np.argmax(lost))]
+        if name in scene.loads:
+            key, thing, given = f"loads.{name}", "it", scene.loads[name].law
+        else:
+            drive = min(scene.drives, key=lambda drive: scene.drives[drive].law is None)
+            key, thing, given = f"drives.{drive}", "the motion or one of its rates", scene.drives[drive].law
+        raise SceneError(
+            key, given, f"{thing} has no finite value at t = {t:.6g} s",
+            "Give a law that is smooth over the run, or another duration",
+        )  # fmt: skip
 
 
 def check_springs(scene: Scene, motion: Motion, options: Options) -> None:

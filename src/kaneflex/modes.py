@@ -1,4 +1,4 @@
-"""Undamped natural modes of sparse mass and stiffness matrices."""
+"""Undamped natural modes of sparse mass and stiffness matrices, and the damping ratios that a scene gives them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 _DENSE_UP_TO = 150
+_ADAMS = (100.0, 1000.0), np.array([0.01, 0.1, 1.0])
+"""Frequencies [Hz] between which Adams changes the damping ratio of a flexible body's modes, and the ratios."""
 
 
 def lowest_modes(stiffness: csr_array, mass: csr_array, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -46,6 +48,25 @@ def lowest_modes(stiffness: csr_array, mass: csr_array, count: int) -> tuple[np.
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
     return np.sqrt(np.maximum(squares, 0.0)), shapes * _signs(shapes)
+
+
+def damping_ratios(given: tuple[float, ...] | str, omega: np.ndarray) -> np.ndarray:
+    """The damping ratio of each mode from `damping.modal.ratio`.
+
+    One for each mode from the lowest frequency up, the last one for the rest; or "adams": by frequency, as MSC Adams
+    damps a flexible body unless told otherwise (Adams/Flex, default of the flexible body's damping ratio).
+
+    Parameters
+    ----------
+    given : tuple of float, or "adams"
+    omega : ndarray (n,)
+        Angular frequencies [rad/s], in any order.
+    """
+    if given == "adams":
+        limits, ratios = _ADAMS
+        return ratios[np.searchsorted(limits, omega / (2 * np.pi), side="right")]
+    rank = np.argsort(np.argsort(omega, kind="stable"))
+    return np.array([given[min(k, len(given) - 1)] for k in rank])
 
 
 def _signs(shapes: np.ndarray) -> np.ndarray:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array
 
 from kaneflex.affine import Affine, as_array
 from kaneflex.model import Model, RigidMotion
-from kaneflex.modes import lowest_modes
 
-_RIGID = 1e-13  # squared frequency of a mechanism mode over the highest one; 1e-12 is met with 500 elements
+_RIGID = 64 * np.finfo(float).eps  # a coordinate: share of its stiffness that eliminating the others leaves by rounding
 _CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
 
 
@@ -85,26 +84,42 @@ def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.nda
 
 
 def has_mechanism_modes(model: Model, t: float) -> bool:
-    """Whether K_s alone leaves the mechanism a motion."""
+    """Whether K_s alone leaves the mechanism a motion.
+
+    Then eliminating one coordinate after the other (Cholesky) leaves nothing of the last one's stiffness but rounding.
+    Frequencies don't tell: a fine mesh or a slender link has lowest ones that look like nothing beside its highest.
+    """
+    from scipy.linalg import LinAlgError, cholesky_banded
+
     rigid = model.motion.at(t)
-    stiffness, mass = (
-        affine.at({name: rigid[name][0] for names in affine.terms for name in names})
-        for affine in (model.reduced.K_s, model.reduced.M)
-    )
-    # K_s + shift M is never singular, and raises every squared frequency by the shift.
-    shift = 10 * _RIGID * float((stiffness.diagonal() / mass.diagonal()).max())
-    omega, _ = lowest_modes(csr_array(stiffness + shift * mass), mass, 1)
-    return bool(omega[0] ** 2 < 1.1 * shift)
+    names = {name for monomial in model.reduced.K_s.terms for name in monomial}
+    stiffness = coo_array(model.reduced.K_s.at({name: rigid[name][0] for name in names}))
+    size, diagonal = stiffness.shape[0], stiffness.diagonal()
+    if not diagonal.min() > 0.0:
+        return True
+    scaled = stiffness.data / np.sqrt(diagonal[stiffness.row] * diagonal[stiffness.col])
+    upper = stiffness.col >= stiffness.row
+    width = int((stiffness.col - stiffness.row).max(initial=0))
+    band = np.zeros((width + 1, size))
+    band[width + stiffness.row[upper] - stiffness.col[upper], stiffness.col[upper]] = scaled[upper]
+    try:
+        pivots = cholesky_banded(band)[-1] ** 2
+    except LinAlgError:
+        return True
+    return bool(pivots.min() < _RIGID * size)
 
 
 def _relieved(elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load: np.ndarray) -> np.ndarray:
-    """K z = F in the space that is M-orthogonal to the mechanism modes: the other modes of K_s span it."""
+    """K z = F in the space that is M-orthogonal to the mechanism modes R of K_s: an orthonormal basis spans it."""
     from scipy.linalg import eigh
 
     answer = np.zeros_like(load)
     for k in range(len(load)):
-        squares, shapes = eigh(elastic[k], mass[k])
-        basis = shapes[:, squares > _RIGID * squares[-1]]
+        diagonal = elastic[k].diagonal()
+        scale = 1 / np.sqrt(np.where(diagonal > _RIGID * diagonal.max(), diagonal, diagonal.max()))
+        shares, shapes = eigh(scale[:, None] * elastic[k] * scale)
+        R = scale[:, None] * shapes[:, shares < _RIGID * len(scale)]
+        basis = np.linalg.qr(mass[k] @ R, mode="complete")[0][:, R.shape[1] :]
         answer[k] = basis @ np.linalg.solve(basis.T @ stiffness[k] @ basis, basis.T @ load[k])
     return answer
 

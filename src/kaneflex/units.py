@@ -15,6 +15,8 @@ from tokenize import TokenError
 from kaneflex.errors import Fault, nearest
 
 NUMBER_WITH_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+_LARGEST = 1e60
+"""Numbers beyond it, or below its reciprocal, leave the range of double precision when a few are multiplied."""
 _UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
 
 
@@ -70,7 +72,7 @@ _SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciproc
 def to_si(value: object, dimension: Dimension) -> float:
     """A number (taken as SI) or a string with a unit, as a finite float in the SI unit of `dimension`.
 
-    Raises Fault: not a number, not finite, unknown unit, wrong dimension.
+    Raises Fault: not a number, not finite, too large or small to be computed with, unknown unit, wrong dimension.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Fault(f"{dimension.name} is wanted", _how_to_write(dimension))
@@ -83,6 +85,9 @@ def to_si(value: object, dimension: Dimension) -> float:
         number = float(value)
     if not math.isfinite(number):
         raise Fault("not a finite number", _how_to_write(dimension))
+    if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
+        reason = f"outside {1 / _LARGEST:g} to {_LARGEST:g}, where products of a few numbers leave double precision"
+        raise Fault(reason, _how_to_write(dimension))
     return number
 
 

@@ -11,6 +11,7 @@ from kaneflex.affine import as_array
 from kaneflex.building import rayleigh_coefficients
 from kaneflex.coupled.shapes import Shapes
 from kaneflex.links import Link, spread_sums
+from kaneflex.modes import damping_ratios
 from kaneflex.scene import Scene
 
 
@@ -184,8 +185,6 @@ def _damping(scene: Scene, link: Link, modal: np.ndarray, M: np.ndarray) -> np.n
         alpha, beta = rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
         return alpha * mass + beta * K
     if damping.kind == "modal":
-        ratios, squares = damping.modal.ratio, np.diag(K) / np.diag(mass)
-        rank = np.argsort(np.argsort(squares))  # the first ratio is the lowest mode's
-        zeta = np.array([ratios[min(k, len(ratios) - 1)] for k in rank])
-        return np.diag(2 * zeta * np.sqrt(squares) * np.diag(mass))
+        omega = np.sqrt(np.diag(K) / np.diag(mass))
+        return np.diag(2 * damping_ratios(damping.modal.ratio, omega) * omega * np.diag(mass))
     return modal.T @ link.part.matrices["C_s"].at({}).toarray() @ modal

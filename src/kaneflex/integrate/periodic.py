@@ -17,6 +17,7 @@ Maps = tuple[Stretches, np.ndarray, np.ndarray]
 
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
+_LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
 _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the root of the rounding error
 
 
@@ -51,15 +52,15 @@ class Cycle:
 def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -> Beginning:
     """Solve (I - Phi) x = b: Phi, the monodromy matrix, moves a state over a cycle; zero moves to b.
 
-    x = (z, h v) and, where the method carries accelerations of its own, h^2 a: what is found then repeats
-    itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest modulus;
-    more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
+    x is the state in the units of `Setup.scales`, with the method's own accelerations where it carries them: what is
+    found then repeats itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest
+    modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
     """
     over = over_a_cycle(setup, period_steps, progress)
     if over.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, over.outcome, over.message)
     multipliers = leading(np.linalg.eigvals(over.monodromy), setup.system.n)
-    outcome, message = _verdict(multipliers)
+    outcome, message = _verdict(multipliers, _blur(setup, period_steps))
     if outcome is not Outcome.COMPLETED:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
@@ -162,14 +163,18 @@ def _after(first: tuple[np.ndarray, np.ndarray], then: tuple[np.ndarray, np.ndar
 
 
 def can_be_cut(setup: Setup, period_steps: int) -> bool:
-    """Whether the method goes in lanes, there is a step for each, and all unit states of all lanes fit the memory."""
+    """Whether the method goes in lanes, there is a step for each, and all unit states of all lanes fit the memory.
+
+    Where steps are many times longer than the fastest vibrations, the stretches' matrices hold little but rounding.
+    """
     numbers = 2 * len(State._fields) * setup.system.n**2 * LANES
-    return setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
+    fits = setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
+    return fits and setup.feed.step <= _LONGEST_STEP * setup.scales[1]
 
 
 def _unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
     """A column for each unit state x, free of loads, and one from zero that is loaded; factors on the load."""
-    size = setup.system.n * len(_scales(setup))
+    size = setup.system.n * len(setup.scales)
     x = np.zeros((size + 1, size))
     x[:size] = np.eye(size)
     load = np.zeros(size + 1)
@@ -182,33 +187,41 @@ def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)
 
 
-def _scales(setup: Setup) -> tuple[float, ...]:
-    """Factors of z, v and, where the method carries accelerations of its own, a in the state x."""
-    step = setup.feed.step
-    return (1.0, step, step * step)[: setup.method.carried]
-
-
 def _states_of(setup: Setup, x: np.ndarray) -> State:
     """States of the vectors x, shape (columns, size) and maybe lanes; accelerations are still to be found."""
     n = setup.system.n
     state = State(*(np.zeros((x.shape[0], n, *x.shape[2:])) for _ in State._fields))
-    for part, scale in enumerate(_scales(setup)):
+    for part, scale in enumerate(setup.scales):
         state[part][:] = x[:, part * n : (part + 1) * n] / scale
     return state
 
 
 def _vectors_of(setup: Setup, state: State) -> np.ndarray:
     """The inverse of `_states_of`."""
-    scales = _scales(setup)
+    scales = setup.scales
     return np.concatenate([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)], axis=1)
 
 
-def _verdict(multipliers: np.ndarray) -> tuple[Outcome, str]:
+def _blur(setup: Setup, period_steps: int) -> float:
+    """What rounding may do to a multiplier of modulus one in a cycle.
+
+    A step of h multiplies a vibration of frequency omega by a number of modulus one, which balances terms in
+    (omega h)^2: where a step is thousands of periods long, little of that balance is left.
+    """
+    fastest = (setup.feed.step / setup.scales[1]) ** 2
+    return float(period_steps * np.finfo(float).eps * fastest)
+
+
+def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
     closest = multipliers[np.argmin(np.abs(multipliers - 1.0))]
     if abs(closest - 1.0) < _NEAR_ONE:
         outcome, cure = Outcome.NO_PERIODIC_STATE, "give a start state, or damp or hold the free motion"
         return outcome, f"{outcome.value}: {_said(closest)}; {cure}"
     largest = multipliers[0]
+    if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:
+        outcome, cure = Outcome.NO_PERIODIC_STATE, "take integrator generalised-alpha, preset quasistatic or more steps"
+        reason = f"{_said(largest)}, to the rounding of steps that are far longer than the fastest periods"
+        return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:
         outcome = Outcome.UNSTABLE
         modulus = f" of modulus {abs(largest):.9g}" if largest.imag else ""

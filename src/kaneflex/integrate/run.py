@@ -94,7 +94,22 @@ def _set_up(
     constant = constants(system) if exact else None
     feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, method.lanes, constant)
     packed = forces_only(system.packed) if exact else system.packed
-    return Setup(system, method, feed, packed, method.coefficients(system, feed.first_row(), step, rho_infinity))
+    row = feed.first_row()
+    coefficients = method.coefficients(system, row, step, rho_infinity)
+    return Setup(system, method, feed, packed, coefficients, _scales(system, row, step, method.carried))
+
+
+def _scales(system: AffineSystem, row: np.ndarray, step: float, carried: int) -> tuple[float, ...]:
+    """Powers of a time: a step, or the fastest vibration's 1 / omega where a step takes longer.
+
+    Products of a cycle's matrices would lose what is small beside velocities times a long step.
+    """
+    diagonal = slice(system.half_bandwidth, None, 2 * system.half_bandwidth + 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.abs((system.K @ row)[diagonal] / (system.M @ row)[diagonal])
+    fastest = np.sqrt(squares[np.isfinite(squares)].max(initial=0.0))
+    time = step if fastest * step <= 1.0 else 1.0 / fastest
+    return (1.0, time, time * time)[:carried]
 
 
 def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:

@@ -72,13 +72,18 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """All that does not change during a run. `packed` is what the method's loop reads of the system."""
+    """All that does not change during a run.
+
+    packed: what the method's loop reads of the system
+    scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
+    """
 
     system: AffineSystem
     method: Method
     feed: Feed | Stretches
     packed: Packed
     coefficients: object
+    scales: tuple[float, ...]
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.

@@ -178,7 +178,7 @@ class Rayleigh(SceneTable):
 
 
 class ModalDamping(SceneTable):
-    """One damping ratio for all modes, or one for each, the last one for the rest."""
+    """One damping ratio for all modes, or one for each, the last one for the rest; or those of Adams, by frequency."""
 
     ratio: Ratios
 

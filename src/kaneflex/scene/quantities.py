@@ -129,7 +129,9 @@ def _count_or_all(value: object) -> int | str:
     return value if value == "all" else _whole_number(value)
 
 
-def _ratios(value: object) -> tuple[float, ...]:
+def _ratios(value: object) -> tuple[float, ...] | str:
+    if value == "adams":
+        return value
     values = value if isinstance(value, (list, tuple)) else [value]
     ratios = tuple(to_si(item, units.RATIO) for item in values)
     if not ratios or min(ratios) < 0:
@@ -204,7 +206,11 @@ CountOrAll = Annotated[
     BeforeValidator(_count_or_all),
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1}, {"const": "all"}]}),
 ]
-Ratios = Annotated[tuple[float, ...], BeforeValidator(_ratios), WithJsonSchema({"type": ["number", "array"]})]
+Ratios = Annotated[
+    tuple[float, ...] | str,
+    BeforeValidator(_ratios),
+    WithJsonSchema({"anyOf": [{"type": ["number", "array"]}, {"const": "adams"}]}),
+]
 NumberPair = Annotated[tuple[float, float], BeforeValidator(_two_numbers), _list_schema("number", 2, "two numbers")]
 FrequencyPair = Annotated[
     tuple[float, float],

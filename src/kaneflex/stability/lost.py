@@ -10,6 +10,8 @@ from kaneflex.stability.campbell import matrices
 
 _INSTANTS = 36
 """Instants of a run that are looked at."""
+_ROUNDING = 1e-13
+"""Share of the highest squared frequency that rounding may leave of one that is zero."""
 _MOST = 200
 """Coordinates up to which looking costs next to nothing beside a run; for more `kaneflex stability` is asked."""
 
@@ -17,6 +19,15 @@ _MOST = 200
 def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
     """Warnings where K_s + K_g, or K_s + K_d where the run leaves K_g out, is not positive at some of ``times`` [s]."""
     options, size = model.options, model.equations.size
+    if options.dynamics == "frozen":
+        squares = model.kept["K"].at({}).diagonal()
+        if not squares.min(initial=0.0) < -_ROUNDING * abs(squares).max(initial=0.0):
+            return []
+        rate = float(np.sqrt(-squares.min()))
+        return [
+            f"the spin takes away all stiffness where the matrices are frozen: a mode grows by exp({rate:.4g} t); K_g, "
+            "by which the axial forces would restore it, is kept by preset stiffened"
+        ]
     if options.dynamics not in ("dynamic", "quasistatic") or not 0 < size <= _MOST:
         return []
     if not options.geometric and not options.spin:

@@ -1,0 +1,69 @@
+"""What of the loads and the motion falls between two steps of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.model import Model
+from kaneflex.scene.parts import Load
+from kaneflex.tables import evaluate_block
+
+_SAMPLES = 60_000
+"""Instants that are looked at, spread over the steps."""
+_FINEST = 256
+"""Instants looked at within a step at most, and places within two rows of a table."""
+_UNSEEN = 0.2
+"""Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
+_TURN = 0.5
+"""Angle [rad] that a drive may turn in a step without a word."""
+
+
+def unseen(model: Model) -> list[str]:
+    """Warnings where loads or speeds of links come and go between two steps, or drives turn far within one.
+
+    Preset coupled chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
+    """
+    options, scene = model.options, model.scene
+    if options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values()):
+        return []  # the motion of the rigid mechanism is not theirs
+    within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
+    steps = min(options.steps, _SAMPLES // within)
+    rigid = model.motion.at(model.step / within * np.arange(within * steps + 1))
+    found = []
+    for name, drive in scene.drives.items():
+        turned = abs(np.diff(rigid[f"{name}.angle"][::within])).max()
+        if turned > _TURN and not scene.slides(name) and not drive.free:
+            wanted = int(np.ceil(options.steps * turned / _TURN))
+            found.append(
+                f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; give "
+                f"solve.steps = {wanted} or more"
+            )
+    varying = {f"loads.{name}": rigid[name] for name, load in scene.loads.items() if load.kind != "constant"}
+    speeds = {f"the speed of {name}": rigid[f"{name}.omega"] for name in scene.bodies if f"{name}.omega" in rigid}
+    fastest = max((abs(values).max() for values in speeds.values()), default=0.0)  # beside it the rest may be rounding
+    for thing, values in (varying | speeds).items():
+        straight = np.interp(rigid.times, rigid.times[::within], values[::within])
+        largest = fastest if thing in speeds else abs(values).max()
+        share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
+        if share > _UNSEEN:
+            t = rigid.times[int(abs(values - straight).argmax())]
+            found.append(
+                f"{thing} comes and goes between two steps, by {share:.0%} of its largest value at t = {t:.4g} s: "
+                f"give more than solve.steps = {options.steps}"
+            )
+    for name, load in scene.loads.items():
+        if load.kind == "table" and (beyond := _overshoot(load)) > _UNSEEN:
+            found.append(
+                f"loads.{name}: the smooth curve through its rows overshoots them by {beyond:.0%} of the largest; give "
+                "more rows where they change from flat to steep"
+            )
+    return found
+
+
+def _overshoot(load: Load) -> float:
+    """How far the curve through a table's rows goes beyond the largest of them, as a share of it."""
+    table = load.read_table()
+    rows = np.interp(np.arange(_FINEST * (len(table.x) - 1)) / _FINEST, np.arange(len(table.x)), table.x)
+    values = evaluate_block(table.coefficients(load.period), rows)
+    largest = abs(table.y).max()
+    return abs(values).max() / largest - 1.0 if largest else 0.0

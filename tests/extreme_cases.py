@@ -1,0 +1,251 @@
+"""The cases of the extremes suite."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from extreme_checks import (
+    ALUMINIUM,
+    ALUMINIUM_DENSITY,
+    BLADE_AREA,
+    BLADE_I,
+    CRANK,
+    FIRST,
+    ROD_AREA,
+    STEEL,
+    against,
+    against_scene,
+    blade,
+    ended,
+    gas_alone,
+    peak_of_spike,
+    piston_at_rest,
+    reaches_the_piston,
+    same_rods,
+    slow_blade,
+    step_response,
+    without_mass,
+)
+from extremes import METHODS, STEPPED, Case
+
+ELASTIC = ("quasistatic", *STEPPED)
+
+
+def _speeds() -> list[Case]:
+    slow = [
+        Case(
+            "speed", f"{rpm} rpm, gas force against F l / (E A)", "engine",
+            (f"main.speed={rpm} rpm", "solve.start=periodic", "solve.steps=400"), gas_alone, 1e-3,
+            accurate=("quasistatic", "generalised-alpha") if rpm != "1" else ELASTIC,
+            named={} if rpm == "1" else dict.fromkeys(("linear", "gauss", "newmark"), "no periodic state"),
+        )
+        for rpm in ("1e-9", "1e-3", "1")
+    ]  # fmt: skip
+    common = ("solve.steps=2000", "damping.modal={ratio=0.02}")
+
+    def scaled(factor: float) -> tuple[str, ...]:
+        E, duration = 2e11 * factor**2, 53e-3 / factor
+        beam = "rho=7870, A=28.27433388e-6, I=63.6172512e-12, elements=8"
+        return f"main.speed={150 * factor!r}", f"rod.beam={{E={E!r}, {beam}}}", f"solve.duration={duration!r}", *common
+
+    similar = [
+        Case(
+            "speed", f"{factor:g} times the rated, E by its square: the same motion", "slider-crank-150",
+            scaled(factor), against(scaled(1.0), "mid_transverse"), 1e-6,
+            accurate=("quasistatic", "paper", "linear", "gauss", "newmark", "generalised-alpha", "coupled"),
+            slow=("coupled",) if factor == 1e-6 else (),
+        )
+        for factor in (1e-6, 10.0)
+    ]  # fmt: skip
+    critical = FIRST * math.sqrt(ALUMINIUM * BLADE_I / (ALUMINIUM_DENSITY * BLADE_AREA))
+    stepped = ("linear",)
+    instability = [
+        Case(
+            "speed", f"{share:g} of the critical speed without K_g", "rotating-cantilever",
+            (f"shaft.speed={share * critical!r}", "solve.start=periodic"), ended, 0.0,
+            accurate=("gauss", "newmark", "generalised-alpha", *(stepped if share < 1 else ())),
+            named={} if share < 1 else dict.fromkeys(stepped, "unstable: the motion grows beyond all bounds"),
+        )
+        for share in (0.99, 1.01)
+    ]  # fmt: skip
+    standing = Case(
+        "speed", "0 rpm without a duration", "engine", ("main.speed=0",), ended, 0.0, accurate=(),
+        named=dict.fromkeys(("rigid", "quasistatic", "paper", "gauss", "coupled"), "no drive that turns has a cycle"),
+    )  # fmt: skip
+    beyond = Case(
+        "speed", "1e61 rad/s", "engine", ("main.speed=1e61",), ended, 0.0, accurate=(),
+        named=dict.fromkeys(("rigid", "quasistatic", "paper", "gauss", "coupled"), "outside 1e-60 to 1e+60"),
+    )  # fmt: skip
+    return [*slow, *similar, *instability, standing, beyond]
+
+
+def _blades() -> list[Case]:
+    found = []
+    for slenderness in (5, 100, 1e4, 1e5):
+        I = BLADE_AREA / slenderness**2
+        found.append(
+            Case(
+                "slenderness", f"{slenderness:g}: tip against F l^3 / (3 E I)", "rotating-cantilever",
+                slow_blade(ALUMINIUM, I), blade(ALUMINIUM * I, 1e-6 * ALUMINIUM * I), 1e-5, accurate=ELASTIC,
+                slow=ELASTIC if slenderness in (100, 1e4) else (),
+            )
+        )  # fmt: skip
+    found += [
+        Case(
+            "Young's modulus", f"{E:g} Pa: tip against F l^3 / (3 E I)", "rotating-cantilever", slow_blade(E, BLADE_I),
+            blade(E * BLADE_I, 1e-6 * E * BLADE_I), 1e-5, accurate=ELASTIC,
+        )
+        for E in (1e6, 1e15)
+    ]  # fmt: skip
+    return found + [
+        Case(
+            "elements", f"{count}: tip against F l^3 / (3 E I)", "rotating-cantilever",
+            (*slow_blade(ALUMINIUM, BLADE_I), f"blade.elements={count}", "damping=none"),
+            blade(ALUMINIUM * BLADE_I, 1e-6 * ALUMINIUM * BLADE_I), 1e-3 if count > 500 else 1e-5, accurate=ELASTIC,
+            slow=ELASTIC if 8 < count < 1000 else (),
+        )
+        for count in (1, 64, 256, 1024)
+    ]  # fmt: skip
+
+
+def _dead_centres() -> list[Case]:
+    found = [
+        Case(
+            "rod to crank", f"1 + {surplus:g}: the piston's place", "engine",
+            (f"rod.length={CRANK * (1 + surplus)!r}", "loads.gas=none", "solve.start=zero", "solve.steps=7200"),
+            reaches_the_piston, 1e-10, accurate=("rigid",), also=("quasistatic", *STEPPED),
+        )
+        for surplus in (1e-3, 1e-6, 1e-9)
+    ]  # fmt: skip
+    return found + [
+        Case(
+            "rod to crank", f"{ratio:g}: out of reach", "engine", (f"rod.length={CRANK * ratio!r}",), ended, 0.0,
+            accurate=(), named=dict.fromkeys(METHODS, "the loop can't close"), slow=METHODS if ratio < 1 else (),
+        )
+        for ratio in (1.0, 0.9)
+    ]  # fmt: skip
+
+
+def _masses() -> list[Case]:
+    common = ("loads.gas=none", "damping=none", "solve.start=zero", "solve.duration=20 ms", "solve.steps=1440")
+    heavy = [
+        Case(
+            "mass ratio", f"{mass} kg of piston on 0.15 kg of rod: it stands still", "engine",
+            (f"piston.mass={mass} kg", *common), piston_at_rest, 1e-3, accurate=("paper", "linear", "coupled"),
+            also=("gauss", "newmark", "generalised-alpha"), slow=METHODS if mass == "1e8" else ("coupled",),
+        )
+        for mass in ("1e8", "1e9")
+    ]  # fmt: skip
+    weightless = ("piston.mass=1e-12 kg", *common)
+    light = Case(
+        "mass ratio", "1e-9 kg of piston on 0.15 kg of rod: as none", "engine", ("piston.mass=1e-9 kg", *common),
+        against(weightless, "tip_axial", "mid_transverse"), 1e-5,
+        accurate=("quasistatic", "paper", "linear", "gauss", "newmark", "generalised-alpha", "coupled"),
+        slow=("coupled",),
+    )  # fmt: skip
+    return [*heavy, light]
+
+
+def _dampings() -> list[Case]:
+    common = (
+        "shaft.speed=0", "blade.elements=3", "damping.rayleigh=none", "solve.start=zero", "solve.duration=0.8 s",
+        "solve.steps=8000",
+    )  # fmt: skip
+    within = {"0": 1e-2, "0.05": 1e-3, "1": 1e-3, "1000": 1e-3}
+    return [
+        Case(
+            "damping", f"{ratio} of critical: step response by the matrix exponential", "rotating-cantilever",
+            (*common, f"damping.modal={{ratio={ratio}}}", "solve.terms.damping=true"), step_response, within[ratio],
+            accurate=("paper", *STEPPED), slow=METHODS if ratio == "0.05" else (),
+        )
+        for ratio in within
+    ]  # fmt: skip
+
+
+def _steps() -> list[Case]:
+    found = []
+    for step in ("1e-9", "1e-3", "1e-1", "1e3"):
+        common = (
+            "shaft.speed=0", "blade.elements=3", "damping.modal={ratio=0.02}", "damping.rayleigh=none",
+            "solve.start=zero", f"solve.duration={200 * float(step)!r}", "solve.steps=200", "solve.terms.damping=true",
+        )  # fmt: skip
+        found.append(
+            Case(
+                "step", f"{step} s: step response by the matrix exponential", "rotating-cantilever", common,
+                step_response, 2e-2 if step == "1e-3" else 1e-3,
+                accurate=("paper", *STEPPED) if step in ("1e-9", "1e-3") else ("paper",),
+                also=STEPPED if step in ("1e-1", "1e3") else (),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _modes() -> list[Case]:
+    return [
+        Case(
+            "modes", f"{count} of each link: as with every degree of freedom", "engine",
+            ("rod.elements=8", f"solve.modes={count}", "solve.reduction=craig-bampton"),
+            against(("rod.elements=8",), "tip_axial", "mid_transverse"), 2e-4, accurate=ELASTIC,
+            slow=ELASTIC if count == "6" else (),
+        )
+        for count in ("1", "6", "all")
+    ]  # fmt: skip
+
+
+def _links() -> list[Case]:
+    no_mass = ("rod.mass=none", f"rod.beam={{E={STEEL!r}, rho=1e-6, A={ROD_AREA!r}, I=7.008e-9, elements=4}}")
+    rounding = dict.fromkeys(("linear", "gauss", "newmark"), "no periodic state: a Floquet multiplier equals one")
+    found = [
+        Case(
+            "links", f"a crank {factor:g} times as stiff as the rod: as a rigid one", "engine-elastic-crank",
+            (f"crank.beam={{E={STEEL * factor!r}, rho=7850, I=7.66008e-7, elements=2}}",),
+            against_scene("engine", "tip_axial", "mid_transverse"), 1e-6,
+            accurate=("quasistatic", "generalised-alpha"), named=rounding, slow=ELASTIC if factor == 1e6 else (),
+        )
+        for factor in (1e6, 1e9)
+    ]  # fmt: skip
+    return [
+        *found,
+        Case(
+            "links", "three rods of equal frequencies: the same motion", "engine-3", ("solve.start=periodic",),
+            same_rods, 1e-6, accurate=ELASTIC,
+        ),
+        Case(
+            "links", "a rod of 2e-11 kg: -(F + m a) l / (E A)", "engine",
+            (*no_mass, "solve.start=periodic", "damping.rayleigh=none", "damping.modal={ratio=0.02}"), without_mass,
+            1e-2, accurate=ELASTIC,
+        ),
+        Case(
+            "links", "a rod of no mass", "engine", ("rod.mass=0",), ended, 0.0, accurate=(),
+            named=dict.fromkeys(("rigid", "quasistatic", "paper", *STEPPED, "coupled"), "a mass must be above zero"),
+        ),
+    ]  # fmt: skip
+
+
+def spiked(table: Path, rows: np.ndarray, at: float) -> tuple[str, ...]:
+    """Settings of the engine whose gas pushes with 100 kN at one angle [deg], with half of it 0.05 degrees beside."""
+    force = 1e5 * np.maximum(0.0, 1.0 - abs(rows - at) / 0.1)
+    table.write_text("deg,F\n" + "".join(f"{row:.2f},{F:.6g}\n" for row, F in zip(rows, force, strict=True)))
+    return f"gas.table={table}", "gas.column=F"
+
+
+def spike_cases(folder: Path) -> list[Case]:
+    """Gas that pushes for 0.2 degrees, in steps of half a degree and of a fortieth; its table goes to `folder`."""
+    rows = np.concatenate([np.arange(0, 366, 5.0), np.arange(365.05, 374.99, 0.05), np.arange(375, 721, 5.0)])
+    table = spiked(folder / "spike.csv", rows, 370.25)
+    return [
+        Case(
+            "spike", f"0.2 deg of gas force, {steps} steps a cycle: peak against F l / (E A)", "engine",
+            (*table, "main.speed=60 rpm", f"solve.steps={steps}", "solve.start=zero"), peak_of_spike(370.25), 1e-3,
+            accurate=("quasistatic",) if steps > 1440 else (), also=() if steps > 1440 else ELASTIC,
+        )
+        for steps in (1440, 28800)
+    ]  # fmt: skip
+
+
+CASES = (
+    *_speeds(), *_blades(), *_dead_centres(), *_masses(), *_dampings(), *_steps(), *_modes(), *_links(),
+)  # fmt: skip
+"""Every case but those of `spike_cases`, which need a folder for their table."""

@@ -1,0 +1,152 @@
+"""Extremes in their short form: every case ends within its accuracy or in a named outcome, never in silence."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from extreme_cases import CASES, spike_cases, spiked
+from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
+from extremes import METHODS, Case, Ending, attempt, judge
+from runs import derived_on_the_fly, model, run
+
+from kaneflex.doubts import doubts
+from kaneflex.errors import SceneError
+from kaneflex.sampling import unseen
+from kaneflex.simulation import simulate
+
+PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
+CANTILEVER = """
+schema = 1
+[bodies]
+bar = {{length = "500 mm", beam = {{material = "steel", A = "400 mm^2", I = "13333 mm^4"}}}}
+[joints]
+wall = {{weld = ["ground", "bar.start"]}}
+[loads]
+push = {{force_on = "bar.end", direction = [0, -1], law = "{law}"}}
+[sensors]
+tip = {{displacement = "bar.end", component = "x"}}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 10
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ("100 / t", r"loads\.push = '100 / t': it has no finite value at t = 0 s\. Give a law that is smooth"),
+        ("sqrt(0.55 - t)", r"loads\.push = 'sqrt\(0\.55 - t\)': it has no finite value at t = 0\.6 s"),
+    ],
+)
+def test_a_load_without_a_value_is_refused_before_anything_is_computed(law, message, tmp_path):
+    with pytest.raises(SceneError, match=message):
+        derived_on_the_fly(CANTILEVER.format(law=law), tmp_path)
+
+
+def test_a_drive_without_a_speed_is_refused_before_anything_is_computed(tmp_path):
+    text = """
+schema = 1
+[bodies]
+rotor = {inertia = "1 kg m^2", mass = "1 kg"}
+[joints]
+shaft = {revolute = ["ground", "rotor"]}
+[drives]
+shaft = {law = "sqrt(t)"}
+[solve]
+duration = "1 s"
+"""
+    with pytest.raises(SceneError, match=r"drives\.shaft = 'sqrt\(t\)': the motion or one of its rates has no finite"):
+        derived_on_the_fly(text, tmp_path)
+
+
+def test_what_leaves_double_precision_on_the_way_is_named(tmp_path):
+    """The force is a number, the square of the slope that it causes is none."""
+    solution = simulate(derived_on_the_fly(CANTILEVER.format(law="1e200 * t"), tmp_path))
+    with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SceneError) as error:
+        _ = solution.series
+    assert str(error.value).startswith("sensors.tip: it has no finite value at t = 0.1 s. Correct the numbers")
+
+
+def test_a_spike_between_two_steps_is_named(tmp_path):
+    """0.2 degrees wide at 370.25 degrees: steps of half a degree pass it by, unless they are finer."""
+    near = np.arange(365.05, 374.99, 0.05)
+    spike = spiked(tmp_path / "spike.csv", np.array([*range(0, 366, 5), *near, *range(375, 721, 5)]), 370.25)
+    (said,) = unseen(model("engine", *spike))
+    assert said.startswith("loads.gas comes and goes between two steps, by 100% of its") and "t = 0.01028 s" in said
+    assert unseen(model("engine", *spike, "solve.steps=28800")) == []
+
+
+def test_a_table_whose_curve_overshoots_is_named(tmp_path):
+    """Rows of 0.05 degrees between rows of 5: the smooth curve turns the flank into a high wave."""
+    rows = [*range(0, 370, 5), 370, 370.05, 370.1, 370.15, 370.2, *range(375, 721, 5)]
+    spike = spiked(tmp_path / "spike.csv", np.array(rows), 370.1)
+    (said,) = (text for text in unseen(model("engine", *spike)) if "rows" in text)
+    assert said.startswith("loads.gas: the smooth curve through its rows overshoots them by ")
+    assert not any("rows" in text for text in unseen(model("engine")))
+
+
+def test_steps_of_whole_turns_are_named():
+    said = unseen(model("engine", "solve.preset=paper", "main.speed=600000 rpm", "solve.steps=400"))
+    assert said[0].startswith("main turns by 360 deg in a step") and "give solve.steps = 5027 or more" in said[0]
+
+
+STILL = ("bodies.piston.mass=1e6 kg", "loads.gas=none", "damping=none", "solve.start=zero")
+
+
+def test_a_link_that_stretches_is_named():
+    """A piston of 1e6 kg stands still while the crank turns: the rod is stretched by the stroke, 80 mm."""
+    solution = run("engine", "solve.preset=linear", *STILL)
+    (said,) = (text for text in doubts(solution, [1e3]) if "stretches" in text)
+    assert said.startswith("rod stretches by 0.58 of its length")
+
+
+SHORT = [(case, method) for case in CASES for method in case.methods if method not in case.slow]
+
+
+@pytest.mark.parametrize(("case", "method"), SHORT, ids=[f"{case}, {method}" for case, method in SHORT])
+def test_extreme(case, method):
+    assert judge(case, method, attempt(case, method)) == ""
+
+
+def test_spikes_of_gas(tmp_path):
+    for case in spike_cases(tmp_path):
+        for method in case.methods:
+            assert judge(case, method, attempt(case, method)) == "", method
+
+
+def test_silence_is_a_fault():
+    """What is neither accurate nor said is what the suite is there to find."""
+    named = {"paper": "no cycle"}
+    case = Case("group", "name", "engine", (), lambda solution: 0.0, 1e-3, ("gauss",), named, ("linear",))
+    silent, said = Ending("completed", 0.1, "", ()), Ending("completed", 0.1, "", ("steps are long",))
+    assert judge(case, "linear", silent) == "error 0.1 beyond 0.001 without a word"
+    assert judge(case, "linear", said) == judge(case, "linear", Ending("unstable", None, "unstable: ...", ())) == ""
+    assert judge(case, "gauss", said) == "completed : error 0.1, stated 0.001"
+    assert "must say 'no cycle'" in judge(case, "paper", Ending("completed", 0.0, "", ()))
+
+
+@pytest.mark.parametrize("method", ANGLE_OF_A_STEP)
+def test_twenty_thousand_cycles_lose_what_the_method_says(method):
+    """Amplitude to rounding, phase by the method's own rational function of omega h."""
+    amplitude, _, unexplained = drift(method, 20_000, 32)
+    assert abs(amplitude) < 1e-9 and unexplained < 1e-8
+
+
+@pytest.mark.parametrize("scene", ["engine", "rotating-cantilever"])
+def test_kernels_in_single_precision(scene):
+    assert max(single_precision(scene).values()) < 2e-6
+
+
+def test_the_page_has_every_case(tmp_path):
+    """A number or a named end where a method is meant, and accurate where it is stated so."""
+    rows = dict(re.findall(r"^\| (.*?) \| \S+ \| (.*) \|$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    for case in (*CASES, *spike_cases(tmp_path)):
+        cells = dict(zip(METHODS, rows[case.name].split(" | "), strict=True))
+        assert [method for method, cell in cells.items() if cell != "-"] == list(case.methods), case.name
+        for method in case.accurate if case.within else ():
+            assert float(cells[method]) <= 1.1 * case.within, (case.name, method)
+        for method in case.named:
+            assert cells[method] in ("refused", "unstable", "singular", "no periodic state"), (case.name, method)
+    assert (PAGE.parent / "pictures" / "extremes.png").is_file()
