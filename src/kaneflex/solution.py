@@ -109,7 +109,9 @@ class Solution:
         """Angle of a body in the rigid motion [rad], counted on from turn to turn."""
         angle = np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
         if self.whole is None:
-            return np.unwrap(angle)
+            there = np.isfinite(angle)  # a coupled mechanism may go where the rigid one doesn't close
+            angle[there] = np.unwrap(angle[there])
+            return angle
         near = np.interp(self.times, self.whole.times, self.whole.turned(body))
         return near + np.remainder(angle - near + np.pi, 2 * np.pi) - np.pi
 
