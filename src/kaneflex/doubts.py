@@ -71,6 +71,14 @@ def _of_coupled(solution: Solution) -> list[str]:
             f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; "
             f"{tighter}ask for more steps"
         )
+    for name, series in solution.series.items():
+        lost = ~np.isfinite(series.values)
+        if lost.any():
+            found.append(
+                f"{name} has no value at {lost.sum()} of {len(lost)} instants, first at t = "
+                f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism stands where the rigid one, which it is "
+                "measured against, doesn't close"
+            )
     for name, link in solution.model.links.items():
         found.extend(_stretched(name, link, motion.nodes(name)[0]))
         largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)

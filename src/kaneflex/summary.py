@@ -186,7 +186,9 @@ def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> Se
     def instant(index: int) -> Instant:
         return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
 
-    values = series.values
+    there = np.flatnonzero(np.isfinite(series.values))  # where it has no value a warning says so
+    there = there if len(there) else slice(None)
+    values, times, degrees = series.values[there], times[there], None if degrees is None else degrees[there]
     lowest, highest = int(np.argmin(values)), int(np.argmax(values))
     largest = max(abs(float(values[lowest])), abs(float(values[highest]))) or 1.0
     return SensorSummary(

@@ -9,11 +9,12 @@ forces follow from.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from kaneflex.coupled.balance import Balanced
 from kaneflex.coupled.run import CoupledTrajectory
 from kaneflex.coupled.system import BODY, CoupledSystem
 from kaneflex.deformation import Deformation
@@ -48,7 +49,7 @@ class CoupledMotion:
         """The floating frames as a rigid motion, with ``more`` scalars by name."""
         return FloatingMotion(self.rigid.motion, self.rigid.times, self.rigid.values, self, more)
 
-    def balanced(self, link: str, forces: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Deformation:
+    def balanced(self, link: str, forces: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Balanced:
         """A link's deformation in its floating frame with what the missing shapes would add statically.
 
         ``forces`` are those on the link at its points: components in link axes (2, n_times) and moment. What the link's
@@ -69,7 +70,7 @@ class CoupledMotion:
         share = np.zeros_like(residual)
         stiffness = own.part.matrices["K_s"].at({}).toarray()[np.ix_(free, free)]
         share[free] = np.linalg.solve(stiffness, residual[free])
-        return replace(found, q=found.q - share)
+        return Balanced(found.model, own, found.rigid, found.q, found.q_rate, found.q_accel, share)
 
     def body(self, name: str) -> Rates:
         """x, y [m], phi [rad] of a body's frame, (3, n_times)."""
