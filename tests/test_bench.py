@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from bench import casadi_peers, peers
 from bench.interleave import interleave, repeated
+from bench.ivp_runs import jitted_slope, lambdified_slope
 from bench.kernels import AGREEMENT, check_agreement, disagreement, single_kernels
 from bench.rows import Row, Target
 from bench.tasks import element_task, motion_task
+
+from kaneflex.loading import load
+from kaneflex.scene import read_scene, with_settings
 
 TASKS = {"element": element_task, "motion": motion_task}
 
@@ -86,3 +90,15 @@ def test_single_kernels_are_compared_with_c(hand):
     assert [row.candidate for row in found] == ["hand-written C", "kaneflex"] * 6
     assert all(row.time.median > 0.0 for row in found)
     assert [row.ratio is None for row in found] == [True, False] * 6
+
+
+def test_right_hand_sides_of_solve_ivp_are_the_equations_that_are_integrated():
+    """Lambdified and jitted slopes against the model's own matrices, at a state and time of no symmetry."""
+    model = load(with_settings(read_scene("engine"), ["solve.start=zero", "solve.modes=2"]))
+    n, t = model.system.n, 0.0031
+    x = np.random.default_rng(7).normal(size=2 * n)
+    (row,) = model.scalars(np.array([t]))
+    M, C, K, F = (model.system.dense(name, row) for name in "MCKF")
+    expected = np.concatenate((x[n:], np.linalg.solve(M, F - C @ x[n:] - K @ x[:n])))
+    for slope in (jitted_slope(model), lambdified_slope(model)):
+        np.testing.assert_allclose(slope(t, x), expected, rtol=1e-11)

@@ -69,10 +69,16 @@ def _element(p, s, M, K_s, K_d, K_g, C, F):
 
 @njit
 def _element_many(n, values, p, s, M, K_s, K_d, K_g, C, F):
+    # not by _element: numba passes a call inside a call its arrays by memory, which takes twice as long as the kernels
     for i in range(n):
         p[3] = values[i & 15]
         s[0] = values[i & 15]
-        _element(p, s, M, K_s, K_d, K_g, C, F)
+        generated.M(p, M)
+        generated.K_s(p, K_s)
+        generated.K_d(p, s, K_d)
+        generated.K_g(p, s, K_g)
+        generated.C(p, s, C)
+        generated.F(p, s, F)
 
 
 @njit
@@ -86,7 +92,7 @@ def generated_kernels(task: Task) -> Candidate:
     if task.name == "beam element":
         return Candidate(
             "kaneflex", _filled(task, _element), lambda: _element(*inputs, *out),
-            lambda n: _element_many(n, task.values, *inputs, *out), "six kernels, called by one jitted function",
+            lambda n: _element_many(n, task.values, *inputs, *out), "six kernels; from Python called by one jitted function",
         )  # fmt: skip
     (_, p), (s,) = inputs, out
     return Candidate(
