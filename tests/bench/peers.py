@@ -92,7 +92,8 @@ def generated_kernels(task: Task) -> Candidate:
     if task.name == "beam element":
         return Candidate(
             "kaneflex", _filled(task, _element), lambda: _element(*inputs, *out),
-            lambda n: _element_many(n, task.values, *inputs, *out), "six kernels; from Python called by one jitted function",
+            lambda n: _element_many(n, task.values, *inputs, *out),
+            "six kernels; from Python called by one jitted function",
         )  # fmt: skip
     (_, p), (s,) = inputs, out
     return Candidate(
