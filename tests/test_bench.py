@@ -1,13 +1,19 @@
 """The benchmarks compare like with like: every candidate that is timed computes the same numbers."""
 
+import json
+import re
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
+import bench.__main__
 import numpy as np
 import pytest
-from bench import casadi_peers, peers
-from bench.interleave import interleave, repeated
+from bench import exudyn_runs, kernels, peers, quick, report
+from bench.__main__ import SECTIONS
+from bench.interleave import Race, Spread, interleave, repeated
 from bench.ivp_runs import jitted_slope, lambdified_slope
-from bench.kernels import AGREEMENT, check_agreement, disagreement, single_kernels
+from bench.kernels import AGREEMENT, candidates_of, check_agreement, disagreement, single_kernels
 from bench.rows import Row, Target
 from bench.tasks import element_task, motion_task
 
@@ -42,12 +48,13 @@ def test_what_is_called_in_a_loop_is_what_was_found_to_agree(hand):
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_casadi_agrees(name, compiler, tmp_path, peer):
-    peer("casadi")
+def test_all_programs_that_are_installed_agree(name, hand, compiler, tmp_path):
     task = TASKS[name]()
-    ours = peers.generated_kernels(task)
-    for other in (casadi_peers.virtual_machine(task), casadi_peers.compiled_c(task, tmp_path, compiler)):
-        assert disagreement(task, ours, other) < AGREEMENT
+    candidates, missing = candidates_of(task, tmp_path, compiler, hand)
+    check_agreement(task, candidates)
+    assert [one.name for one in candidates][:2] == ["hand-written C", "kaneflex"]
+    assert len(candidates) + len(missing) == 8
+    assert all(re.fullmatch(r"\w+ is not installed", row.missing) for row in missing)
 
 
 def test_a_candidate_that_computes_something_else_is_not_timed():
@@ -69,7 +76,16 @@ def test_candidates_take_turns():
     timed = {name: lambda name=name: order.append(name) or float(len(order)) for name in "ab"}
     times = interleave(timed, 3)
     assert order == ["a", "b"] * 4  # the first turn is for compiling and is not counted
-    assert (times["a"].median, times["a"].low, times["a"].high, times["a"].rounds) == (5.0, 4.0, 6.0, 3)
+    assert times["a"] == Spread(median=5.0, low=4.0, high=6.0, rounds=3)
+    assert times["b"] == Spread(median=6.0, low=5.0, high=7.0, rounds=3)
+    assert times.ratio("a", "a") is None
+    assert times.ratio("b", "a") == 6.0 / 5.0
+
+
+def test_a_ratio_is_one_of_rounds_not_of_medians():
+    """A machine that is ten times as slow in every second round leaves it alone."""
+    race = Race({"a": (1.0, 10.0, 1.0, 10.0, 10.0), "b": (2.0, 2.0, 2.0, 20.0, 20.0)})
+    assert race.ratio("b", "a") == 2.0
 
 
 def test_a_call_is_repeated_until_the_clock_sees_it():
@@ -102,3 +118,61 @@ def test_right_hand_sides_of_solve_ivp_are_the_equations_that_are_integrated():
     expected = np.concatenate((x[n:], np.linalg.solve(M, F - C @ x[n:] - K @ x[:n])))
     for slope in (jitted_slope(model), lambdified_slope(model)):
         np.testing.assert_allclose(slope(t, x), expected, rtol=1e-11)
+
+
+def row(task, candidate, ratio, target=None):
+    return Row(task, candidate, Spread(2.5e-8, 2.4e-8, 2.6e-8, 9), ratio, target, differs="a note")
+
+
+def test_quick_names_the_ratio_that_is_out_of_bounds():
+    good = [row("x, in a loop", "kaneflex", 1.9), row("x, from Python", "lambdify", 6.0), row("x, in a loop", "C", 9.0)]
+    assert quick.broken(good) == []
+    bad = [row("x, in a loop", "kaneflex", 2.1), row("x, from Python", "lambdify", 4.0)]
+    assert quick.broken(bad) == [
+        "x, in a loop, kaneflex: ratio 2.10 is above 2", "x, from Python, lambdify: ratio 4.00 is below 5"
+    ]  # fmt: skip
+
+
+def test_the_page_shows_every_row_and_keeps_the_sections_that_are_not_measured_again(tmp_path):
+    modules = {"kernels": kernels, "exudyn": exudyn_runs}
+    found = [row("x, in a loop", "hand-written C", None), row("x, in a loop", "kaneflex", 1.2, Target(1.15, 0.9))]
+    report.store(tmp_path, "kernels", [*found, Row("x", "PyDy", None, missing="pydy is not installed")])
+    report.store(tmp_path, "exudyn", [row("engine", "Exudyn", 3.0)])
+    report.store(tmp_path, "exudyn", [row("engine", "Exudyn", 150.0, Target(100.0, 400.0, True))])
+    report.show(tmp_path, modules)
+    page = (tmp_path / "benchmarks.md").read_text()
+    assert "| x, in a loop | kaneflex | 25 ns | 24 to 26 | 1.2 | <= 1.15 (0.9): missed | a note |" in page
+    assert "| x | PyDy | pydy is not installed |" in page
+    assert "| engine | Exudyn | 25 ns | 24 to 26 | 150 | >= 100 (400): met | a note |" in page
+    assert page.index(kernels.TITLE) < page.index(exudyn_runs.TITLE)
+    stored = json.loads((tmp_path / "benchmarks.json").read_text())
+    assert stored["kernels"]["rows"][1]["time"] == {"median": 2.5e-8, "low": 2.4e-8, "high": 2.6e-8, "rounds": 9}
+    assert {"date", "processor", "cores", "Python", "C compiler", "numba"} <= set(stored["kernels"]["machine"])
+    assert (tmp_path / "pictures" / "benchmarks.png").stat().st_size > 10_000
+
+
+def test_an_interruption_keeps_the_sections_that_are_finished(tmp_path, monkeypatch, capsys):
+    def interrupted():
+        yield row("second", "kaneflex", None)
+        raise KeyboardInterrupt
+
+    finished = SimpleNamespace(TITLE="First", ABOUT="One.", rows=lambda: iter([row("first", "kaneflex", None)]))
+    stopped = SimpleNamespace(TITLE="Second", ABOUT="Two.", rows=interrupted)
+    monkeypatch.setattr(bench.__main__, "SECTIONS", {"first": finished, "second": stopped})
+    assert bench.__main__.main(["-o", str(tmp_path)]) == 130
+    assert "interrupted; finished sections are in" in capsys.readouterr().err
+    assert list(report.read(tmp_path)) == ["first"]
+    assert "## First" in (tmp_path / "benchmarks.md").read_text()
+
+
+def test_an_unknown_section_is_named(capsys):
+    with pytest.raises(SystemExit):
+        bench.__main__.main(["kernel"])
+    assert "no section 'kernel': there are kernels, exudyn, ivp" in capsys.readouterr().err
+
+
+def test_benchmarks_page_is_what_its_data_say():
+    docs = Path(__file__).parents[1] / "docs"
+    sections = report.sections_of(docs, SECTIONS)
+    assert list(sections) == list(SECTIONS)
+    assert (docs / "benchmarks.md").read_text(encoding="utf-8") == report.page(sections, SECTIONS)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import sympy as sm
 
-from bench.compiled import FLAGS, HERE, compile_c, pointer
+from bench.compiled import HERE, compile_c, pointer
 from bench.peers import Candidate, Outputs, zeros
 from bench.tasks import Task
 
@@ -84,7 +84,7 @@ def virtual_machine(task: Task) -> Candidate:
 
     return Candidate(
         "CasADi, virtual machine", _of_buffer(task, function), lambda: one.trigger(), many,
-        "mapped over 16 samples; arrays without zeros; from Python without conversions, by a FunctionBuffer",
+        "mapped over the samples; zeros not stored",
     )  # fmt: skip
 
 
@@ -111,7 +111,7 @@ def compiled_c(task: Task, folder: Path, compiler: str) -> Candidate:
     return Candidate(
         "CasADi, its C", _of_buffer(task, external), lambda: one.trigger(),
         lambda n: loop.many(ctypes.c_long(n), *rest),
-        f"{' '.join(FLAGS)}; arrays without zeros; from Python without conversions, by a FunctionBuffer",
+        "zeros not stored",
     )  # fmt: skip
 
 

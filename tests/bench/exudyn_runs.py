@@ -55,7 +55,7 @@ def raced(
 ) -> Iterator[Row]:
     """Both programs at the coarsest resolution that is within the error, in turn."""
     chosen = {program: coarsest(solve, steps, finest) for program, solve in solvers.items()}
-    times = interleave(
+    race = interleave(
         {
             program: lambda solve=solve, at=chosen[program][:2]: solve(*at).seconds
             for program, solve in solvers.items()
@@ -67,8 +67,8 @@ def raced(
         note = f"{elements} elements, {count} steps, error {found:.1e}"
         ours = program == "kaneflex"
         note += f"; preset {scene.solve.preset}" if ours else f", fully nonlinear; converged answers {apart:.1e} apart"
-        ratio = None if ours else times[program].median / times["kaneflex"].median
-        yield Row(scene.name, program, times[program], ratio, None if ours else target, differs=note)
+        ratio = race.ratio(program, "kaneflex")
+        yield Row(scene.name, program, race[program], ratio, None if ours else target, differs=note)
 
 
 def scene_of(name: str, settings: tuple[str, ...]) -> Scene:

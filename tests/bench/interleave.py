@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -24,7 +24,27 @@ class Spread:
     rounds: int
 
 
-def interleave(candidates: Mapping[str, Timed], rounds: int, budget: float = np.inf) -> dict[str, Spread]:
+@dataclass(frozen=True)
+class Race:
+    """Seconds of each candidate in every round."""
+
+    seconds: Mapping[str, Sequence[float]]
+
+    def __getitem__(self, name: str) -> Spread:
+        low, median, high = np.percentile(self.seconds[name], (25, 50, 75))
+        return Spread(float(median), float(low), float(high), len(self.seconds[name]))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.seconds)
+
+    def ratio(self, name: str, reference: str) -> float | None:
+        """Median of the rounds' ratios, since what slows down a round slows down both; None of the reference itself."""
+        if name == reference:
+            return None
+        return float(np.median(np.divide(self.seconds[name], self.seconds[reference])))
+
+
+def interleave(candidates: Mapping[str, Timed], rounds: int, budget: float = np.inf) -> Race:
     """Seconds of each candidate, one after the other in every round.
 
     Parameters
@@ -46,12 +66,7 @@ def interleave(candidates: Mapping[str, Timed], rounds: int, budget: float = np.
                 found[name].append(timed())
             if time.perf_counter() - begun > budget:
                 break
-    return {name: spread(seconds) for name, seconds in found.items()}
-
-
-def spread(seconds: list[float]) -> Spread:
-    low, median, high = np.percentile(seconds, (25, 50, 75))
-    return Spread(float(median), float(low), float(high), len(seconds))
+    return Race(found)
 
 
 def repeated(many: Callable[[int], object], at_least: float = 2e-3) -> Timed:

@@ -80,13 +80,13 @@ def rows() -> Iterator[Row]:
 def by_kaneflex(case: Case) -> Iterator[Row]:
     """A cycle within the rougher error."""
     method, steps = quickest(case, ROUGH)
-    times = interleave(
+    race = interleave(
         {"in all": lambda: seconds(case, method, steps), "steps alone": lambda: steps_alone(case, method, steps)},
         ROUNDS, BUDGET,
     )  # fmt: skip
     note = f"{method}, {steps} steps, error {case.error(case.by_steps(method, steps).z):.1e}"
-    for name, time_ in times.items():
-        yield Row(f"engine, one cycle to {ROUGH:g}", f"kaneflex, {name}", time_, None, CYCLE, True, note)
+    for name in race:
+        yield Row(f"engine, one cycle to {ROUGH:g}", f"kaneflex, {name}", race[name], None, CYCLE, True, note)
 
 
 def by_scipy(case: Case) -> Iterator[Row]:
@@ -103,11 +103,10 @@ def by_scipy(case: Case) -> Iterator[Row]:
             candidate = f"solve_ivp {name}, {kind}"
             candidates[candidate] = lambda slope=slope, name=name, at=tolerance: scipy_seconds(case, slope, name, at)
             notes[candidate] = f"rtol {tolerance:.0e}, error {error:.1e}, {calls} evaluations"
-    times = interleave(candidates, ROUNDS, BUDGET)
-    ours = times["kaneflex, in all"].median
-    for name, time_ in times.items():
-        ratio = time_.median / ours if name.startswith("solve_ivp") else None
-        yield Row(task, name, time_, ratio, LAMBDIFIED if "lambdified" in name else None, differs=notes[name])
+    race = interleave(candidates, ROUNDS, BUDGET)
+    for name in race:
+        target = LAMBDIFIED if "lambdified" in name else None
+        yield Row(task, name, race[name], race.ratio(name, "kaneflex, in all"), target, differs=notes[name])
 
 
 def seconds(case: Case, method: str, steps: int) -> float:

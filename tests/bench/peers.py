@@ -93,12 +93,12 @@ def generated_kernels(task: Task) -> Candidate:
         return Candidate(
             "kaneflex", _filled(task, _element), lambda: _element(*inputs, *out),
             lambda n: _element_many(n, task.values, *inputs, *out),
-            "six kernels; from Python called by one jitted function",
+            "zeros not stored",
         )  # fmt: skip
     (_, p), (s,) = inputs, out
     return Candidate(
         "kaneflex", _filled(task, lambda t, p, s: generated.motion(t[0], p, s)),
-        lambda: generated.motion(0.01, p, s), lambda n: _motion_many(n, task.values, p, s),
+        lambda: generated.motion(0.01, p, s), lambda n: _motion_many(n, task.values, p, s), "zeros not stored",
     )  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def hand_written(task: Task, hand: ctypes.CDLL) -> Candidate:
 
     return Candidate(
         "hand-written C", outputs, lambda: many(one, *pointers), lambda n: many(ctypes.c_long(n), *pointers),
-        "structural zeros not stored either; from Python by ctypes",
+        "zeros not stored",
     )  # fmt: skip
 
 
@@ -193,7 +193,7 @@ def pydy_cython(task: Task, folder: Path) -> Candidate:
         return dict(zip(task.matrices, arrays, strict=True))
 
     return Candidate(
-        "PyDy, Cython", outputs, lambda: evaluate(*inputs, *flat), None, f"dense arrays; {' '.join(FLAGS)}"
+        "PyDy, Cython", outputs, lambda: evaluate(*inputs, *flat), None, "dense arrays"
     )  # fmt: skip
 
 
