@@ -137,7 +137,9 @@ def test_the_page_shows_every_row_and_keeps_the_sections_that_are_not_measured_a
     modules = {"kernels": kernels, "exudyn": exudyn_runs}
     found = [row("x, in a loop", "hand-written C", None), row("x, in a loop", "kaneflex", 1.2, Target(1.15, 0.9))]
     report.store(tmp_path, "kernels", [*found, Row("x", "PyDy", None, missing="pydy is not installed")])
-    report.store(tmp_path, "exudyn", [row("engine", "Exudyn", 3.0)])
+    report.store(tmp_path, "exudyn", [Row("engine", "Exudyn", None, missing="exudyn is not installed")])
+    report.show(tmp_path, modules)
+    assert "| engine | Exudyn | exudyn is not installed |" in (tmp_path / "benchmarks.md").read_text()
     report.store(tmp_path, "exudyn", [row("engine", "Exudyn", 150.0, Target(100.0, 400.0, True))])
     report.show(tmp_path, modules)
     page = (tmp_path / "benchmarks.md").read_text()

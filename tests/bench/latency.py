@@ -13,11 +13,15 @@ from pathlib import Path
 
 from bench.interleave import interleave
 from bench.rows import Row, Target
+from kaneflex.loading import load
+from kaneflex.scene import read_scene
+from kaneflex.simulation import simulate
 
 TITLE = "Latency"
 ABOUT = """Wall time of whole processes, the interpreter's start included: imports, and `kaneflex run engine --no-plots`
 to its written results. *Cold* finds nothing compiled; with gravity the engine has a structure that is not shipped, so
-that its module has to be derived, too. *Cached* finds what the run before it left."""
+that its module has to be derived, too. *Cached* finds what the run before it left. *Warm* is no process: reading,
+loading, solving and all sensors where that was done before."""
 COLD, CACHED = Target(5.0, 2.5), Target(1.0, 0.15)
 RUN = ("-m", "kaneflex", "run", "engine", "--no-plots", "--force", "-o")
 GRAVITY = ("--set", "gravity=[0, -9.81]")
@@ -34,6 +38,7 @@ def rows() -> Iterator[Row]:
         race = interleave(imports, ROUNDS)
         for name in race:
             yield Row("a process", name, race[name])
+        yield Row("engine", "warm", interleave({"warm": warm}, ROUNDS)["warm"])
         yield from runs(folder, "engine", (), None)
         yield from runs(folder, "engine with gravity, not shipped", GRAVITY, COLD)
 
@@ -46,6 +51,12 @@ def runs(folder: Path, task: str, settings: Sequence[str], cold: Target | None) 
     yield Row(task, "cold", first, None, cold, True, f"{'nothing derived, ' if cold else ''}nothing compiled")
     again = interleave({"cached": lambda: seconds(folder, *command)}, ROUNDS)["cached"]
     yield Row(task, "cached", again, None, CACHED, True)
+
+
+def warm() -> float:
+    started = time.perf_counter()
+    _ = simulate(load(read_scene("engine"))).series  # computed when it is asked for
+    return time.perf_counter() - started
 
 
 def emptied(folder: Path, command: Sequence[str]) -> float:

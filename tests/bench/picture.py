@@ -14,8 +14,8 @@ Rows = Sequence[Row]
 
 
 def draw(sections: Mapping[str, Rows], path: Path) -> None:
-    """Write the picture of those sections that are there."""
-    panels = {name: panel for name, panel in PANELS.items() if name in sections}
+    """Write the picture of those sections in which anything was timed."""
+    panels = {name: panel for name, panel in PANELS.items() if any(row.time for row in sections.get(name, ()))}
     with styled():
         lines = -(-len(panels) // 2)
         figure = new_figure(11.0, 4.2 * max(lines, 1), "kaneflex beside other ways to the same numbers")
