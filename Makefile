@@ -1,10 +1,11 @@
 # `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test extremes derive check-derived bench-derive lint clean
+.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive lint clean
 
 PYTHON ?= python3
-# EXTRAS=test,peer,cluster,zarr installs what is optional, too; without it the tests of it skip and say so.
+# EXTRAS=test,peer,cluster,zarr,bench installs what is optional, too; without it the tests of it skip and say so, and
+# the benchmarks name what is missing.
 EXTRAS ?= test
 BUILD := .build
 BIN := $(BUILD)/venv/bin
@@ -51,6 +52,17 @@ check-derived: $(READY)  ## show that generated/ is what the scenes derive to, b
 	mkdir -p $(DERIVED)
 	$(BIN)/python -m kaneflex.derive -o $(DERIVED)
 	diff --recursive --exclude=__pycache__ generated $(DERIVED)
+
+# One thread, as the tests; the sweeps take a process for each core.
+bench bench-quick: export OMP_NUM_THREADS := 1
+bench bench-quick: export OPENBLAS_NUM_THREADS := 1
+bench bench-quick: export NUMBA_NUM_THREADS := 1
+bench bench-quick: export PYTHONPATH := tests
+bench: $(READY)  ## time all against C and other programs into docs/benchmarks.md; SECTIONS="kernels ..." some of it
+	$(BIN)/python -m bench $(SECTIONS)
+
+bench-quick: $(READY)  ## check that the kernels are about as fast as hand-written C
+	$(BIN)/python -m bench --quick
 
 bench-derive: $(READY)  ## time deriving and compiling of chains of links into docs/derive-times.md
 	$(BIN)/python tests/bench_derive.py

@@ -1,0 +1,46 @@
+"""C to a shared library, as ``cc -O3 -march=native`` makes it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+FLAGS = ("-O3", "-march=native")
+HERE = Path(__file__).parent
+
+
+def find_compiler() -> str | None:
+    """Path of the C compiler that CC names, else of cc."""
+    return shutil.which(os.environ.get("CC", "cc"))
+
+
+def demand_compiler() -> str:
+    """The same.
+
+    Raises
+    ------
+    SystemExit
+        If there is none.
+    """
+    found = find_compiler()
+    if found is None:
+        raise SystemExit("no C compiler is found: install gcc or clang, or name one in CC")
+    return found
+
+
+def compile_c(source: Path, folder: Path, compiler: str, *options: str) -> ctypes.CDLL:
+    """The library of one C file, loaded."""
+    library = folder / f"{source.stem}.so"
+    command = [compiler, *FLAGS, *options, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
+    subprocess.run(command, check=True)
+    return ctypes.CDLL(str(library))
+
+
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """The address of an array's first number; the caller keeps the array alive."""
+    return array.ctypes.data_as(ctypes.c_void_p)

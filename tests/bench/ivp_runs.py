@@ -1,0 +1,209 @@
+"""Section: one cycle of the engine at equal error, by kaneflex and by scipy's solve_ivp."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import sympy as sm
+from numba import njit
+from scipy.integrate import solve_ivp
+from scipy.optimize import OptimizeResult
+
+from bench.interleave import interleave
+from bench.rows import Row, Target
+from kaneflex.derive.generate import derive_equations
+from kaneflex.integrate.outcome import Trajectory
+from kaneflex.integrate.run import integrate
+from kaneflex.loading import load
+from kaneflex.model import Model
+from kaneflex.scene import read_scene, with_settings
+
+TITLE = "Whole runs against solve_ivp"
+ABOUT = """One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, a static shape and five modes. The
+equations are the same, linear with coefficients of time; errors are rms over the instants, of the largest displacement.
+kaneflex takes the coarsest steps of the quickest method within the error, scipy the loosest tolerance. *In all* is a
+call of `integrate` with the table of the motion, *steps alone* its compiled loop. A *lambdified* right-hand side is M,
+C, K and F by SymPy's lambdify with cse and the scene's numbers, solved by NumPy; a *jitted* one is the generated motion
+with the sums and the solve in numba. The ratio is to kaneflex, in all."""
+SETTINGS = ("solve.start=zero", "solve.modes=5")
+METHODS = ("newmark", "generalised-alpha", "gauss")
+FINEST = 46080
+STEPS = tuple(n for n in range(180, FINEST // 4 + 1) if FINEST % n == 0)
+TOLERANCES = tuple(10.0 ** (-k / 2) for k in range(6, 24))
+SCIPY = ("LSODA", "Radau", "DOP853")
+FINE, ROUGH = 1e-6, 1e-4
+CYCLE = Target(0.2e-3, 45e-6)
+LAMBDIFIED = Target(1000.0, 5000.0, at_least=True)
+ROUNDS, BUDGET = 15, 12.0
+Slope = Callable[[float, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model, and its answer at FINEST steps, far more exact than any that is compared with it."""
+
+    model: Model
+
+    @cached_property
+    def exact(self) -> np.ndarray:
+        return self.by_steps("gauss", FINEST).z
+
+    def by_steps(self, method: str, steps: int) -> Trajectory:
+        model = self.model
+        return integrate(model.system, model.scalars, 0.0, model.options.duration / steps, steps, method)
+
+    def by_scipy(self, slope: Slope, method: str, tolerance: float) -> OptimizeResult:
+        """From rest, at the instants of 720 steps; absolute tolerances by the largest displacement and velocity."""
+        n, duration = self.model.system.n, self.model.options.duration
+        largest = np.abs(self.exact).max()
+        speed = np.abs(np.diff(self.exact, axis=0)).max() * FINEST / duration
+        absolute = tolerance * np.repeat((largest, speed), n)
+        times = np.linspace(0.0, duration, 721)
+        return solve_ivp(slope, (0.0, duration), np.zeros(2 * n), method, times, rtol=tolerance, atol=absolute)
+
+    def error(self, z: np.ndarray) -> float:
+        """Rms of the distance at equally spaced instants, of the largest displacement; modes have unit masses."""
+        exact = self.exact[:: FINEST // (len(z) - 1)]
+        return float(np.sqrt(np.mean(np.sum((z - exact) ** 2, axis=1))) / np.linalg.norm(exact, axis=1).max())
+
+
+def rows() -> Iterator[Row]:
+    case = Case(load(with_settings(read_scene("engine"), list(SETTINGS))))
+    yield from by_kaneflex(case)
+    yield from by_scipy(case)
+
+
+def by_kaneflex(case: Case) -> Iterator[Row]:
+    """A cycle within the rougher error."""
+    method, steps = quickest(case, ROUGH)
+    race = interleave(
+        {"in all": lambda: seconds(case, method, steps), "steps alone": lambda: steps_alone(case, method, steps)},
+        ROUNDS, BUDGET,
+    )  # fmt: skip
+    note = f"{method}, {steps} steps, error {case.error(case.by_steps(method, steps).z):.1e}"
+    for name in race:
+        yield Row(f"engine, one cycle to {ROUGH:g}", f"kaneflex, {name}", race[name], None, CYCLE, True, note)
+
+
+def by_scipy(case: Case) -> Iterator[Row]:
+    """A cycle within the finer error."""
+    task = f"engine, one cycle to {FINE:g}"
+    method, steps = quickest(case, FINE)
+    jitted = jitted_slope(case.model)
+    slopes = {"jitted": jitted, "lambdified": lambdified_slope(case.model)}
+    chosen = {name: loosest(case, jitted, name) for name in SCIPY}
+    candidates = {"kaneflex, in all": lambda: seconds(case, method, steps)}
+    notes = {"kaneflex, in all": f"{method}, {steps} steps, error {case.error(case.by_steps(method, steps).z):.1e}"}
+    for kind, slope in slopes.items():
+        for name, (tolerance, error, calls) in chosen.items():
+            candidate = f"solve_ivp {name}, {kind}"
+            candidates[candidate] = lambda slope=slope, name=name, at=tolerance: scipy_seconds(case, slope, name, at)
+            notes[candidate] = f"rtol {tolerance:.0e}, error {error:.1e}, {calls} evaluations"
+    race = interleave(candidates, ROUNDS, BUDGET)
+    for name in race:
+        target = LAMBDIFIED if "lambdified" in name else None
+        yield Row(task, name, race[name], race.ratio(name, "kaneflex, in all"), target, differs=notes[name])
+
+
+def seconds(case: Case, method: str, steps: int) -> float:
+    started = time.perf_counter()
+    case.by_steps(method, steps)
+    return time.perf_counter() - started
+
+
+def steps_alone(case: Case, method: str, steps: int) -> float:
+    return 1e-9 * case.by_steps(method, steps).ns_per_step * steps
+
+
+def scipy_seconds(case: Case, slope: Slope, method: str, tolerance: float) -> float:
+    started = time.perf_counter()
+    case.by_scipy(slope, method, tolerance)
+    return time.perf_counter() - started
+
+
+def quickest(case: Case, error: float) -> tuple[str, int]:
+    """Method and steps of the quickest run within an error."""
+    good = []
+    for method in METHODS:
+        steps = next((n for n in STEPS if case.error(case.by_steps(method, n).z) <= error), None)
+        if steps is not None:
+            good.append((min(seconds(case, method, steps) for _ in range(5)), method, steps))
+    _, method, steps = min(good)
+    return method, steps
+
+
+def loosest(case: Case, slope: Slope, method: str) -> tuple[float, float, int]:
+    """The loosest tolerance of a method of scipy within the finer error, its error and its evaluations."""
+    for tolerance in TOLERANCES:
+        found = case.by_scipy(slope, method, tolerance)
+        error = case.error(found.y[: case.model.system.n].T)
+        if error <= FINE:
+            return tolerance, error, found.nfev
+    raise ValueError(f"{method} does not reach an error of {FINE:g} with a tolerance of {TOLERANCES[-1]:.0e}")
+
+
+def stacked(model: Model) -> np.ndarray:
+    """M, C, K and F of every monomial side by side, shape (n_monomials, n (3 n + 1))."""
+    unit = np.eye(model.system.n_scalars)
+    return np.stack([np.concatenate([model.system.dense(name, row).ravel() for name in "MCKF"]) for row in unit])
+
+
+def lambdified_slope(model: Model) -> Slope:
+    """M, C, K and F by lambdify, the solve by NumPy."""
+    time_symbol, monomials = symbolic_monomials(model)
+    lookup = {"table": lambda x, start: model.motion.module.table(x, model.motion.parameters, int(start))}
+    n = model.system.n
+    ends = (n * n, 2 * n * n, 3 * n * n)
+    entries = [sm.Add(*(c * m for c, m in zip(column, monomials, strict=True) if c)) for column in stacked(model).T]
+    entries_at = sm.lambdify(time_symbol, entries, modules=[lookup, "math"], cse=True)
+
+    def slope(t: float, x: np.ndarray) -> np.ndarray:
+        M, C, K, F = np.split(np.array(entries_at(t)), ends)
+        force = F - C.reshape(n, n) @ x[n:] - K.reshape(n, n) @ x[:n]
+        return np.concatenate((x[n:], np.linalg.solve(M.reshape(n, n), force)))
+
+    return slope
+
+
+def symbolic_monomials(model: Model) -> tuple[sm.Symbol, list[sm.Expr]]:
+    """Time, and the products of the motion's scalars that the equations are made of, with the scene's numbers."""
+    equations = derive_equations(model.scene.structure())
+    parameters = [symbol for symbol, _ in equations.mechanism.parameters.values()]
+    program = equations.motion.program(tuple(parameters))
+    numbers = model.motion.parameters[: len(parameters)]
+    known = {symbol: sm.Float(float(number)) for symbol, number in zip(parameters, numbers, strict=True)}
+    for symbol, expression in program.assignments:
+        known[symbol] = sm.sympify(expression).xreplace(known)
+    scalars = {scalar.name: sm.sympify(scalar.value).xreplace(known) for scalar in equations.motion.stored}
+    return program.inputs[0], [sm.prod([scalars[name] for name in names]) for names in model.monomials]
+
+
+def jitted_slope(model: Model) -> Slope:
+    """All in numba: the generated motion, its monomials, their sums and the solve."""
+    motion, p, n = model.motion.module.motion, model.motion.parameters, model.system.n
+    columns = model.motion.column
+    factors = np.full((len(model.monomials), max(map(len, model.monomials))), -1)
+    for k, names in enumerate(model.monomials):
+        factors[k, : len(names)] = [columns[name] for name in names]
+    stack, scalars = stacked(model), np.zeros(len(columns))
+
+    @njit
+    def evaluate(t, x, p, s, factors, stack):
+        motion(t, p, s)
+        x = x.copy()  # contiguous
+        total = np.zeros(stack.shape[1])
+        for k in range(factors.shape[0]):
+            weight = 1.0
+            for column in factors[k]:
+                if column >= 0:
+                    weight *= s[column]
+            total += weight * stack[k]
+        matrices = total[: 3 * n * n].reshape(3, n, n)
+        force = total[3 * n * n :] - matrices[1] @ x[n:] - matrices[2] @ x[:n]
+        return np.concatenate((x[n:], np.linalg.solve(matrices[0], force)))
+
+    return lambda t, x: evaluate(t, x, p, scalars, factors, stack)

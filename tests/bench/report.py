@@ -1,0 +1,128 @@
+"""Rows to docs/benchmarks.json, and from there to the page and the picture.
+
+Sections that are measured anew replace what was there, the others stay as they were, each with its date and machine.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import ModuleType
+
+from bench.interleave import Spread
+from bench.machine import describe
+from bench.picture import draw
+from bench.rows import Row, Target
+from kaneflex.writing import write_text
+
+HEAD = """# Benchmarks
+
+Times are medians with their quartiles. The candidates of a task take turns, and a ratio is the median of the rounds'
+ratios, so that a machine that slows down slows both. A target is what is aimed at, with what is hoped for in brackets.
+One thread, except for sweeps.
+
+![Kernels, whole runs, scaling and latency](pictures/benchmarks.png)
+"""
+FOOT = """
+Made by `make bench`, of some sections by `make bench SECTIONS="kernels latency"`; do not edit.
+`make setup EXTRAS=peer,bench` brings the other programs. The numbers are in [benchmarks.json](benchmarks.json).
+"""
+DATA = "benchmarks.json"
+COLUMNS = ("task", "with", "median", "quartiles", "ratio", "target", "notes")
+
+
+@dataclass(frozen=True)
+class Section:
+    """Rows that were measured together, and where."""
+
+    machine: Mapping[str, str]
+    rows: tuple[Row, ...]
+
+    @classmethod
+    def read(cls, stored: Mapping) -> Section:
+        rows = []
+        for row in stored["rows"]:
+            time = None if row["time"] is None else Spread(**row["time"])
+            target = None if row["target"] is None else Target(**row["target"])
+            rows.append(Row(**(row | {"time": time, "target": target})))
+        return cls(stored["machine"], tuple(rows))
+
+
+def read(docs: Path) -> dict[str, dict]:
+    """What is stored so far, section by section."""
+    path = docs / DATA
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def store(docs: Path, name: str, rows: Iterable[Row]) -> None:
+    """Put a section's rows in the place of those that were there."""
+    stored = read(docs) | {name: asdict(Section(describe(), tuple(rows)))}
+    write_text(docs / DATA, json.dumps(stored, indent=1) + "\n")
+
+
+def show(docs: Path, modules: Mapping[str, ModuleType]) -> None:
+    """Write the page and the picture of what is stored, in the order of the sections' ``modules``."""
+    sections = sections_of(docs, modules)
+    write_text(docs / "benchmarks.md", page(sections, modules))
+    draw({name: section.rows for name, section in sections.items()}, docs / "pictures" / "benchmarks.png")
+
+
+def sections_of(docs: Path, modules: Mapping[str, ModuleType]) -> dict[str, Section]:
+    stored = read(docs)
+    return {name: Section.read(stored[name]) for name in modules if name in stored}
+
+
+def page(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> str:
+    parts = [HEAD]
+    for name, section in sections.items():
+        module = modules[name]
+        parts.append(f"\n## {module.TITLE}\n\n{module.ABOUT}\n\n{table(section.rows)}\n")
+    return "".join(parts) + f"\n## Where and when\n\n{machines(sections, modules)}\n" + FOOT
+
+
+def machines(sections: Mapping[str, Section], modules: Mapping[str, ModuleType]) -> str:
+    """A line for each day and machine, with the sections that were measured then and there."""
+    titles: dict[str, list[str]] = {}
+    for name, section in sections.items():
+        where = ", ".join(f"{key} {value}" for key, value in section.machine.items())
+        titles.setdefault(where, []).append(modules[name].TITLE)
+    return "\n".join(f"- {', '.join(names)}: {where}" for where, names in titles.items())
+
+
+def table(rows: Iterable[Row]) -> str:
+    """The rows in Markdown; a column that is empty throughout is left out."""
+    lines = [cells(row) for row in rows]
+    used = [k for k in range(len(COLUMNS)) if any(line[k] for line in lines)]
+    head = [COLUMNS[k] for k in used]
+    body = [[line[k] for k in used] for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(used), *body))
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    if row.time is None:
+        return (row.task, row.candidate, row.missing, "", "", "", row.differs)
+    time = row.time
+    scale, unit = unit_of(time.median)
+    quartiles = f"{scale * time.low:.3g} to {scale * time.high:.3g}"
+    ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
+    return (row.task, row.candidate, f"{scale * time.median:.3g} {unit}", quartiles, ratio, target_of(row), row.differs)
+
+
+def target_of(row: Row) -> str:
+    """Like "<= 1.15 (0.9): met"."""
+    if row.target is None:
+        return ""
+    limits = (row.target.reach, row.target.dream)
+    if row.of_time:
+        reach, dream = (f"{scale * limit:.3g} {unit}" for limit in limits for scale, unit in [unit_of(limit)])
+    else:
+        reach, dream = (f"{limit:g}" for limit in limits)
+    return f"{'>=' if row.target.at_least else '<='} {reach} ({dream}): {row.verdict()}"
+
+
+def unit_of(seconds: float) -> tuple[float, str]:
+    """Factor and unit in which a time is read at ease."""
+    return next(((scale, unit) for scale, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "us")) if seconds * scale >= 1.0),
+                (1e9, "ns"))  # fmt: skip

@@ -1,0 +1,90 @@
+"""Section: how the time of a step grows with elements, modes and links, and the error with the steps."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from chains import chain
+from scipy.linalg import solve_banded
+
+from bench.interleave import interleave
+from bench.ivp_runs import SETTINGS, Case, seconds
+from bench.rows import Row, Target
+from kaneflex.integrate.run import integrate
+from kaneflex.loading import load
+from kaneflex.model import Model
+from kaneflex.scene import read_scene, with_settings
+
+TITLE = "Scaling"
+ABOUT = """Time of one step, in the compiled loop alone, of the engine with so many elements, not reduced, and of its
+rod of 16 elements in modes. Beside it scipy's `solve_banded` of a matrix of that size and band, which is one part of a
+step; ratios are to the Newmark step. Links are those of open chains, four elements each (`tests/chains.py`). Then the
+time of a cycle of the engine with 6 coordinates by its number of steps, in all, and its error against 46080 steps."""
+METHODS = ("newmark", "gauss")
+ELEMENTS = (1, 4, 16, 64, 256, 1024)
+MODES = (2, 5, 11, 23)
+"""Beside one static shape of the guided rod: 3 to 24 coordinates."""
+LINKS = (1, 2, 4, 8)
+STEPS = (360, 720, 1440, 2880, 5760)
+UNREDUCED = {64: Target(2.5e-6, 1.5e-6)}
+REDUCED = {5: Target(80e-9, 16e-9)}
+ROUNDS, BUDGET = 9, 6.0
+WORK = 2e5
+"""Coordinates times steps of one timing."""
+
+
+def rows() -> Iterator[Row]:
+    engine = with_settings(read_scene("engine"), ["solve.start=zero"])
+    for count in ELEMENTS:
+        model = load(with_settings(engine, [f"bodies.rod.beam.elements={count}"]))
+        yield from steps_of(f"elements: {count}", model, UNREDUCED.get(count), banded=True)
+    for count in MODES:
+        model = load(with_settings(engine, ["bodies.rod.beam.elements=16", f"solve.modes={count}"]))
+        yield from steps_of(f"modes: {model.system.n} coordinates", model, REDUCED.get(count))
+    with tempfile.TemporaryDirectory() as folder:
+        for count in LINKS:
+            scene = with_settings(chain(count, False, Path(folder)), ["solve.steps=2000"])
+            yield from steps_of(f"links: {count}", load(scene), None)
+    yield from by_number_of_steps()
+
+
+def steps_of(task: str, model: Model, target: Target | None, banded: bool = False) -> Iterator[Row]:
+    """A step by each method, and a banded solve."""
+    n, band = model.system.n, model.system.half_bandwidth
+    steps = int(np.clip(WORK / n, 32, model.options.steps))
+    timed: dict[str, Callable[[], float]] = {
+        name: lambda name=name: 1e-9 * integrate(model.system, model.scalars, 0.0, model.step, steps, name).ns_per_step
+        for name in METHODS
+    }
+    if banded:
+        timed["scipy's solve_banded"] = lambda: banded_solve(n, band)
+    race = interleave(timed, ROUNDS, BUDGET / len(ELEMENTS))
+    for name in race:
+        ratio, wanted = race.ratio(name, METHODS[0]), target if name == METHODS[0] else None
+        yield Row(task, name, race[name], ratio, wanted, True, f"{n} coordinates, half bandwidth {band}")
+
+
+def banded_solve(n: int, band: int) -> float:
+    """Seconds of a solve with a matrix of this size and half bandwidth, the smallest of three."""
+    matrix, force = np.ones((2 * band + 1, n)), np.ones(n)
+    matrix[band] = 4.0 * band + 1.0  # diagonally dominant
+    found = []
+    for _ in range(3):
+        started = time.perf_counter()
+        solve_banded((band, band), matrix, force, check_finite=False)
+        found.append(time.perf_counter() - started)
+    return min(found)
+
+
+def by_number_of_steps() -> Iterator[Row]:
+    case = Case(load(with_settings(read_scene("engine"), list(SETTINGS))))
+    at = [(method, count) for count in STEPS for method in METHODS]
+    timed = {f"{method}, {count}": lambda one=(method, count): seconds(case, *one) for method, count in at}
+    race = interleave(timed, ROUNDS, BUDGET)
+    for method, count in at:
+        note = f"error {case.error(case.by_steps(method, count).z):.1e}"
+        yield Row(f"steps a cycle: {count}", method, race[f"{method}, {count}"], differs=note)

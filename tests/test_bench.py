@@ -1,0 +1,180 @@
+"""The benchmarks compare like with like: every candidate that is timed computes the same numbers."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import bench.__main__
+import numpy as np
+import pytest
+from bench import exudyn_runs, kernels, peers, quick, report
+from bench.__main__ import SECTIONS
+from bench.interleave import Race, Spread, interleave, repeated
+from bench.ivp_runs import jitted_slope, lambdified_slope
+from bench.kernels import AGREEMENT, candidates_of, check_agreement, disagreement, single_kernels
+from bench.rows import Row, Target
+from bench.tasks import element_task, motion_task
+
+from kaneflex.loading import load
+from kaneflex.scene import read_scene, with_settings
+
+TASKS = {"element": element_task, "motion": motion_task}
+
+
+@pytest.fixture(scope="module")
+def hand(compiler, tmp_path_factory):
+    return peers.library(tmp_path_factory.mktemp("hand"), compiler)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_hand_written_c_and_lambdify_agree_with_the_generated_kernels(name, hand):
+    task = TASKS[name]()
+    ours = peers.generated_kernels(task)
+    for other in (peers.hand_written(task, hand), peers.lambdified(task, False), peers.lambdified(task, True)):
+        assert disagreement(task, ours, other) < AGREEMENT
+
+
+def test_what_is_called_in_a_loop_is_what_was_found_to_agree(hand):
+    """The loops leave the last sample's numbers in the arrays; n = 16 ends with the sixteenth."""
+    task = element_task()
+    p, s = task.sample(0)
+    arrays = peers.zeros(task)
+    peers._element_many(16, task.values, p, s, *arrays.values())
+    expected = peers.hand_written(task, hand).outputs(15)
+    for name, matrix in expected.items():
+        np.testing.assert_allclose(arrays[name], matrix, rtol=0.0, atol=AGREEMENT * abs(matrix).max())
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_all_programs_that_are_installed_agree(name, hand, compiler, tmp_path):
+    task = TASKS[name]()
+    candidates, missing = candidates_of(task, tmp_path, compiler, hand)
+    check_agreement(task, candidates)
+    assert [one.name for one in candidates][:2] == ["hand-written C", "kaneflex"]
+    assert len(candidates) + len(missing) == 8
+    assert all(re.fullmatch(r"\w+ is not installed", row.missing) for row in missing)
+
+
+def test_a_candidate_that_computes_something_else_is_not_timed():
+    task = element_task()
+    ours = peers.lambdified(task, True)
+
+    def wrong(k):
+        found = ours.outputs(k)
+        found["K_g"][1, 1] *= 1.0 + 1e-11
+        return found
+
+    check_agreement(task, [ours, ours])
+    with pytest.raises(ValueError, match="beam element: other differs from lambdify, cse by"):
+        check_agreement(task, [ours, replace(ours, name="other", outputs=wrong)])
+
+
+def test_candidates_take_turns():
+    order = []
+    timed = {name: lambda name=name: order.append(name) or float(len(order)) for name in "ab"}
+    times = interleave(timed, 3)
+    assert order == ["a", "b"] * 4  # the first turn is for compiling and is not counted
+    assert times["a"] == Spread(median=5.0, low=4.0, high=6.0, rounds=3)
+    assert times["b"] == Spread(median=6.0, low=5.0, high=7.0, rounds=3)
+    assert times.ratio("a", "a") is None
+    assert times.ratio("b", "a") == 6.0 / 5.0
+
+
+def test_a_ratio_is_one_of_rounds_not_of_medians():
+    """A machine that is ten times as slow in every second round leaves it alone."""
+    race = Race({"a": (1.0, 10.0, 1.0, 10.0, 10.0), "b": (2.0, 2.0, 2.0, 20.0, 20.0)})
+    assert race.ratio("b", "a") == 2.0
+
+
+def test_a_call_is_repeated_until_the_clock_sees_it():
+    calls = []
+    repeated(lambda n: calls.append(n) or sum(range(100 * n)), at_least=1e-3)()
+    assert calls[0] == 1 and calls[-1] == calls[-2] >= 32
+
+
+def test_verdicts_of_targets():
+    low, high = Target(1.15, 0.9), Target(100.0, 400.0, at_least=True)
+    assert [low.verdict(ratio) for ratio in (0.9, 1.15, 1.16)] == ["dream", "met", "missed"]
+    assert [high.verdict(ratio) for ratio in (400.0, 100.0, 99.0)] == ["dream", "met", "missed"]
+    assert Row("task", "peer", None, 2.0).verdict() is None
+
+
+def test_single_kernels_are_compared_with_c(hand):
+    found = list(single_kernels(hand, 1, 0.0))
+    assert [row.candidate for row in found] == ["hand-written C", "kaneflex"] * 6
+    assert all(row.time.median > 0.0 for row in found)
+    assert [row.ratio is None for row in found] == [True, False] * 6
+
+
+def test_right_hand_sides_of_solve_ivp_are_the_equations_that_are_integrated():
+    """Lambdified and jitted slopes against the model's own matrices, at a state and time of no symmetry."""
+    model = load(with_settings(read_scene("engine"), ["solve.start=zero", "solve.modes=2"]))
+    n, t = model.system.n, 0.0031
+    x = np.random.default_rng(7).normal(size=2 * n)
+    (row,) = model.scalars(np.array([t]))
+    M, C, K, F = (model.system.dense(name, row) for name in "MCKF")
+    expected = np.concatenate((x[n:], np.linalg.solve(M, F - C @ x[n:] - K @ x[:n])))
+    for slope in (jitted_slope(model), lambdified_slope(model)):
+        np.testing.assert_allclose(slope(t, x), expected, rtol=1e-11)
+
+
+def row(task, candidate, ratio, target=None):
+    return Row(task, candidate, Spread(2.5e-8, 2.4e-8, 2.6e-8, 9), ratio, target, differs="a note")
+
+
+def test_quick_names_the_ratio_that_is_out_of_bounds():
+    good = [row("x, in a loop", "kaneflex", 1.9), row("x, from Python", "lambdify", 6.0), row("x, in a loop", "C", 9.0)]
+    assert quick.broken(good) == []
+    bad = [row("x, in a loop", "kaneflex", 2.1), row("x, from Python", "lambdify", 4.0)]
+    assert quick.broken(bad) == [
+        "x, in a loop, kaneflex: ratio 2.10 is above 2", "x, from Python, lambdify: ratio 4.00 is below 5"
+    ]  # fmt: skip
+
+
+def test_the_page_shows_every_row_and_keeps_the_sections_that_are_not_measured_again(tmp_path):
+    modules = {"kernels": kernels, "exudyn": exudyn_runs}
+    found = [row("x, in a loop", "hand-written C", None), row("x, in a loop", "kaneflex", 1.2, Target(1.15, 0.9))]
+    report.store(tmp_path, "kernels", [*found, Row("x", "PyDy", None, missing="pydy is not installed")])
+    report.store(tmp_path, "exudyn", [Row("engine", "Exudyn", None, missing="exudyn is not installed")])
+    report.show(tmp_path, modules)
+    assert "| engine | Exudyn | exudyn is not installed |" in (tmp_path / "benchmarks.md").read_text()
+    report.store(tmp_path, "exudyn", [row("engine", "Exudyn", 150.0, Target(100.0, 400.0, True))])
+    report.show(tmp_path, modules)
+    page = (tmp_path / "benchmarks.md").read_text()
+    assert "| x, in a loop | kaneflex | 25 ns | 24 to 26 | 1.2 | <= 1.15 (0.9): missed | a note |" in page
+    assert "| x | PyDy | pydy is not installed |" in page
+    assert "| engine | Exudyn | 25 ns | 24 to 26 | 150 | >= 100 (400): met | a note |" in page
+    assert page.index(kernels.TITLE) < page.index(exudyn_runs.TITLE)
+    stored = json.loads((tmp_path / "benchmarks.json").read_text())
+    assert stored["kernels"]["rows"][1]["time"] == {"median": 2.5e-8, "low": 2.4e-8, "high": 2.6e-8, "rounds": 9}
+    assert {"date", "processor", "cores", "Python", "C compiler", "numba"} <= set(stored["kernels"]["machine"])
+    assert (tmp_path / "pictures" / "benchmarks.png").stat().st_size > 10_000
+
+
+def test_an_interruption_keeps_the_sections_that_are_finished(tmp_path, monkeypatch, capsys):
+    def interrupted():
+        yield row("second", "kaneflex", None)
+        raise KeyboardInterrupt
+
+    finished = SimpleNamespace(TITLE="First", ABOUT="One.", rows=lambda: iter([row("first", "kaneflex", None)]))
+    stopped = SimpleNamespace(TITLE="Second", ABOUT="Two.", rows=interrupted)
+    monkeypatch.setattr(bench.__main__, "SECTIONS", {"first": finished, "second": stopped})
+    assert bench.__main__.main(["-o", str(tmp_path)]) == 130
+    assert "interrupted; finished sections are in" in capsys.readouterr().err
+    assert list(report.read(tmp_path)) == ["first"]
+    assert "## First" in (tmp_path / "benchmarks.md").read_text()
+
+
+def test_an_unknown_section_is_named(capsys):
+    with pytest.raises(SystemExit):
+        bench.__main__.main(["kernel"])
+    assert "no section 'kernel': there are kernels, exudyn, ivp" in capsys.readouterr().err
+
+
+def test_benchmarks_page_is_what_its_data_say():
+    docs = Path(__file__).parents[1] / "docs"
+    sections = report.sections_of(docs, SECTIONS)
+    assert list(sections) == list(SECTIONS)
+    assert (docs / "benchmarks.md").read_text(encoding="utf-8") == report.page(sections, SECTIONS)
