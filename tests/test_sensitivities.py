@@ -121,3 +121,19 @@ def test_the_motion_of_the_pair_is_the_run_itself():
 
 def test_one_number_of_a_list():
     check("four-bar", ("solve.steps=120",), "ground.right.0")
+
+
+def test_what_the_options_leave_out_stays_in_the_equations(monkeypatch):
+    """Without its gravity the engine at its test bench has another structure, but its module holds gravity."""
+    asked = []
+
+    def find(scene, progress):
+        asked.append(scene)
+        raise KeyError
+
+    monkeypatch.setattr("kaneflex.sensitivity.varied.find_tangent_module", find)
+    found = model("engine-rig", "solve.terms.gravity=false", "solve.duration=0.1", "solve.steps=50")
+    with pytest.raises(KeyError):
+        vary(found, find_parameters(found.scene, ["rod.E"])[0], True)
+    assert found.scene.structure_hash() != found.module.STRUCTURE
+    assert [scene.structure_hash() for scene in asked] == [found.module.STRUCTURE]
