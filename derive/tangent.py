@@ -80,7 +80,8 @@ def generate_tangent(scene: Any, structure: str, progress: Progress = lambda sta
     counts = emit.operations(kernels)
     width = max(map(len, counts))
     about = [
-        f"Structure {structure}, format {FORMAT}, SymPy {version()}; of the scene {scene.source}",
+        f"Structure {structure}, format {FORMAT}, SymPy {version()}",
+        f"Made by: kaneflex derive {scene.source} --slopes -o FILE.py",
         "",
         "The slope of x is its derivative along one direction of the parameters and of the time.",
         "Operations of one call, written out -> with shared subexpressions:",

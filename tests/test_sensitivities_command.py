@@ -12,6 +12,7 @@ from command_line import cli, refused
 from runs import model, run
 
 import kaneflex
+from kaneflex.binding import tangent_text
 from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.sensitivity.parameters import find_parameters
@@ -138,6 +139,14 @@ def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
 def test_units_of_parameters(scene, name, unit):
     (parameter,) = find_parameters(read_scene(scene), [name])
     assert parameter.unit == unit
+
+
+def test_the_slopes_can_be_read_as_a_module(tmp_path):
+    assert cli("derive", "spin-up", "--slopes", "-o", tmp_path / "slopes.py").exit_code == 0
+    text = (tmp_path / "slopes.py").read_text()
+    assert text == tangent_text(read_scene("spin-up"))
+    assert "Made by: kaneflex derive spin-up --slopes -o FILE.py" in text and "def terms_slope(" in text
+    refused(cli("derive", "spin-up", "--slopes", "--coupled", "-o", tmp_path / "no.py"), "Leave --coupled out")
 
 
 def test_the_functions_are_public():

@@ -48,15 +48,16 @@ def coupled_text(scene: Scene, shapes: Counts) -> str:
 
 
 def find_tangent_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """The module of the slopes of a scene's motion; otherwise as :func:`find_module`."""
-    structure = tangent_hash(scene)
+    """The module of the slopes of a scene's motion and elements; otherwise as :func:`find_module`."""
+    return _find(tangent_hash(scene), lambda: tangent_text(scene), TANGENT_ATTRIBUTES, progress)
 
-    def text() -> str:
-        from kaneflex.derive import generate_tangent
 
-        return generate_tangent(scene, structure)
+def tangent_text(scene: Scene) -> str:
+    """Text of the module of the slopes of a scene's motion and elements."""
+    from kaneflex.derive import generate_tangent
 
-    return _find(structure, text, TANGENT_ATTRIBUTES, progress)
+    with derivable(scene):
+        return generate_tangent(scene, tangent_hash(scene))
 
 
 def _find(

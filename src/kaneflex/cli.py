@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli_compare import compare
-from kaneflex.cli_mechanism import equations, linearise, new, show
+from kaneflex.cli_mechanism import derive, equations, linearise, new, show
 from kaneflex.cli_scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
 from kaneflex.cli_stability import stability
 from kaneflex.cli_sweep import sweep
@@ -267,32 +267,5 @@ def _modes_as_data(
     }
 
 
-@main.command()
-@click.argument("name", metavar="SCENE")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
-)
-@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
-@click.option("--force", is_flag=True, help="Replace an existing file.")
-def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
-    """Derive the equations of SCENE and write them as a numba module of its own.
-
-    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
-    """
-    from kaneflex.scene.floating import shape_counts
-    from kaneflex.terminal import Waiting
-    from kaneflex.writing import refuse_existing, write_text
-
-    refuse_existing(output, force, "engine.py")
-    scene = read(name, [])
-    with Waiting() as waiting:
-        waiting.stage("importing SymPy")
-        from kaneflex.binding import coupled_text, generate_text
-
-        text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
-    write_text(output, text)
-    click.echo(f"Written to {output}")
-
-
-for command in (compare, trade, terms, stability, sweep, show, new, linearise, equations):
+for command in (derive, compare, trade, terms, stability, sweep, show, new, linearise, equations):
     main.add_command(command)

@@ -1,4 +1,4 @@
-"""Commands around a mechanism: draw it, start a new one, take its state space and its equations out."""
+"""Commands around a mechanism: draw it, start a new one, take its state space, its equations and its module out."""
 
 from __future__ import annotations
 
@@ -158,3 +158,36 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
     else:
         write_text(output, text)
         click.echo(f"Written to {output}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
+)
+@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
+@click.option("--slopes", is_flag=True, help="The slopes of the equations instead, that sensitivities are made of.")
+@force_option
+def derive(name: str, output: Path, coupled: bool, slopes: bool, force: bool) -> None:
+    """Derive the equations of SCENE and write them as a numba module of its own.
+
+    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
+    """
+    from kaneflex.scene.floating import shape_counts
+    from kaneflex.terminal import Waiting
+    from kaneflex.writing import refuse_existing, write_text
+
+    if coupled and slopes:
+        raise SceneError("--slopes", None, "the coupled equations have no such module", "Leave --coupled out")
+    refuse_existing(output, force, "engine.py")
+    scene = read(name, [])
+    with Waiting() as waiting:
+        waiting.stage("importing SymPy")
+        from kaneflex.binding import coupled_text, generate_text, tangent_text
+
+        if coupled:
+            text = coupled_text(scene, shape_counts(scene))
+        else:
+            text = tangent_text(scene) if slopes else generate_text(scene, waiting.stage)
+    write_text(output, text)
+    click.echo(f"Written to {output}")

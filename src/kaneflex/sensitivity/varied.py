@@ -92,12 +92,13 @@ def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = 
     SceneError
         If a small change of the parameter changes which equations there are, or what can be assembled.
     """
-    structure = model.scene.structure_hash()
-    tangents, _ = find_tangent_module(model.scene, progress)
+    # the module is that of the scene as it is written, also of what the options leave out
+    written = parameter.scaled(model.scene, 1.0)
+    tangents, _ = find_tangent_module(written, progress)
     neighbours = []
     for share in SHARES:
         scene = parameter.scaled(model.scene, 1.0 + share * STEP)
-        if scene.structure_hash() != structure:
+        if scene.structure_hash() != written.structure_hash():
             raise SceneError(
                 parameter.name, parameter.value, "a small change of it makes other equations",
                 "Move it off the value at which the equations change",
