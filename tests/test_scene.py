@@ -3,12 +3,14 @@
 import json
 import math
 import os
+import pickle
 import subprocess
 import sys
 
 import pint
 import pytest
 
+import kaneflex
 from kaneflex.errors import SceneError
 from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.quantities import Address
@@ -286,3 +288,10 @@ def test_decimal_prefixes_are_exact():
 def test_turns_and_frequencies_are_not_mixed_up(text, dimension):
     with pytest.raises(ValueError, match="is not a unit of"):
         to_si(text, dimension)
+
+
+@pytest.mark.parametrize("name", ["engine", "rotating-cantilever", "pulsating-strut"])
+def test_a_scene_that_was_used_can_be_sent_to_another_process(name):
+    scene = read_scene(name)
+    kaneflex.load(scene)
+    assert pickle.loads(pickle.dumps(scene)) == scene

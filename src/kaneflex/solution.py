@@ -120,8 +120,8 @@ class Solution:
     def series(self) -> dict[str, Series]:
         """Every sensor's values with unit and meaning, companions ``NAME_rigid`` included.
 
-        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under
-        preset coupled a mechanism may go where its rigid one doesn't close: what is measured against that one is then none.
+        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under preset
+        coupled a mechanism may go where its rigid one doesn't close: what is measured against that one is no number.
         """
         from kaneflex.sensors import measure
 

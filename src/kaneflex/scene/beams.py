@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -59,20 +60,24 @@ class Sectioned(Made):
     def piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
         """The stretch of beam from start to stop [m]; `area` stands for an `A` that is left out."""
         if self.section is None:
-
-            def given(A: float, I: float) -> SectionNumbers:
-                return SectionNumbers(A, I, self.kappa)
-
             first = (self.A if self.A is not None else area, self.I)
             last = (first[0] if self.A_end is None else self.A_end, self.I if self.I_end is None else self.I_end)
-            return Piece(start, stop, given, first, last, made_of)
-
-        def shaped(*dimensions: float) -> SectionNumbers:
-            numbers = self.section.numbers_of(dimensions, made_of.nu)
-            return numbers if self.kappa is None else numbers._replace(kappa=self.kappa)
-
+            return Piece(start, stop, partial(_given, self.kappa), first, last, made_of)
         last = self.section if self.taper is None else self.taper
+        shaped = partial(_shaped, self.section, made_of.nu, self.kappa)
         return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of)
+
+
+# Not within the method: a scene must be picklable, to be sent to other processes.
+
+
+def _given(kappa: float | None, A: float, I: float) -> SectionNumbers:
+    return SectionNumbers(A, I, kappa)
+
+
+def _shaped(section: Shape, nu: float, kappa: float | None, *dimensions: float) -> SectionNumbers:
+    numbers = section.numbers_of(dimensions, nu)
+    return numbers if kappa is None else numbers._replace(kappa=kappa)
 
 
 class Segment(Sectioned):
