@@ -120,18 +120,19 @@ class Solution:
     def series(self) -> dict[str, Series]:
         """Every sensor's values with unit and meaning, companions ``NAME_rigid`` included.
 
-        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under preset
-        coupled a mechanism may go where its rigid one doesn't close: what is measured against that one is no number.
+        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under
+        preset coupled a mechanism may go where its rigid one doesn't close: what is measured against that has no value.
         """
         from kaneflex.sensors import measure
 
         measured = measure(self)
         strict = self.outcome is Outcome.COMPLETED and self.coupled is None
         for name, series in measured.items() if strict else ():
-            if not np.isfinite(series.values).all():
-                t = self.times[int(np.argmin(np.isfinite(series.values)))]
+            lost = ~np.isfinite(series.values)
+            if lost.any():
                 raise SceneError(
-                    f"sensors.{name.removesuffix('_rigid')}", None, f"it has no finite value at t = {t:.6g} s",
+                    f"sensors.{name.removesuffix('_rigid')}", None,
+                    f"it has no finite value at t = {self.times[lost.argmax()]:.6g} s",
                     "Correct the numbers that make it so large, or leave the sensor out",
                 )  # fmt: skip
         return measured
