@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model, RigidMotion
 
@@ -117,10 +118,24 @@ class Solution:
 
     @cached_property
     def series(self) -> dict[str, Series]:
-        """Every sensor's values with unit and meaning, companions ``NAME_rigid`` included."""
+        """Every sensor's values with unit and meaning, companions ``NAME_rigid`` included.
+
+        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under
+        preset coupled a mechanism may go where its rigid one doesn't close: what is measured against that has no value.
+        """
         from kaneflex.sensors import measure
 
-        return measure(self)
+        measured = measure(self)
+        strict = self.outcome is Outcome.COMPLETED and self.coupled is None
+        for name, series in measured.items() if strict else ():
+            lost = ~np.isfinite(series.values)
+            if lost.any():
+                raise SceneError(
+                    f"sensors.{name.removesuffix('_rigid')}", None,
+                    f"it has no finite value at t = {self.times[lost.argmax()]:.6g} s",
+                    "Correct the numbers that make it so large, or leave the sensor out",
+                )  # fmt: skip
+        return measured
 
     @property
     def drive_angles(self) -> dict[str, np.ndarray]:
