@@ -76,8 +76,8 @@ def _of_coupled(solution: Solution) -> list[str]:
         if lost.any():
             found.append(
                 f"{name} has no value at {lost.sum()} of {len(lost)} instants, first at t = "
-                f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism is then where the rigid one, which it is "
-                "measured against, doesn't close"
+                f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism is then where the rigid one, which it "
+                "is measured against, doesn't close"
             )
     for name, link in solution.model.links.items():
         found.extend(_stretched(name, link, motion.nodes(name)[0]))
