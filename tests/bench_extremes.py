@@ -52,8 +52,8 @@ RULES = """
   `exact-modal`, of preset `paper`, is still right.
 - **Elements**: rounding grows with about the fourth power of their number, to 1e-4 on 1024.
 - **Dead centres**: what happens there in a fraction of a step is named; the dead centre itself is refused.
-- **`coupled`** resolves every vibration, so that a slow cycle takes as many steps as it has of them: it is not for
-  speeds far below theirs.
+- **`coupled`** lengthens its steps as vibrations die, and so goes down to some 0.01 rpm; far below, rounding decides
+  about the steps, and a cycle takes millions.
 """
 CYCLES_HEAD = f"""
 ## A million cycles
