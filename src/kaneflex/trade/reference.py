@@ -59,6 +59,10 @@ class Reference:
         """How far the reference itself may be off, as a share of the sensor's peak."""
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
+    def within(self, found: Sequence[Difference], tolerance: float) -> bool:
+        """Whether every error, with the doubt about the reference on top, is within a tolerance; no errors are not."""
+        return bool(found) and all(each.peak_share + self.doubt(each.sensor) <= tolerance for each in found)
+
 
 def find_reference(
     scene: Scene, sensors: Sequence[str], tolerance: float, progress: Progress = lambda stage: None
