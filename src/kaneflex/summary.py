@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from kaneflex.trade.evidence import Attempt, Choice
+
 if TYPE_CHECKING:
     from kaneflex.sensors import Series
     from kaneflex.solution import Solution
@@ -116,12 +118,13 @@ class Summary(_Table):
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
+    choice: Choice | None = Field(description="the model that --tolerance chose, with its evidence; null without")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
 
 
-def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
-    """The summary of a solution; ``settings`` are those that were laid over the scene.
+def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice | None = None) -> Summary:
+    """The summary of a solution; ``settings`` are those that were laid over the scene, ``choice`` what chose them.
 
     A run that stopped before its first step has no sensors.
     """
@@ -156,6 +159,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
+        choice=choice,
         timing=Timing(
             derive_s=seconds["derive"],
             compile_s=seconds["compile"],
@@ -258,7 +262,7 @@ def json_schema() -> dict[str, Any]:
 def documentation() -> str:
     """The text of ``docs/summary.md``: every field, and the JSON Schema."""
     parts = [_HEAD.format(version=SCHEMA_VERSION)]
-    for table in (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations):
+    for table in (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations):
         parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
         parts += [
             f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"

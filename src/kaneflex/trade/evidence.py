@@ -13,9 +13,9 @@ class Attempt(_Table):
     """A model that was run, or why it was not."""
 
     model: str = Field(description="its name, as `kaneflex trade` names it")
-    error: float | None = Field(description="largest error of a sensor, max|y - y_ref| / max|y_ref|; null if not run")
+    error: float | None = Field(description="largest error of a sensor as a share of its peak; null if it was not run")
     worst_sensor: str | None = Field(description="the sensor with that error")
-    within: bool = Field(description="whether every sensor, with the doubt about the reference, is within the tolerance")
+    within: bool = Field(description="whether every sensor is within the tolerance, with the reference's doubt on top")
     reason: str = Field(description="why it was not run to the end; empty if it was")
 
 
@@ -27,7 +27,7 @@ class Choice(_Table):
     model: str = Field(description="the chosen model, as `kaneflex trade` names it")
     settings: list[str] = Field(description="what makes the scene this model, as path=value")
     dropped: list[str] = Field(description="groups of terms that it leaves out beyond its preset")
-    errors: dict[str, float] = Field(description="by sensor: max|y - y_ref| / max|y_ref|, from a run of this model")
+    errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak, by a run of it")
     reference: str = Field(description="the finest model, which errors are measured against")
     reference_settings: list[str] = Field(description="what makes the scene the reference, as path=value")
     reference_note: str = Field(description="what is not known of the reference; empty if nothing")
