@@ -1,12 +1,14 @@
 """`kaneflex run --tolerance`: what is chosen and on what evidence, the user's cache, and the scene's file."""
 
 import json
+import re
 import tomllib
 
 import numpy as np
 import pytest
 from command_line import cli, refused
 
+from kaneflex.binding import generate_text, import_file, operation_count, pruned_text
 from kaneflex.errors import SceneError
 from kaneflex.loading import load
 from kaneflex.scene import read_scene, with_settings
@@ -104,13 +106,13 @@ def test_the_spin_up_needs_the_geometric_stiffness():
     assert error(scene, found, ["solve.preset=coupled", "solve.tolerance=1e-8"]) <= 0.01
 
 
-def test_a_looser_tolerance_takes_less_and_is_kept():
-    scene = read_scene("rotating-cantilever")
-    tight, loose = choose(scene, 0.01), choose(scene, 0.1)
-    assert tight.model.startswith("stiffened, 4 modes, 180 steps")
-    assert loose.model.startswith("stiffened, 2 elements, 180 steps")
-    finer = [*loose.reference_settings, "blade.elements=24"]
-    assert 0.01 < error(scene, loose, finer) <= 0.1
+def test_a_looser_tolerance_takes_less_and_is_kept(engine):
+    """At 10 % the rod does without K_g, but not with one element."""
+    scene, tight = engine
+    loose = choose(scene, 0.1, DEFORMED)
+    assert loose.model.startswith("quasistatic, 2 elements, 360 steps")
+    assert loose.dropped == ["spin", "euler", "geometric"]
+    assert max(tight.errors.values()) < 0.01 < error(scene, loose, loose.reference_settings) < 0.1
 
 
 def test_the_indicators_are_the_first_order_changes_of_the_answer():
@@ -251,3 +253,77 @@ def test_what_is_refused_before_anything_runs(tmp_path, cache, arguments, words)
 def test_a_choice_for_a_changed_scene_is_not_written_back():
     with pytest.raises(SceneError, match="for the changed scene"):
         file_to_write("mine.toml", ["main.speed=1 rpm"])
+
+
+def sensed_by(text, scene, tmp_path, monkeypatch):
+    """The sensors of a scene by a module's text in place of the one that its structure has."""
+    path = tmp_path / "module.py"
+    path.write_text(text)
+    structure = re.search(r'^STRUCTURE = "(\w+)"', text, flags=re.MULTILINE)[1]
+    module = import_file(path, structure)
+    monkeypatch.setattr("kaneflex.loading.find_module", lambda scene, progress: (module, 0.0))
+    solution = simulate(load(scene))
+    assert solution.model.module.STRUCTURE == structure
+    return {name: found.values for name, found in solution.series.items()}
+
+
+PRUNED = {
+    "dynamics": (("solve.terms.spin=false", "solve.terms.gyroscopic=false"), {"term_spin", "term_gyroscopic", "C"}),
+    "quasi-statics": (("solve.preset=quasistatic", "solve.terms.geometric=false"), {"K_g", "term_tension_origin"}),
+}
+
+
+@pytest.mark.parametrize("case", PRUNED)
+def test_a_pruned_module_gives_the_same_without_the_dropped_terms_in_its_code(tmp_path, monkeypatch, case):
+    settings, gone = PRUNED[case]
+    scene = with_settings(read_scene("engine"), ["solve.steps=120", "rod.elements=1", *settings])
+    _, expected = series(scene, [], scene.sensors)
+    text = pruned_text(scene)
+    whole = generate_text(scene)
+    kernels = set(re.findall(r"^def (\w+)", text, flags=re.MULTILINE))
+    assert gone <= set(re.findall(r"^def (\w+)", whole, flags=re.MULTILINE)) - kernels
+    assert operation_count(text) < operation_count(whole)
+    found = sensed_by(text, scene, tmp_path, monkeypatch)
+    for name, values in expected.items():
+        assert found[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * abs(values).max()), name
+
+
+def test_the_gyroscopic_matrix_stays_with_the_spin_terms_that_it_is_part_of():
+    """L^T C_d L' of joint axes that turn against the rod: left out, quasi-static displacements would change."""
+    scene = with_settings(read_scene("engine"), ["solve.preset=quasistatic"])
+    assert "def term_gyroscopic(" in pruned_text(scene)
+    assert "def term_gyroscopic(" not in pruned_text(with_settings(scene, ["solve.terms.spin=false"]))
+
+
+def test_a_rigid_module_has_the_motion_alone():
+    scene = with_settings(read_scene("engine"), ["solve.preset=rigid"])
+    text, whole = pruned_text(scene), generate_text(scene)
+    motion = re.search(r"^def motion.*?^@njit", whole, flags=re.MULTILINE | re.DOTALL)[0]
+    kernels = set(re.findall(r"^def (\w+)", text, flags=re.MULTILINE))
+    assert motion in text and kernels == {"table", "motion", "tabulate"}
+    assert "The rigid motion alone: nothing deforms." in text and operation_count(text) == 88
+
+
+def test_gravity_and_shear_that_are_switched_off_are_not_in_the_pruned_module():
+    scene = with_settings(read_scene("two-link-arm"), ["gravity=[0, -9.81]"])
+    gone = with_settings(scene, ["solve.preset=stiffened", "solve.terms.gravity=false"])
+    assert "gravity" in generate_text(scene) and "('gravity" not in pruned_text(gone)
+
+
+def test_a_model_with_every_term_has_the_whole_module():
+    scene = read_scene("engine")
+    assert pruned_text(scene) == generate_text(scene)
+
+
+def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_path, monkeypatch):
+    _, found = engine
+    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    path = tmp_path / "engine.py"
+    result = cli("derive", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "-o", path)
+    assert result.exit_code == 0 and "438 operations, of 498 with every term\n" in result.stdout
+    text = path.read_text()
+    head = text[: text.index("import math")]
+    assert "M q'' + (K_s + K_g) q = F" in head and "Without the terms spin, gyroscopic, euler, damping." in head
+    assert "made by: kaneflex derive engine --tolerance SHARE -o FILE.py" in head
+    refused(cli("derive", "engine", "--tolerance", "1%", "--coupled", "-o", tmp_path / "b.py"), "--coupled")
+    refused(cli("derive", "engine", "--sensor", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")

@@ -277,8 +277,14 @@ def _modes_as_data(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
 )
 @click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
+@click.option(
+    "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
+)
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
 @click.option("--force", is_flag=True, help="Replace an existing file.")
-def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
+def derive(
+    name: str, output: Path, coupled: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
+) -> None:
     """Derive the equations of SCENE and write them as a numba module of its own.
 
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
@@ -288,13 +294,37 @@ def derive(name: str, output: Path, coupled: bool, force: bool) -> None:
     from kaneflex.writing import refuse_existing, write_text
 
     refuse_existing(output, force, "engine.py")
+    refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
+    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
     scene = read(name, [])
+    if tolerance is not None:
+        _derive_chosen(scene, output, tolerance_of(tolerance), sensors)
+        return
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
         from kaneflex.binding import coupled_text, generate_text
 
         text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
     write_text(output, text)
+    click.echo(f"Written to {output}")
+
+
+def _derive_chosen(scene: Scene, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
+    from kaneflex.scene import with_settings
+    from kaneflex.terminal import Waiting
+    from kaneflex.trade.memory import remembered_choice
+    from kaneflex.writing import write_text
+
+    with Waiting() as waiting:
+        choice = remembered_choice(scene, tolerance, sensors or None, waiting.stage)
+        waiting.stage("importing SymPy")
+        from kaneflex.binding import generate_text, operation_count, pruned_text
+
+        text = pruned_text(with_settings(scene, choice.settings), waiting.stage)
+        whole = generate_text(scene, waiting.stage)
+    write_text(output, text)
+    click.echo(chosen_lines(choice))
+    click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
     click.echo(f"Written to {output}")
 
 
