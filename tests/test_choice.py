@@ -106,6 +106,17 @@ def test_the_spin_up_needs_the_geometric_stiffness():
     assert error(scene, found, ["solve.preset=coupled", "solve.tolerance=1e-8"]) <= 0.01
 
 
+def test_what_the_indicator_speaks_against_is_tried_once_and_what_cannot_be_run_is_named():
+    """Shaken at its resonance the cross is 98 % off quasi-statically; it stands still, so that coupled has no say."""
+    scene = read_scene("pin-ended-cross")
+    found = choose(scene)
+    assert found.indicators["dynamics"] > 1 and found.reference_note.startswith("preset coupled can't be run")
+    tried = [attempt.model for attempt in found.attempts if attempt.error is not None]
+    assert [model for model in tried if model.startswith("quasistatic")] == ["quasistatic"]
+    assert any(a.model == "coupled" and "no motion to be coupled with" in a.reason for a in found.attempts)
+    assert found.model.startswith("stiffened, 2 modes, 500 steps") and "damping" not in found.dropped
+
+
 def test_a_looser_tolerance_takes_less_and_is_kept(engine):
     """At 10 % the rod does without K_g, but not with one element."""
     scene, tight = engine
