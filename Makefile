@@ -1,7 +1,7 @@
 # `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive lint clean
+.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice lint clean
 
 PYTHON ?= python3
 # EXTRAS=test,peer,cluster,zarr,bench installs what is optional, too; without it the tests of it skip and say so, and
@@ -66,6 +66,9 @@ bench-quick: $(READY)  ## check that the kernels are about as fast as hand-writt
 
 bench-derive: $(READY)  ## time deriving and compiling of chains of links into docs/derive-times.md
 	$(BIN)/python tests/bench_derive.py
+
+bench-choice: $(READY)  ## compare choices by tolerance with brute force into docs/choice-table.md
+	$(BIN)/python tests/bench_choice.py
 
 lint: $(READY)  ## check the style of the sources
 	$(BIN)/ruff check .

@@ -9,7 +9,7 @@ The pipeline, one file a stage:
     beam        Kane's equations of one differential particle -> the affine terms of an elastic element
     program     Program: scalar assignments; sharing, pruning, operation counts
     emit        Program -> numba function, printed
-    generate    the whole: generate(scene) -> module text
+    generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms
     flexible    Kane's equations of one free body with modal coordinates
     coupled     -> the coupled equations of the mechanism: bodies, constraints, loads, as programs
     coupled_module   the whole: generate_coupled(scene, shapes, structure) -> module text
@@ -21,11 +21,11 @@ if __name__ == "derive":
 
 from kaneflex.derive.closure import UnsupportedLoop
 from kaneflex.derive.coupled_module import generate_coupled
-from kaneflex.derive.generate import Equations, derive_equations, generate
+from kaneflex.derive.generate import Equations, derive_equations, generate, generate_pruned
 from kaneflex.derive.linear import StructurallySingular
 from kaneflex.derive.tangent import generate_tangent
 
 __all__ = [
     "Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled",
-    "generate_tangent",
+    "generate_pruned", "generate_tangent",
 ]  # fmt: skip

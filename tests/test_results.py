@@ -30,6 +30,7 @@ from kaneflex.summary import (
     json_schema,
     summarise,
 )
+from kaneflex.trade.evidence import Attempt, Choice
 
 ROOT = Path(__file__).parents[1]
 
@@ -194,7 +195,7 @@ def test_documentation_is_that_of_the_code():
 
 
 def test_every_field_of_the_summary_is_described():
-    tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations)
+    tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations)
     tables += (ParameterSensitivity, SensorDerivative)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []

@@ -128,7 +128,7 @@ def test_the_page_prints_what_it_says_and_its_commands_are_accepted(capsys):
     assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", block, flags=re.MULTILINE)
     for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
         assert (docs / picture).exists()
-    for command in ("trade", "terms"):
+    for command in ("trade", "terms", "run", "derive"):
         shown = cli(command, "--help").stdout
         lines = re.findall(rf"^kaneflex {command} .*$", page, re.MULTILINE)
         assert lines and all(option in shown for line in lines for option in re.findall(r"--[a-z-]+", line))

@@ -14,7 +14,7 @@ from kaneflex.trade.cost import Timing, cost
 from kaneflex.trade.errors import differences
 from kaneflex.trade.ladder import Candidate, ladder, neutral, neutral_settings, terms_of
 from kaneflex.trade.ranking import Trade, trade
-from kaneflex.trade.reference import find_reference
+from kaneflex.trade.reference import _coupled_levels, find_reference
 
 TRIED = (
     "rigid", "paper", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element",
@@ -95,10 +95,19 @@ def test_the_spin_up_needs_the_geometric_stiffness():
     assert found.chosen is not None and found.chosen.name.startswith("stiffened")
 
 
+def test_preset_coupled_is_refined_by_modes_with_the_elements_to_carry_them():
+    """The crank of two elements has three fixed-interface modes and no more."""
+    levels = _coupled_levels(neutral(read_scene("engine-elastic-crank")))
+    expected = ((3, "1e-08"), (5, "1e-09"), (7, "1e-09"))
+    assert [name for name, _ in levels] == [f"coupled, {n} modes a link, tolerance {t}" for n, t in expected]
+    elements = [[s.rpartition("=")[2] for s in settings if s.startswith("bodies.crank")] for _, settings in levels]
+    assert elements == [[], ["5"], ["8"]]
+
+
 def test_a_reference_that_does_not_converge_is_refused():
     """The slider-crank's rod rings in tension, undamped: its peaks depend on the steps."""
     scene = neutral(read_scene("slider-crank-150"))
-    with pytest.raises(SceneError, match=r"still changes rod_force by .* against it. (Ask for .* refine|Refine)"):
+    with pytest.raises(SceneError, match=r"still changes rod_force by .* against it. (Ask .* refine|Refine)"):
         find_reference(scene, ["mid_transverse", "rod_force"], 1e-4)
 
 

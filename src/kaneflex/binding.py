@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import sys
@@ -15,8 +16,9 @@ import numpy as np
 
 from kaneflex.contract import COUPLED_ATTRIBUTES, COURSES, FORMAT, REQUIRED_ATTRIBUTES, TANGENT_ATTRIBUTES
 from kaneflex.errors import SceneError
+from kaneflex.options import acting, left_out, resolve_options
 from kaneflex.scene import Scene
-from kaneflex.scene.structure import coupled_hash, tangent_hash
+from kaneflex.scene.structure import coupled_hash, pruned_hash, tangent_hash
 from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
@@ -89,6 +91,35 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 
     with derivable(scene):
         return generate(scene, progress)
+
+
+def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of a module of the scene by its own model: what its options leave out is not in the code.
+
+    Under preset coupled the coupled module, whose equations are one whole. Raises SceneError as :func:`generate_text`.
+    """
+    from kaneflex.derive import generate_pruned
+    from kaneflex.scene.floating import shape_counts
+
+    options = resolve_options(scene)
+    if options.dynamics == "coupled":
+        return coupled_text(scene, shape_counts(scene))
+    scene, without = acting(scene, options), left_out(options)
+    if not without:
+        return generate_text(scene, progress)
+    with derivable(scene):
+        return generate_pruned(scene, without, pruned_hash(scene, without), progress)
+
+
+def operation_count(text: str) -> int:
+    """Operations of one call of each of a module's kernels, as they are emitted."""
+    tree = ast.parse(text)
+    counts = next(
+        ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "OPERATIONS"
+    )
+    return sum(shared for _, shared in counts.values())
 
 
 @contextmanager

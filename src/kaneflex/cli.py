@@ -14,7 +14,7 @@ from kaneflex.cli_mechanism import derive, equations, linearise, new, show
 from kaneflex.cli_scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
 from kaneflex.cli_stability import stability
 from kaneflex.cli_sweep import sweep
-from kaneflex.cli_trade import terms, trade
+from kaneflex.cli_trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
 from kaneflex.errors import SceneError, UserError
 
 if TYPE_CHECKING:
@@ -122,28 +122,45 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
     "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
     help="Whether modal bases keep their shapes in --sensitivities.",
 )  # fmt: skip
+@click.option(
+    "--tolerance", metavar="SHARE",
+    help="Choose the cheapest model that keeps each sensor within a share of its peak, like 1%.",
+)
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
+@click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier result folder.")
 @click.pass_context
 def run(
     ctx: click.Context, name: str, preset: str | None, settings: tuple[str, ...], steps: str | None,
     integrator: str | None, output: Path | None, after: Path | None, parameters: tuple[str, ...], basis: str,
-    plots: bool, force: bool,
+    tolerance: str | None, sensors: tuple[str, ...], write_back: bool, plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Solve SCENE and write results.nc, summary.json and pictures into a new folder.
 
     The folder appears when it is complete; a run that fails leaves none. A run that goes unstable keeps what came
-    before, says when and why, and ends with exit code 3.
+    before, says when and why, and ends with exit code 3. What --tolerance chose is kept in the user's cache; the
+    summary says what it was chosen on.
     """
     from kaneflex.running import run_into, uncollected
+    from kaneflex.scene.write_back import file_to_write, write_settings
 
     chosen = all_settings(preset, settings, steps, integrator)
+    refuse_with_tolerance(tolerance, {"--preset": preset, "--integrator": integrator, "--after": after})
+    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors), "--write-back": write_back})
+    file = file_to_write(name, chosen) if write_back else None
+    share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():
         scene = read(name, chosen)
     folder = output or Path(f"{scene.name}-results")
     names = [name.strip() for text in parameters for name in text.split(",")]
-    summary = run_into(scene, folder, chosen, plots, force, after, names, basis == "frozen")
+    summary = run_into(
+        scene, folder, chosen, plots, force, after, names, basis == "frozen", share, sensors or None
+    )
     _report(summary, folder)
+    if file is not None:
+        write_settings(file, summary.choice.settings)
+        click.echo(f"The model is written into {file}")
     if summary.outcome != "completed":
         ctx.exit(STOPPED_EARLY)
 
@@ -160,6 +177,8 @@ def _report(summary: Summary, folder: Path) -> None:
 
         click.echo(sensitivity_table(summary))
     click.echo(run_lines(summary))
+    if summary.choice is not None:
+        click.echo(chosen_lines(summary.choice))
     click.echo(f"Written to {folder}")
     for warning in summary.warnings:
         click.echo(f"Warning: {warning}", err=True)

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from kaneflex.cli_scene import all_settings, configuration, mode_angle, read
+from kaneflex.cli_trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.errors import OutputError, SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
 
 _PICTURES = (".png", ".svg", ".pdf")
 
@@ -167,8 +172,14 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 )
 @click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
 @click.option("--slopes", is_flag=True, help="The slopes of the equations instead, that sensitivities are made of.")
+@click.option(
+    "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
+)
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
 @force_option
-def derive(name: str, output: Path, coupled: bool, slopes: bool, force: bool) -> None:
+def derive(
+    name: str, output: Path, coupled: bool, slopes: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
+) -> None:
     """Derive the equations of SCENE and write them as a numba module of its own.
 
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
@@ -180,7 +191,12 @@ def derive(name: str, output: Path, coupled: bool, slopes: bool, force: bool) ->
     if coupled and slopes:
         raise SceneError("--slopes", None, "the coupled equations have no such module", "Leave --coupled out")
     refuse_existing(output, force, "engine.py")
+    refuse_with_tolerance(tolerance, {"--coupled": coupled or None, "--slopes": slopes or None})
+    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
     scene = read(name, [])
+    if tolerance is not None:
+        _derive_chosen(scene, output, tolerance_of(tolerance), sensors)
+        return
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
         from kaneflex.binding import coupled_text, generate_text, tangent_text
@@ -190,4 +206,23 @@ def derive(name: str, output: Path, coupled: bool, slopes: bool, force: bool) ->
         else:
             text = tangent_text(scene) if slopes else generate_text(scene, waiting.stage)
     write_text(output, text)
+    click.echo(f"Written to {output}")
+
+
+def _derive_chosen(scene: Scene, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
+    from kaneflex.scene import with_settings
+    from kaneflex.terminal import Waiting
+    from kaneflex.trade.memory import remembered_choice
+    from kaneflex.writing import write_text
+
+    with Waiting() as waiting:
+        choice = remembered_choice(scene, tolerance, sensors or None, waiting.stage)
+        waiting.stage("importing SymPy")
+        from kaneflex.binding import generate_text, operation_count, pruned_text
+
+        text = pruned_text(with_settings(scene, choice.settings), waiting.stage)
+        whole = generate_text(scene, waiting.stage)
+    write_text(output, text)
+    click.echo(chosen_lines(choice))
+    click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
     click.echo(f"Written to {output}")

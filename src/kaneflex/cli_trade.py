@@ -12,6 +12,7 @@ from kaneflex.cli_scene import all_settings, read
 from kaneflex.errors import Fault, SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.trade.evidence import Choice
     from kaneflex.trade.ranking import Ranked, Trade
     from kaneflex.trade.terms import Effect, Terms
 
@@ -174,6 +175,32 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
     operations = "" if effect.operations is None else f"{effect.operations:+d}"
     needed = "yes" if effect.needed else "no"
     return (effect.group.name, effect.group.meaning, needed, *changes, operations, *times)
+
+
+def chosen_lines(choice: Choice) -> str:
+    """What --tolerance chose, its worst sensor, and what that was measured against."""
+    sensor = max(choice.errors, key=choice.errors.__getitem__)
+    again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
+    settings = " ".join(f"--set {setting}" for setting in choice.settings)
+    return (
+        f"Chosen within {_percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
+        f"  {sensor} is {_percent(choice.errors[sensor])} off {choice.reference}, "
+        f"which itself is known to {_percent(max(choice.doubt.values()))}"
+    )
+
+
+def refuse_with_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
+    """Raise SceneError for an option that says what --tolerance finds."""
+    for option, value in others.items():
+        if tolerance is not None and value is not None:
+            raise SceneError(option, str(value), "the model is what --tolerance chooses", "Leave one of the two out")
+
+
+def demand_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
+    """Raise SceneError for an option that only --tolerance gives a meaning."""
+    for option, value in others.items():
+        if tolerance is None and value:
+            raise SceneError(option, None, "belongs to --tolerance", "Add --tolerance 1%, or leave it out")
 
 
 def _percent(share: float) -> str:

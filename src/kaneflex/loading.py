@@ -16,7 +16,7 @@ from kaneflex.coupled.system import build_system, with_stretch
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion, RigidMotion
-from kaneflex.options import UNUSED_TERMS, Options, has_term, resolve_options
+from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.seeding import seed_loops
@@ -61,7 +61,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
     module, derived = find_module(scene, progress)
-    ignored, scene = _ignored(scene, options), _acting(scene, options)
+    ignored, scene = _ignored(scene, options), acting(scene, options)
     coupled = None
     if options.dynamics == "coupled":
         coupled, more = build_system(scene, progress)
@@ -110,7 +110,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
     """
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
-    scene = _acting(scene, options)
+    scene = acting(scene, options)
     parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
     near = None if slopes is None else (model, slopes)
     return build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
@@ -135,17 +135,6 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
         why = "preset coupled integrates them with the links" if free else "no joint is free"
         found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
     return tuple(found)
-
-
-def _acting(scene: Scene, options: Options) -> Scene:
-    """The scene without the gravity, rotary inertia and shear that the options leave out, in both stages.
-
-    Its module stays that of the scene as it is written, in which they are numbers like others.
-    """
-    left_out = {"rotary": not options.rotary, "shear": not options.shear}
-    bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
-    gravity = scene.gravity if options.gravity else (0.0, 0.0)
-    return scene.model_copy(update={"bodies": bodies, "gravity": gravity})
 
 
 def _compile(motion: Motion) -> None:

@@ -100,6 +100,7 @@ class Options:
 _ALL = dict.fromkeys(
     ("spin", "gyroscopic", "euler", "geometric", "damping", "convective", "rotary", "shear", "gravity"), True
 )
+_ELASTIC_TERMS = ("spin", "gyroscopic", "euler", "geometric", "damping")
 _RIGID = {"rotary": True, "gravity": True}  # the groups that the rigid mechanism knows, too
 _PRESETS: dict[str, dict[str, object]] = {
     "rigid": dict.fromkeys(_ALL, False) | _RIGID | {"dynamics": "rigid", "foreshortening": False},
@@ -185,6 +186,28 @@ def has_term(scene: Scene, name: str) -> bool:
     if name in ("rotary", "shear"):
         return any(getattr(body.beam, name) for body in scene.bodies.values() if body.elastic)
     return True
+
+
+def acting(scene: Scene, options: Options) -> Scene:
+    """The scene without the gravity, rotary inertia and shear that the options leave out, in both stages.
+
+    A run takes the module of the scene as it is written, in which they are numbers like others.
+    """
+    left_out = {"rotary": not options.rotary, "shear": not options.shear}
+    bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
+    gravity = scene.gravity if options.gravity else (0.0, 0.0)
+    return scene.model_copy(update={"bodies": bodies, "gravity": gravity})
+
+
+def left_out(options: Options) -> tuple[str, ...]:
+    """Groups of terms of the elastic links that have no use under the options; all of them in a rigid mechanism.
+
+    The gyroscopic matrix stays with the spin terms: in joint axes that turn against the link, L^T C_d L' is of them.
+    """
+    if options.dynamics == "rigid":
+        return ("inertia", "elastic", "load", *_ELASTIC_TERMS)
+    idle = tuple(name for name in _ELASTIC_TERMS if not getattr(options, name))
+    return tuple(name for name in idle if name != "gyroscopic" or not options.spin)
 
 
 def _truncates(modes: int | str, dynamics: str) -> bool:

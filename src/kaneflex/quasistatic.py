@@ -31,28 +31,36 @@ def quasistatic(
     z, v, a : ndarray (n_times, n)
         Displacements, and their first and second time derivatives by central differences of fourth order.
     """
-    z = np.zeros((len(times), model.reduced.size))
+    load = model.motion.at(times).column_of(model.kept["F"]).T
+    z = answers(model, times, load, progress)
+    step = times[1] - times[0]
+    v = rate_of(z, step, periodic)
+    return z, v, rate_of(v, step, periodic)
+
+
+def answers(
+    model: Model, times: np.ndarray, load: np.ndarray, progress: Callable[[float], None] | None = None
+) -> np.ndarray:
+    """z of K z = load at each instant [s], both of shape (n_times, n); with inertia relief as :func:`quasistatic`."""
+    z = np.zeros_like(load)
     size = model.reduced.size
     batch = max(1, _CHUNK // max(size * size, 1))
     relief = has_mechanism_modes(model, times[0])
     for first in range(0, len(times), batch):
         rows = slice(first, first + batch)
-        rigid = model.motion.at(times[rows])
-        load = rigid.column_of(model.kept["F"]).T
         if size > 64 and not relief:
-            z[rows] = solve_banded_at(model, times[rows], load)
+            z[rows] = solve_banded_at(model, times[rows], load[rows])
         else:
+            rigid = model.motion.at(times[rows])
             stiffness = _dense(model.kept["K"], rigid)
             if relief:
                 elastic, mass = _dense(model.reduced.K_s, rigid), _dense(model.kept["M"], rigid)
-                z[rows] = _relieved(elastic, stiffness, mass, load)
+                z[rows] = _relieved(elastic, stiffness, mass, load[rows])
             else:
-                z[rows] = np.linalg.solve(stiffness, load[..., None])[..., 0]
+                z[rows] = np.linalg.solve(stiffness, load[rows, :, None])[..., 0]
         if progress is not None:
             progress(min(1.0, (first + batch) / len(times)))
-    step = times[1] - times[0]
-    v = rate_of(z, step, periodic)
-    return z, v, rate_of(v, step, periodic)
+    return z
 
 
 def _dense(affine: Affine, rigid: RigidMotion) -> np.ndarray:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from kaneflex.comparison import FINE_ENOUGH, Difference, Resolution
 from kaneflex.folders import whole_folder, writing
+from kaneflex.scene import with_settings
 from kaneflex.terminal import Waiting
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from kaneflex.sensitivity.report import Sensitivities
     from kaneflex.solution import Solution
     from kaneflex.summary import Summary
+    from kaneflex.trade.evidence import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
 COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
@@ -35,6 +37,8 @@ def run_into(
     after: Path | None = None,
     parameters: Sequence[str] = (),
     frozen: bool = True,
+    tolerance: float | None = None,
+    sensors: Sequence[str] | None = None,
 ) -> Summary:
     """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
 
@@ -56,6 +60,11 @@ def run_into(
         Results of a coupled run to continue from its last state.
     parameters, frozen
         Paths and basis as :func:`kaneflex.sensitivities` takes them.
+    tolerance : float, optional
+        Error allowed of each sensor as a share of its peak: the cheapest model that keeps it is chosen, or taken from
+        the user's cache, in place of the scene's own; the summary holds the choice.
+    sensors : sequence of str, optional
+        Sensors that the tolerance is for; all by default.
 
     Returns
     -------
@@ -67,13 +76,17 @@ def run_into(
     OutputError
         If the folder exists or can't be written, before anything is computed where that can be known.
     SceneError
-        If the scene can't be solved.
+        If the scene can't be solved, or nothing can be chosen.
     """
     from kaneflex.results import write_netcdf
 
     with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
+        choice = None
+        if tolerance is not None:
+            choice = _choose(scene, tolerance, sensors, waiting)
+            scene, settings = with_settings(scene, choice.settings), [*settings, *choice.settings]
         with uncollected():
-            solution, summary = _solve(scene, settings, waiting, after, parameters)
+            solution, summary = _solve(scene, settings, waiting, after, parameters, choice)
             found = _differentiated(solution, parameters, frozen, waiting) if parameters else None
             if found is not None:
                 summary = summary.model_copy(update={"sensitivities": found.summary()})
@@ -102,8 +115,15 @@ def uncollected() -> Iterator[None]:
         gc.enable()
 
 
+def _choose(scene: Scene, tolerance: float, sensors: Sequence[str] | None, waiting: Waiting) -> Choice:
+    from kaneflex.trade.memory import remembered_choice
+
+    return remembered_choice(scene, tolerance, sensors, waiting.stage)
+
+
 def _solve(
-    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None, parameters: Sequence[str]
+    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None, parameters: Sequence[str],
+    choice: Choice | None,
 ) -> tuple[Solution, Summary]:
     from kaneflex.loading import load
     from kaneflex.simulation import simulate
@@ -124,7 +144,7 @@ def _solve(
     waiting.stage("compiling the integrator, first time only")
     solution = simulate(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")
-    return solution, summarise(solution, settings)
+    return solution, summarise(solution, settings, choice)
 
 
 def _differentiated(

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
+from kaneflex.trade.evidence import Attempt, Choice
 
 if TYPE_CHECKING:
     from kaneflex.sensors import Series
@@ -118,6 +119,7 @@ class Summary(_Table):
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
+    choice: Choice | None = Field(description="the model that --tolerance chose, with its evidence; null without")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
     sensitivities: dict[str, ParameterSensitivity] = Field(
@@ -125,8 +127,8 @@ class Summary(_Table):
     )
 
 
-def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
-    """The summary of a solution; ``settings`` are those that were laid over the scene.
+def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice | None = None) -> Summary:
+    """The summary of a solution; ``settings`` are those that were laid over the scene, ``choice`` what chose them.
 
     A run that stopped before its first step has no sensors.
     """
@@ -161,6 +163,7 @@ def summarise(solution: Solution, settings: Sequence[str] = ()) -> Summary:
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
+        choice=choice,
         timing=Timing(
             derive_s=seconds["derive"],
             compile_s=seconds["compile"],
@@ -288,7 +291,7 @@ Made by `python -m kaneflex.summary`; do not edit.
 
 
 _TABLES = (
-    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Timing, Operations,
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations,
     ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kaneflex.contract import FORMAT
@@ -53,6 +53,11 @@ def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
 def tangent_hash(scene: Scene) -> str:
     """The same of the module of the motion's slopes."""
     return _digits({"format": FORMAT, "tangent": True, **structure(scene)})
+
+
+def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
+    """The same of the structure without some groups of terms."""
+    return _digits({"format": FORMAT, "without": sorted(without), **structure(scene)})
 
 
 def _digits(content: Mapping[str, Any]) -> str:

@@ -75,8 +75,7 @@ class Trade:
 
     def good_enough(self, entry: Ranked) -> bool:
         """Whether every sensor stays within the tolerance, with the reference's own doubt on top."""
-        doubt = self.reference.doubt
-        return all(found.peak_share + doubt(found.sensor) <= self.tolerance for found in entry.differences)
+        return self.reference.within(entry.differences, self.tolerance)
 
     def settings_of(self, entry: Ranked) -> tuple[str, ...]:
         """What makes the scene this model, of the form path=value."""

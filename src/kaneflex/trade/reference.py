@@ -19,10 +19,13 @@ Levels = list[tuple[str, tuple[str, ...]]]
 """Names and settings of ever finer models."""
 _FINER = (1, 2, 4)
 """Elements of each link and steps, times the scene's own."""
-_MORE_MODES, _TIGHTER = 2, 0.1
-"""What preset coupled is refined by: modes of each link, and the tolerance of a step."""
+_COUPLED_LEVELS = ((1, 0, 1.0), (2, 2, 0.1), (4, 4, 0.1))
+"""Preset coupled, ever finer: times the scene's elements, modes added to each link, times the tolerance of a step."""
 _FINE_ENOUGH, _KNOWN = 0.1, 0.25
-"""Shares of the tolerance: a change at which refining ends, and one that is still allowed at its end."""
+"""Shares of the tolerance: a change at which refining ends, and one that is still allowed at its end.
+
+Preset coupled, which is derived for each number of modes, is refined no further than that.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,10 @@ class Reference:
         """How far the reference itself may be off, as a share of the sensor's peak."""
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
+    def within(self, found: Sequence[Difference], tolerance: float) -> bool:
+        """Whether every error, with the doubt about the reference on top, is within a tolerance; no errors are not."""
+        return bool(found) and all(each.peak_share + self.doubt(each.sensor) <= tolerance for each in found)
+
 
 def find_reference(
     scene: Scene, sensors: Sequence[str], tolerance: float, progress: Progress = lambda stage: None
@@ -81,7 +88,7 @@ def find_reference(
         Where refining still changes a sensor by more than a quarter of the tolerance: nothing can be ranked against
         that.
     """
-    stiffened = _refined(scene, sensors, tolerance, _stiffened_levels(scene), progress)
+    stiffened = _refined(scene, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, progress)
     try:
         progress("solving, preset coupled")
         coupled, _ = timed_run(with_settings(scene, ["solve.preset=coupled"]))
@@ -90,7 +97,7 @@ def find_reference(
     gaps = _shares(differences(scene, sensors, "coupled", coupled, stiffened.curves, stiffened.period))
     if max(gaps.values()) <= _KNOWN * tolerance:
         return Reference(**_known(stiffened), coupling=gaps)
-    return _refined(scene, sensors, tolerance, _coupled_levels(scene), progress)
+    return _refined(scene, sensors, tolerance, _coupled_levels(scene), _KNOWN, progress)
 
 
 def _known(reference: Reference) -> dict[str, object]:
@@ -111,17 +118,19 @@ def _stiffened_levels(scene: Scene) -> Levels:
 
 
 def _coupled_levels(scene: Scene) -> Levels:
-    coarse, tight = modes_of(scene), scene.solve.tolerance
     levels = []
-    for more, tolerance in ((0, tight), (_MORE_MODES, _TIGHTER * tight)):
-        modes = coarse + more
-        settings = ("solve.preset=coupled", f"solve.modes={modes}", f"solve.tolerance={tolerance!r}")
-        levels.append((f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", settings))
+    for factor, added, tighter in _COUPLED_LEVELS:
+        modes, tolerance = modes_of(scene) + added, tighter * scene.solve.tolerance
+        settings = ["solve.preset=coupled", f"solve.modes={modes}", f"solve.tolerance={tolerance!r}"]
+        if factor > 1:  # the modes are those of the mesh; one of as many elements as modes has them in any case
+            finer = {name: max(factor * count, modes) for name, count in elements_of(scene).items()}
+            settings += [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
+        levels.append((f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", tuple(settings)))
     return levels
 
 
 def _refined(
-    scene: Scene, sensors: Sequence[str], tolerance: float, levels: Levels, progress: Progress
+    scene: Scene, sensors: Sequence[str], tolerance: float, levels: Levels, enough: float, progress: Progress
 ) -> Reference:
     options = resolve_options(scene)
     period = scene.period if options.cycles and options.start == "periodic" else None
@@ -133,7 +142,7 @@ def _refined(
             change = differences(scene, sensors, name, coarse, curves, period)
             if not change:
                 raise SceneError("sensors", ", ".join(sensors), "they all show zero", "Name others")
-            if worst(change).peak_share <= _FINE_ENOUGH * tolerance:
+            if worst(change).peak_share <= enough * tolerance:
                 break
         coarse = curves
     _check(name, worst(change), tolerance)

@@ -1,0 +1,158 @@
+"""What ``run --tolerance`` chooses beside brute force: ``make bench-choice`` writes ``docs/choice-table.md``.
+
+Run it on an idle machine; each scene has a process and a time limit of its own, and one that fails leaves its reason.
+``python tests/bench_choice.py engine spin-up`` prints the rows of some scenes and writes nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from kaneflex.errors import SceneError
+from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.trade.choice import choose
+from kaneflex.trade.cost import timed_in_turns, timed_run
+from kaneflex.trade.errors import differences, worst
+from kaneflex.trade.evidence import Choice
+from kaneflex.trade.ladder import Candidate, ladder, neutral, neutral_settings
+from kaneflex.trade.reference import find_reference
+from kaneflex.writing import write_text
+
+PAGE = Path(__file__).parent.parent / "docs" / "choice-table.md"
+TOLERANCES = (0.1, 0.01, 0.001)
+ENGINE = ("mid_transverse", "tip_axial", "mid_global_x", "mid_global_y", "rod_mid_strain")
+CASES: dict[str, tuple[str, tuple[str, ...], tuple[str, ...] | None]] = {
+    "engine": ("engine", (), None),
+    "engine, deformed": ("engine", (), ENGINE),
+    "engine, 2000 rpm": ("engine", ("main.speed=2000 rpm",), ENGINE),
+    "engine, 12000 rpm": ("engine", ("main.speed=12000 rpm",), ENGINE),
+    "engine, 36000 rpm": ("engine", ("main.speed=36000 rpm",), ENGINE),
+    "engine-transient": ("engine-transient", (), ENGINE),
+    "engine-elastic-crank": ("engine-elastic-crank", (), ("mid_transverse", "tip_axial")),
+    "spin-up": ("spin-up", (), None),
+    "spin-up, 1 rad/s": ("spin-up", ("hub.speed=1 rad/s",), ("tip_transverse", "root_moment")),
+    "rotating-cantilever": ("rotating-cantilever", (), None),
+    "quick-return": ("quick-return", (), None),
+    "slider-crank-150": ("slider-crank-150", (), ("mid_transverse",)),
+    "pin-ended-cross": ("pin-ended-cross", (), None),
+    "free-frame": ("free-frame", (), None),
+}
+"""Name in the table -> scene, settings, sensors that count (all by default)."""
+SECONDS = 20.0
+"""For the brute force of a scene: half of it for first runs, the rest for repeats."""
+LIMIT = 240.0
+HEAD = """# Choices beside brute force
+
+For each scene and tolerance the model that `kaneflex run --tolerance` chooses, its largest error against the finest
+reference that converges, the cheapest model of the whole ladder of `kaneflex trade` within the tolerance, and how
+much longer a run of the chosen one takes (medians of interleaved runs, all models once a round). The time to choose
+includes deriving where a scene's coupled equations were not in the cache.
+
+| scene | tolerance | chosen | error | cheapest by brute force | time, chosen / cheapest | to choose [s] |
+| --- | --- | --- | --- | --- | --- | --- |
+"""
+FOOT = """
+{date}, {machine}, Python {python}. Made by `make bench-choice`; do not edit.
+"""
+
+
+def rows_of(case: str) -> list[str]:
+    """The table's rows of one case."""
+    name, settings, sensors = CASES[case]
+    scene = with_settings(read_scene(name), settings)
+    sensors = sensors or tuple(scene.sensors)
+    choices, reasons = {}, {}
+    for tolerance in TOLERANCES:
+        try:
+            choices[tolerance] = choose(scene, tolerance, sensors)
+        except SceneError as error:
+            reasons[tolerance] = error.reason
+    rows = dict.fromkeys(TOLERANCES, "")
+    rows |= {tolerance: _row(case, tolerance, reason, "", "", "", "") for tolerance, reason in reasons.items()}
+    if choices:
+        rows |= _beside_brute_force(case, scene, sensors, choices)
+    return list(rows.values())
+
+
+def _beside_brute_force(
+    case: str, scene: Scene, sensors: tuple[str, ...], choices: dict[float, Choice]
+) -> dict[float, str]:
+    basis = neutral(scene)
+    reference = find_reference(basis, sensors, min(choices))
+    laid = len(neutral_settings(scene))
+    chosen = {tolerance: Candidate(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
+    until = time.perf_counter() + SECONDS / 2
+    errors, scenes = {}, {}
+    for candidate in dict.fromkeys((*chosen.values(), *ladder(basis))):
+        if time.perf_counter() > until and candidate not in chosen.values():
+            print(f"  no time for {candidate.name}", file=sys.stderr)
+            continue
+        try:
+            curves, _ = timed_run(candidate.of(basis))
+        except SceneError:
+            continue
+        errors[candidate] = differences(basis, sensors, candidate.name, curves, reference.curves, reference.period)
+        scenes[candidate] = candidate.of(basis)
+    repeats = timed_in_turns(scenes, time.perf_counter() + SECONDS / 2, lambda stage: None)
+    total = {each: sorted(timing.total for timing in found)[len(found) // 2] for each, found in repeats.items()}
+    rows = {}
+    for tolerance, candidate in chosen.items():
+        good = [each for each in total if reference.within(errors[each], tolerance)]
+        best = min(good, key=total.__getitem__, default=candidate)
+        rows[tolerance] = _row(
+            case, tolerance, candidate.name, f"{100 * worst(errors[candidate]).peak_share:.2g} %", best.name,
+            f"{total[candidate] / total[best]:.2f}", f"{choices[tolerance].seconds:.1f}",
+        )  # fmt: skip
+    return rows
+
+
+def _row(case: str, tolerance: float, *cells: str) -> str:
+    return f"| {' | '.join((case, f'{100 * tolerance:g} %', *cells))} |"
+
+
+def rows_in_a_process(case: str) -> list[str]:
+    """The rows of a case, by a process of its own, or a row with the reason why there are none."""
+    command = [sys.executable, __file__, "--one", case]
+    try:
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=LIMIT)
+    except subprocess.TimeoutExpired:
+        return [f"| {case} | | not within {LIMIT:.0f} s | | | | |"]
+    if done.returncode:
+        return [f"| {case} | | failed, exit code {done.returncode} | | | | |"]
+    return json.loads(done.stdout)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(CASES)}; all by default")
+    parser.add_argument("--one", metavar="CASE", help="the rows of one case as JSON, in this process")
+    arguments = parser.parse_args()
+    if arguments.one:
+        print(json.dumps(rows_of(arguments.one)))
+        return
+    started = time.perf_counter()
+    rows = []
+    for case in arguments.cases or CASES:
+        print(f"{time.perf_counter() - started:6.0f} s  {case}", file=sys.stderr)
+        found = rows_in_a_process(case)
+        print("\n".join(found), file=sys.stderr)
+        rows += found
+    foot = FOOT.format(
+        date=datetime.date.today(), machine=platform.machine(), python=platform.python_version()
+    )
+    page = HEAD + "\n".join(rows) + "\n" + foot
+    if arguments.cases:
+        print(page)
+    else:
+        write_text(PAGE, page)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,340 @@
+"""`kaneflex run --tolerance`: what is chosen and on what evidence, the user's cache, and the scene's file."""
+
+import json
+import re
+import tomllib
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+
+from kaneflex.binding import generate_text, import_file, operation_count, pruned_text
+from kaneflex.errors import SceneError
+from kaneflex.loading import load
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.write_back import file_to_write, write_settings
+from kaneflex.simulation import simulate
+from kaneflex.summary import Summary
+from kaneflex.trade import memory
+from kaneflex.trade.choice import choose
+from kaneflex.trade.indicators import indicators
+from kaneflex.trade.ladder import neutral
+from kaneflex.trade.memory import choice_file, remembered_choice
+
+DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
+"""Sensors of the engine that show the rod's deformation alone."""
+
+
+def series(scene, settings, names):
+    """The sensors of a scene by some settings, at its own instants, without anything of the trade."""
+    solution = simulate(load(with_settings(scene, settings)))
+    return solution.times, {name: solution.series[name].values for name in names}
+
+
+def error(scene, choice, finer):
+    """Largest error of a choice against settings that are finer, as a share of each sensor's peak."""
+    names = list(choice.errors)
+    (times, ours), (fine, theirs) = (series(scene, s, names) for s in (choice.settings, finer))
+    gaps = {n: abs(ours[n] - np.interp(times, fine, theirs[n])).max() / abs(theirs[n]).max() for n in names}
+    return max(gaps.values())
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """An empty cache of choices."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(memory, "cache_folder", lambda: folder)
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def engine():
+    scene = read_scene("engine")
+    return scene, choose(scene, 0.01, DEFORMED)
+
+
+def test_the_engines_rod_is_answered_quasi_statically_with_two_elements_and_the_geometric_stiffness(engine):
+    scene, found = engine
+    assert found.model.startswith("quasistatic, 2 elements, 360 steps")
+    assert found.dropped == ["spin", "euler"]
+    finer = ["solve.preset=stiffened", "rod.elements=8", "solve.steps=4320"]
+    assert error(scene, found, finer) == pytest.approx(max(found.errors.values()), abs=0.0005)
+    assert max(found.errors.values()) + max(found.doubt.values()) <= 0.01
+
+
+def test_the_evidence_says_what_was_tried_and_why_the_rest_was_not_enough(engine):
+    _, found = engine
+    by_name = {attempt.model: attempt for attempt in found.attempts}
+    single = by_name["quasistatic, 1 element, 360 steps"]
+    assert (single.worst_sensor, single.within) == ("mid_transverse", False)
+    assert single.error == pytest.approx(0.204, abs=0.001)
+    without = by_name["quasistatic, 2 elements, 360 steps without spin, euler, geometric"]
+    assert without.error == pytest.approx(0.0239, abs=0.0005) and not without.within
+    assert by_name[found.model].within and by_name[found.model].error == max(found.errors.values())
+    assert found.reference == "stiffened, 8 elements, 2880 steps"
+
+
+def test_all_sensors_of_the_engine_need_its_dynamics():
+    """The main bearing's force misses 1.1 % quasi-statically."""
+    found = choose(read_scene("engine"))
+    assert found.model.startswith("stiffened, 2 elements, 360 steps") and "geometric" not in found.dropped
+    failed = next(a for a in found.attempts if a.model == "quasistatic, 2 elements, 360 steps")
+    assert failed.worst_sensor == "main_bearing_force_x" and failed.error == pytest.approx(0.011, abs=0.0005)
+
+
+def test_at_six_times_the_speed_the_rod_acts_back_on_the_engine():
+    """One-way deformation is 8 % off; the indicator spoke against quasi-statics, of which one model is run."""
+    scene = with_settings(read_scene("engine"), ["main.speed=36000 rpm"])
+    found = choose(scene, 0.01, ["mid_transverse"])
+    assert found.settings[0] == "solve.preset=coupled" and found.dropped == []
+    assert found.indicators["dynamics"] > 0.03
+    tried = [a.model for a in found.attempts if a.error is not None and a.model.startswith("quasistatic")]
+    assert tried == ["quasistatic"]
+    one_way = next(attempt for attempt in found.attempts if attempt.model == "stiffened")
+    assert one_way.error > 0.05 and not one_way.within
+
+
+def test_the_spin_up_needs_the_geometric_stiffness():
+    """Without K_g it would go unstable: the indicator says so, and nothing without it is run."""
+    scene = read_scene("spin-up")
+    found = choose(scene)
+    assert found.model.startswith("stiffened, 2 elements, 1500 steps") and found.dropped == ["euler", "gyroscopic"]
+    assert found.indicators["geometric"] > 0.5
+    refused_term = found.attempts[-1]
+    assert refused_term.model.endswith("geometric") and "changes displacements by" in refused_term.reason
+    assert error(scene, found, ["solve.preset=coupled", "solve.tolerance=1e-8"]) <= 0.01
+
+
+def test_what_the_indicator_speaks_against_is_tried_once_and_what_cannot_be_run_is_named():
+    """Shaken at its resonance the cross is 98 % off quasi-statically; it stands still, so that coupled has no say."""
+    scene = read_scene("pin-ended-cross")
+    found = choose(scene)
+    assert found.indicators["dynamics"] > 1 and found.reference_note.startswith("preset coupled can't be run")
+    tried = [attempt.model for attempt in found.attempts if attempt.error is not None]
+    assert [model for model in tried if model.startswith("quasistatic")] == ["quasistatic"]
+    assert any(a.model == "coupled" and "no motion to be coupled with" in a.reason for a in found.attempts)
+    assert found.model.startswith("stiffened, 2 modes, 500 steps") and "damping" not in found.dropped
+
+
+def test_a_looser_tolerance_takes_less_and_is_kept(engine):
+    """At 10 % the rod does without K_g, but not with one element."""
+    scene, tight = engine
+    loose = choose(scene, 0.1, DEFORMED)
+    assert loose.model.startswith("quasistatic, 2 elements, 360 steps")
+    assert loose.dropped == ["spin", "euler", "geometric"]
+    assert max(tight.errors.values()) < 0.01 < error(scene, loose, loose.reference_settings) < 0.1
+
+
+def test_the_indicators_are_the_first_order_changes_of_the_answer():
+    """Without K_g the rod bends less by what the indicator says; the lowest frequency is the scene's own number."""
+    scene = read_scene("engine")
+    found = indicators(neutral(scene))
+    _, with_it = series(scene, ["solve.preset=quasistatic"], ["mid_transverse"])
+    _, without = series(scene, ["solve.preset=quasistatic", "solve.terms.geometric=false"], ["mid_transverse"])
+    bent, straight = with_it["mid_transverse"], without["mid_transverse"]
+    assert found["geometric"] == pytest.approx(abs(bent - straight).max() / abs(bent).max(), rel=0.1)
+    assert found["speed_ratio"] == pytest.approx(100 / 3039, rel=0.01)  # the scene names its lowest frequency
+    assert found["buckling_ratio"] == pytest.approx(0.0407, abs=0.001)
+    still = indicators(neutral(read_scene("mathieu")))
+    assert all(still[name] == 0.0 for name in ("spin", "euler", "gyroscopic", "damping"))
+
+
+def test_where_the_reference_does_not_converge_nothing_is_chosen():
+    scene = read_scene("slider-crank-150")
+    with pytest.raises(SceneError, match=r"still changes .* nothing can be ranked"):
+        choose(scene, 1e-4, ["mid_transverse", "rod_force"])
+
+
+def test_a_choice_is_remembered_until_anything_changes(engine, cache, monkeypatch):
+    scene, found = engine
+    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    assert not remembered_choice(scene, 0.01, DEFORMED).remembered
+    monkeypatch.delattr(memory, "choose")
+    again = remembered_choice(scene, 0.01, DEFORMED)
+    assert again.remembered and again.model_copy(update={"remembered": False}) == found
+    faster = with_settings(scene, ["main.speed=6001 rpm"])
+    others = [(faster, 0.01, DEFORMED), (scene, 0.02, DEFORMED), (scene, 0.01, DEFORMED[1:])]
+    files = {choice_file(*each) for each in [(scene, 0.01, DEFORMED), *others]}
+    assert len(files) == 4 and {file for file in files if file.exists()} == {choice_file(scene, 0.01, DEFORMED)}
+
+
+def test_a_changed_table_is_another_scene(tmp_path):
+    assert cli("new", "my", "--like", "engine", "-o", tmp_path / "my.toml").exit_code == 0
+    scene = read_scene(tmp_path / "my.toml")
+    before = choice_file(scene, 0.01, DEFORMED)
+    table = tmp_path / "gas.csv"
+    table.write_text(table.read_text().replace("1", "2", 1))
+    assert choice_file(scene, 0.01, DEFORMED) != before
+
+
+@pytest.mark.parametrize("content", [b"{", b"{}", b"\xff"])
+def test_a_broken_file_of_the_cache_is_replaced(engine, cache, monkeypatch, content):
+    scene, found = engine
+    path = choice_file(scene, 0.01, DEFORMED)
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(content)
+    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    assert not remembered_choice(scene, 0.01, DEFORMED).remembered
+    assert remembered_choice(scene, 0.01, DEFORMED).remembered
+
+
+def test_run_writes_the_choice_into_the_summary_and_the_scenes_file(engine, cache, tmp_path, monkeypatch):
+    _, found = engine
+    assert cli("new", "my", "--like", "engine", "-o", tmp_path / "my.toml").exit_code == 0
+    path = tmp_path / "my.toml"
+    text = path.read_text()
+    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    sensors = [word for name in DEFORMED for word in ("--sensor", name)]
+    result = cli("run", path, "--tolerance", "1%", *sensors, "--write-back", "--no-plots", "-o", tmp_path / "out")
+    assert result.exit_code == 0
+    assert f"Chosen within 1 %: {found.model}, found in" in result.stdout
+    summary = Summary.model_validate_json((tmp_path / "out" / "summary.json").read_text())
+    assert summary.choice == found and summary.settings == found.settings
+    assert (summary.preset, summary.elements, summary.steps) == ("quasistatic", {"rod": 2}, 360)
+    new = path.read_text()
+    assert tomllib.loads(new)["solve"] == {
+        "preset": "quasistatic", "start": "periodic", "steps": 360, "terms": {"spin": False, "euler": False},
+    }  # fmt: skip
+    changed = set(new.splitlines()) - set(text.splitlines())
+    assert len(changed) == 4 and "# Forces: tension positive; a joint's force on the second of its bodies." in new
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["choice"]["remembered"] is False
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('like = "engine"\n', '\n[solve]\npreset = "quasistatic"\nsteps = 360\n'),
+        ('like = "engine"\n[bodies.rod.beam]\nelements = 6  # fine\n', "elements = 2 # fine\n"),
+        ('like = "engine"\n[bodies.rod.beam]\n[solve]\nsteps = 5 # few\n', 'steps = 360 # few\npreset = "quasi'),
+        ('like = "engine"\n[bodies]\nrod = {mass = "1 kg"}\n', 'rod = {mass = "1 kg", beam = {elements = 2}}'),
+        ('like = "engine"\n[bodies.rod]\nbeam = {elements = 3} # "so"\n', 'beam = {elements = 2} # "so"'),
+        ('like = "engine"\n[solve]\nintegrator = "newmark"\n\n[damping]\n', "steps = 360\n\n[damping]\n"),
+    ],
+)
+def test_a_file_is_changed_where_it_says_so_and_gives_the_scene(tmp_path, text, expected):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'schema = 1\n{text}')
+    settings = ["solve.preset=quasistatic", "rod.elements=2", "solve.steps=360"]
+    if "newmark" in text:
+        settings.insert(0, "solve.integrator=none")
+    wanted = with_settings(read_scene(path), settings)
+    write_settings(path, settings)
+    assert expected in path.read_text()
+    assert read_scene(path).model_dump() == wanted.model_dump()
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_what_the_base_chose_is_taken_away_by_name(tmp_path):
+    (tmp_path / "base.toml").write_text('schema = 1\nlike = "engine"\n[solve]\nmodes = 4\n')
+    path = tmp_path / "mine.toml"
+    path.write_text('schema = 1\nlike = "base.toml"\n')
+    write_settings(path, ["solve.modes=none", "solve.steps=360"])
+    assert tomllib.loads(path.read_text())["solve"] == {"steps": 360, "modes": "none"}
+    assert read_scene(path).solve.modes == "all"
+
+
+def test_a_file_that_cannot_be_changed_line_by_line_stays_as_it_is(tmp_path):
+    path = tmp_path / "mine.toml"
+    text = 'schema = 1\nlike = "engine"\nsolve = {steps = 100}\n'
+    path.write_text(text)
+    with pytest.raises(SceneError, match=r"solve.steps=360.*Write these settings into it yourself"):
+        write_settings(path, ["solve.steps=360"])
+    assert path.read_text() == text and [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--tolerance", "1%", "--preset", "linear"), ("--preset = 'linear'", "what --tolerance chooses")),
+        (("--tolerance", "1%", "--integrator", "gauss"), ("--integrator = 'gauss'",)),
+        (("--tolerance", "1%", "--after", "x"), ("--after = 'x'",)),
+        (("--tolerance", "200%"), ("between 0 and 100 %",)),
+        (("--tolerance", "1%", "--sensor", "tip_axia"), ("nearest known one is 'tip_axial'",)),
+        (("--tolerance", "1%", "--write-back"), ("a shipped scene is not changed", "kaneflex new")),
+        (("--sensor", "tip_axial"), ("--sensor: belongs to --tolerance",)),
+        (("--write-back",), ("--write-back: belongs to --tolerance",)),
+    ],
+)
+def test_what_is_refused_before_anything_runs(tmp_path, cache, arguments, words):
+    refused(cli("run", "engine", "-o", tmp_path / "out", *arguments), *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_choice_for_a_changed_scene_is_not_written_back():
+    with pytest.raises(SceneError, match="for the changed scene"):
+        file_to_write("mine.toml", ["main.speed=1 rpm"])
+
+
+def sensed_by(text, scene, tmp_path, monkeypatch):
+    """The sensors of a scene by a module's text in place of the one that its structure has."""
+    path = tmp_path / "module.py"
+    path.write_text(text)
+    structure = re.search(r'^STRUCTURE = "(\w+)"', text, flags=re.MULTILINE)[1]
+    module = import_file(path, structure)
+    monkeypatch.setattr("kaneflex.loading.find_module", lambda scene, progress: (module, 0.0))
+    solution = simulate(load(scene))
+    assert solution.model.module.STRUCTURE == structure
+    return {name: found.values for name, found in solution.series.items()}
+
+
+PRUNED = {
+    "dynamics": (("solve.terms.spin=false", "solve.terms.gyroscopic=false"), {"term_spin", "term_gyroscopic", "C"}),
+    "quasi-statics": (("solve.preset=quasistatic", "solve.terms.geometric=false"), {"K_g", "term_tension_origin"}),
+}
+
+
+@pytest.mark.parametrize("case", PRUNED)
+def test_a_pruned_module_gives_the_same_without_the_dropped_terms_in_its_code(tmp_path, monkeypatch, case):
+    settings, gone = PRUNED[case]
+    scene = with_settings(read_scene("engine"), ["solve.steps=120", "rod.elements=1", *settings])
+    _, expected = series(scene, [], scene.sensors)
+    text = pruned_text(scene)
+    whole = generate_text(scene)
+    kernels = set(re.findall(r"^def (\w+)", text, flags=re.MULTILINE))
+    assert gone <= set(re.findall(r"^def (\w+)", whole, flags=re.MULTILINE)) - kernels
+    assert operation_count(text) < operation_count(whole)
+    found = sensed_by(text, scene, tmp_path, monkeypatch)
+    for name, values in expected.items():
+        assert found[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * abs(values).max()), name
+
+
+def test_the_gyroscopic_matrix_stays_with_the_spin_terms_that_it_is_part_of():
+    """L^T C_d L' of joint axes that turn against the rod: left out, quasi-static displacements would change."""
+    scene = with_settings(read_scene("engine"), ["solve.preset=quasistatic"])
+    assert "def term_gyroscopic(" in pruned_text(scene)
+    assert "def term_gyroscopic(" not in pruned_text(with_settings(scene, ["solve.terms.spin=false"]))
+
+
+def test_a_rigid_module_has_the_motion_alone():
+    scene = with_settings(read_scene("engine"), ["solve.preset=rigid"])
+    text, whole = pruned_text(scene), generate_text(scene)
+    motion = re.search(r"^def motion.*?^@njit", whole, flags=re.MULTILINE | re.DOTALL)[0]
+    kernels = set(re.findall(r"^def (\w+)", text, flags=re.MULTILINE))
+    assert motion in text and kernels == {"table", "motion", "tabulate"}
+    assert "The rigid motion alone: nothing deforms." in text and operation_count(text) == 88
+
+
+def test_gravity_and_shear_that_are_switched_off_are_not_in_the_pruned_module():
+    scene = with_settings(read_scene("two-link-arm"), ["gravity=[0, -9.81]"])
+    gone = with_settings(scene, ["solve.preset=stiffened", "solve.terms.gravity=false"])
+    assert "gravity" in generate_text(scene) and "('gravity" not in pruned_text(gone)
+
+
+def test_a_model_with_every_term_has_the_whole_module():
+    scene = read_scene("engine")
+    assert pruned_text(scene) == generate_text(scene)
+
+
+def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_path, monkeypatch):
+    _, found = engine
+    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    path = tmp_path / "engine.py"
+    result = cli("derive", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "-o", path)
+    assert result.exit_code == 0 and "438 operations, of 498 with every term\n" in result.stdout
+    text = path.read_text()
+    head = text[: text.index("import math")]
+    assert "M q'' + (K_s + K_g) q = F" in head and "Without the terms spin, gyroscopic, euler, damping." in head
+    assert "made by: kaneflex derive engine --tolerance SHARE -o FILE.py" in head
+    refused(cli("derive", "engine", "--tolerance", "1%", "--coupled", "-o", tmp_path / "b.py"), "--coupled")
+    refused(cli("derive", "engine", "--sensor", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
