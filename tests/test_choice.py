@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -338,3 +339,15 @@ def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_pa
     assert "made by: kaneflex derive engine --tolerance SHARE -o FILE.py" in head
     refused(cli("derive", "engine", "--tolerance", "1%", "--coupled", "-o", tmp_path / "b.py"), "--coupled")
     refused(cli("derive", "engine", "--sensor", "tip_axial", "-o", tmp_path / "b.py"), "belongs to --tolerance")
+
+
+def test_the_table_beside_brute_force_keeps_what_the_page_says_of_it():
+    page = (Path(__file__).parents[1] / "docs" / "choice-table.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in re.findall(r"^\| .* \|$", page, re.MULTILINE)]
+    rows = [row for row in rows if row[1].endswith("%")]
+    assert len({row[0] for row in rows}) == 14 and len(rows) == 3 * 14
+    chosen = [row for row in rows if row[3]]
+    assert len(chosen) >= 30 and all("still changes" in row[2] for row in rows if not row[3])
+    for case, tolerance, _, error_shown, _, times, _ in chosen:
+        allowed, found = (float(cell.removesuffix(" %")) for cell in (tolerance, error_shown))
+        assert found <= allowed and float(times) <= 2.0, case
