@@ -106,6 +106,13 @@ def test_velocities_of_the_quasistatic_answer_are_its_derivatives():
     assert (fine.z[0] == pytest.approx(fine.z[-1], abs=1e-12)) and (fine.v[0] == fine.v[-1]).all()
 
 
+def test_a_single_quasistatic_step():
+    """Two instants, whose rates are the slope between them."""
+    solution = run("engine", "solve.preset=quasistatic", "solve.steps=1", "solve.duration=1e-6 s", "solve.start=zero")
+    z, v = solution.trajectory.z, solution.trajectory.v
+    assert v[0] == pytest.approx((z[1] - z[0]) / 1e-6) and (v[0] == v[1]).all() and np.abs(v).max() > 0
+
+
 def test_quasistatic_leaves_mechanism_modes_to_inertia_relief():
     """Both links elastic and the crank free to turn: K z = F - M R (R^T M R)^-1 R^T F and R^T M z = 0."""
     solution = run("engine-elastic-crank", "drives.main.rotation=free", "solve.preset=quasistatic", "rod.elements=1")
