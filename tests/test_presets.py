@@ -74,6 +74,11 @@ def test_rigid_has_no_coordinates_and_no_deformation():
         assert (solution.series[name].values == elastic[f"{name}_rigid"].values).all(), name
 
 
+def test_a_structure_that_stands_still_has_no_rigid_model():
+    with pytest.raises(SceneError, match=r"solve\.preset = 'rigid': a structure that stands still has no rigid motion"):
+        model("pin-ended-cross", "solve.preset=rigid")
+
+
 # ---- quasi-static -----------------------------------------------------------------------------------------------
 
 
