@@ -122,3 +122,10 @@ def test_a_forward_table_without_use_is_said(scene, settings, why):
     assert [text for text in warnings if "solve.forward" in text] == ([] if why is None else [
         f"solve.forward is for free joints that move before anything deforms, and {why}: left out"
     ])  # fmt: skip
+
+
+def test_a_motion_that_is_too_fast_for_its_duration_is_refused(monkeypatch):
+    """A hundred thousand seconds of a double pendulum would take half an hour, in silence."""
+    monkeypatch.setattr("kaneflex.forward._MOST", 2000)
+    with pytest.raises(SceneError, match=r"2000 evaluations bring it to t = [\d.]+ s of 100000 s\. Shorten"):
+        model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7")

@@ -75,6 +75,11 @@ def test_rigid_has_no_coordinates_and_no_deformation():
         assert (solution.series[name].values == elastic[f"{name}_rigid"].values).all(), name
 
 
+def test_a_structure_that_stands_still_has_no_rigid_model():
+    with pytest.raises(SceneError, match=r"solve\.preset = 'rigid': a structure that stands still has no rigid motion"):
+        model("pin-ended-cross", "solve.preset=rigid")
+
+
 # ---- quasi-static -----------------------------------------------------------------------------------------------
 
 
@@ -105,6 +110,13 @@ def test_velocities_of_the_quasistatic_answer_are_its_derivatives():
     assert fine.v[:-1] == pytest.approx(rate, abs=2e-3 * np.abs(rate).max())
     assert coarse.v[:-1] == pytest.approx(fine.v[:-1:2], abs=1e-2 * np.abs(fine.v).max())
     assert (fine.z[0] == pytest.approx(fine.z[-1], abs=1e-12)) and (fine.v[0] == fine.v[-1]).all()
+
+
+def test_a_single_quasistatic_step():
+    """Two instants, whose rates are the slope between them."""
+    solution = run("engine", "solve.preset=quasistatic", "solve.steps=1", "solve.duration=1e-6 s", "solve.start=zero")
+    z, v = solution.trajectory.z, solution.trajectory.v
+    assert v[0] == pytest.approx((z[1] - z[0]) / 1e-6) and (v[0] == v[1]).all() and np.abs(v).max() > 0
 
 
 def test_quasistatic_leaves_mechanism_modes_to_inertia_relief():

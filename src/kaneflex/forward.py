@@ -8,6 +8,7 @@ the joints' coordinates, so the constraints hold by themselves and there is no d
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from types import ModuleType
 
 import numpy as np
@@ -21,6 +22,8 @@ from kaneflex.scene import Scene
 
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, m and their rates, as a share of the relative one."""
+_MOST = 5_000_000
+"""Evaluations of the accelerations in a run: some minutes, and a table of a few hundred megabytes."""
 _PIECES = 10
 """Cubics for each step of an integrator of eighth order: between its steps it is as exact as on them."""
 
@@ -45,7 +48,8 @@ def integrate_free_joints(
     Raises
     ------
     SceneError
-        If the motion can't go on: a linkage that can't close, or forces that are not finite; it names the time.
+        If the motion can't go on, by a linkage that can't close or forces that are not finite, or takes too many steps;
+        it names the time.
     """
     from scipy.integrate import solve_ivp
 
@@ -55,8 +59,16 @@ def integrate_free_joints(
     )
 
     accelerations = forward_equations(module, parameters)
+    evaluation = count(1)
 
     def rates(t: float, state: np.ndarray) -> np.ndarray:
+        if next(evaluation) > _MOST:
+            raise SceneError(
+                f"drives.{free[0]}", "free",
+                f"its motion is so fast beside the duration that {_MOST} evaluations bring it to t = {t:.6g} s of "
+                f"{duration:.6g} s",
+                "Shorten the duration, or raise solve.forward.tolerance",
+            )  # fmt: skip
         if progress is not None:
             progress(min(1.0, t / duration))
         return np.concatenate([state[len(free) :], accelerations(t, state)])

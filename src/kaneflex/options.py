@@ -152,6 +152,12 @@ def resolve_options(scene: Scene) -> Options:
             "Take preset coupled or rigid, or give the body a beam",
         )  # fmt: skip
     elastic = elastic or modal is not None
+    if elastic and scene.is_frame and solve.preset == "rigid":
+        raise SceneError(
+            "solve.preset", "rigid",
+            "a structure that stands still has no rigid motion, and its supports may be redundant",
+            "Take preset quasistatic, linear or stiffened",
+        )  # fmt: skip
     if not elastic:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":

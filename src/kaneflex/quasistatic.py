@@ -135,7 +135,7 @@ def _relieved(elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load
 def rate_of(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
     """Central differences of fourth order; second order, one-sided, at the ends of a motion without period."""
     if not periodic:
-        inner = np.gradient(values, step, axis=0, edge_order=2)
+        inner = np.gradient(values, step, axis=0, edge_order=min(2, len(values) - 1))
         if len(values) > 4:
             inner[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
         return inner
