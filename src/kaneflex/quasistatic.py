@@ -11,6 +11,8 @@ from kaneflex.affine import Affine, as_array
 from kaneflex.model import Model, RigidMotion
 
 _RIGID = 64 * np.finfo(float).eps  # a coordinate: share of its stiffness that eliminating the others leaves by rounding
+LARGEST_DENSE = 64
+"""Coordinates up to which all instants are solved as one stack of dense matrices; beyond, by bands, one by one."""
 _CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
 
 
@@ -48,7 +50,7 @@ def answers(
     relief = has_mechanism_modes(model, times[0])
     for first in range(0, len(times), batch):
         rows = slice(first, first + batch)
-        if size > 64 and not relief:
+        if size > LARGEST_DENSE and not relief:
             z[rows] = solve_banded_at(model, times[rows], load[rows])
         else:
             rigid = model.motion.at(times[rows])

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from kaneflex.comparison import Difference
 from kaneflex.errors import SceneError
 from kaneflex.options import resolve_options
+from kaneflex.quasistatic import LARGEST_DENSE
 from kaneflex.scene import Scene
 from kaneflex.trade.cost import timed_run
 from kaneflex.trade.errors import differences, worst
@@ -149,6 +150,14 @@ def _single_term(candidate: Candidate) -> bool:
     return any(setting.startswith("solve.terms.") for setting in candidate.settings)
 
 
+def _reduced(candidate: Candidate) -> bool:
+    return any(setting.startswith("solve.modes=") for setting in candidate.settings)
+
+
+def _fineness(model: Scene) -> tuple[int, int]:
+    return sum(elements_of(model).values()), resolve_options(model).steps
+
+
 def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) -> bool:
     inertia = found["dynamics"]
     hopeless = preset == "quasistatic" and (inertia is None or inertia > _HOPELESS * trials.tolerance)
@@ -157,7 +166,8 @@ def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) ->
 
 def _fails(trials: Trials, preset: str, work: Mapping[Candidate, float]) -> bool:
     """Whether the finest model of a preset is out of tolerance: then the coarser ones are not tried."""
-    finest = max((each for each in work if _preset(each) == preset and not _single_term(each)), key=work.__getitem__)
+    whole = (each for each in work if _preset(each) == preset and not _single_term(each) and not _reduced(each))
+    finest = max(whole, key=lambda each: _fineness(each.of(trials.scene)))
     if trials.within(finest):
         return False
     trials.note(f"{preset}, coarser", f"{finest.name}, the finest of its preset, is out of tolerance")
@@ -187,21 +197,20 @@ def _without_terms(
 def expected_work(scene: Scene, candidate: Candidate) -> float:
     """Wall time of a run [us] as it was on one machine, for an order that is the same everywhere.
 
-    Setting up; then by step a dense solve quasi-statically, band matrices dynamically, more of them for a periodic
-    start, and reading the sensors, for which a reduction has to be undone. Only the order counts.
+    Setting up; then by step a dense solve quasi-statically, band matrices dynamically, and reading the sensors, for
+    which a reduction has to be undone. Only the order counts.
     """
     model = candidate.of(scene)
     options, elements = resolve_options(model), elements_of(model)
     reduced = options.reduction == "craig-bampton"
     size = sum(min(3 * count, options.modes + 1) if reduced else 3 * count for count in elements.values())
-    periodic = options.start == "periodic" and options.cycles
     by_step = {
         "rigid": 0.0,
-        "quasistatic": 0.6 + min(0.02 * size**2, 4.0 * size),
-        "dynamic": (1.2 * size + 0.03 * size**2) * _INTEGRATING[options.integrator] if periodic else 0.5 + 0.4 * size,
+        "quasistatic": 0.6 + (0.05 * size**2 if size <= LARGEST_DENSE else 0.75 * size),
+        "dynamic": (0.2 * size + 0.004 * size**2) * _INTEGRATING[options.integrator],
         "coupled": 60.0 + 2.0 * size,
     }[options.dynamics]
     reading = 2.0 + 0.2 * len(scene.sensors) + 2.5 * reduced
-    set_up = {"rigid": 1e3, "coupled": 1e5}.get(options.dynamics, 1e4) + 3e3 * reduced
+    set_up = {"rigid": 1e3, "quasistatic": 5e3, "dynamic": 8e3, "coupled": 1e5}[options.dynamics] + 3e3 * reduced
     tight = 1.3 if options.dynamics == "coupled" and options.tolerance < 1e-6 else 1.0
     return set_up + options.steps * (reading + tight * by_step)
