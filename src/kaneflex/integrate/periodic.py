@@ -23,7 +23,8 @@ _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the roo
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """State at the start of a run (None where there is none), the Floquet multipliers, and what to say.
+    """State at the start of a run, but for its accelerations (None where there is none), the Floquet multipliers, and
+    what to say.
 
     stretches: of a periodic motion, if its cycle was cut
     """
@@ -64,9 +65,7 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     if outcome is not Outcome.COMPLETED:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
-    state = _states_of(setup, x[None, :])
-    setup.consistent(state, np.ones(1))
-    return Beginning(state, multipliers, outcome, message, over.stretches)
+    return Beginning(_states_of(setup, x[None, :]), multipliers, outcome, message, over.stretches)
 
 
 def periodic_pair(own: Cycle, setup: Setup, period_steps: int) -> Beginning:
@@ -87,9 +86,7 @@ def periodic_pair(own: Cycle, setup: Setup, period_steps: int) -> Beginning:
     if came.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, came.outcome, f"{came.outcome.value}, in the first cycle")
     x[:, 1] = inverse @ _vectors_of(setup, state)[0, 1::2]
-    state = _states_of(setup, x.reshape(1, -1))
-    setup.consistent(state, np.ones(1))
-    return Beginning(state, None, Outcome.COMPLETED, "")
+    return Beginning(_states_of(setup, x.reshape(1, -1)), None, Outcome.COMPLETED, "")
 
 
 def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:

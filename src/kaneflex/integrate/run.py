@@ -133,6 +133,7 @@ def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int, progress:
         ended = (Outcome.COMPLETED, message, beginning.multipliers)
         return Trajectory(t0 + step * steps, *(each[steps % len(each)] for each in motion), *ended, ns_per_step)
     state = beginning.state
+    setup.consistent(state, np.ones(1))
     stored = Stored.of(state, rows)
     came = advance(setup, state, np.ones(1), n_steps, every, stored, True, progress)
     if came.outcome is not Outcome.COMPLETED:

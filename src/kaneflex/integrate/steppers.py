@@ -249,7 +249,7 @@ def _hand_over(lanes, rows):
     """What was prepared in lanes, to those who read it."""
 
 
-@overload(_hand_over, inline="always")
+@overload(_hand_over)
 def _handed_over(lanes, rows):
     if rows.ndim == 3:
         return lambda lanes, rows: None
@@ -277,11 +277,11 @@ def _affine_sum(packed, scalars, row, sums):
 
 
 @_jit
-def _factor(layout, lu, scale, good, place):
+def _factor(layout, lu, scale, good):
     """A = L U in place, without pivoting, reciprocal pivots on the diagonal.
 
     scale: of each row, sum of the absolute values of what was added up in the diagonal
-    good: there, at the place, 1.0 goes where no pivot vanishes, else 0.0
+    good: one number, 1.0 where no pivot vanishes, else 0.0
     """
     base = layout.base
     last = layout.last
@@ -298,7 +298,7 @@ def _factor(layout, lu, scale, good, place):
             put(lu, row_i + k, factor)
             for j in range(k + _ONE, last[k]):
                 put(lu, row_i + j, at(lu, row_i + j) - factor * at(lu, row_k + j))
-    put(good, place, regular)
+    put(good, 0, regular)
 
 
 @_inlined
@@ -334,7 +334,7 @@ def _unbalanced(layout, sums, row, load, z, z_row, v, column, i):
 
 
 @_jit
-def _mass_matrices(packed, scalars, row, sums, mass, scale, good, place):
+def _mass_matrices(packed, scalars, row, sums, mass, scale, good):
     """All sums at one row of the table, and M factorised."""
     layout = packed.layout
     _affine_sum(packed, scalars, row, sums)
@@ -342,7 +342,7 @@ def _mass_matrices(packed, scalars, row, sums, mass, scale, good, place):
         put(mass, i, at(sums, i))
     for i in range(layout.n):
         put(scale, i, _size(at(sums, layout.base[i] + i)))
-    _factor(layout, mass, scale, good, place)
+    _factor(layout, mass, scale, good)
 
 
 @_inlined
@@ -369,7 +369,7 @@ def accelerations(packed, scalars, load, z, v, q):
     layout = packed.layout
     sums, mass = _room(_THREE * layout.n_slots + layout.n), _room(layout.n_slots)
     scale, good = _room(layout.n), _room(1)
-    _mass_matrices(packed, scalars, 0, sums, mass, scale, good, 0)
+    _mass_matrices(packed, scalars, np.intp(0), sums, mass, scale, good)
     if not _everywhere(_less(0.0, at(good, 0))):
         return False
     sums_at, mass_at = _rows(z, sums), _rows(z, mass)
@@ -393,7 +393,7 @@ def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale,
         m = layout.base[i] + i
         c_part, k_part = c_weight * at(sums, n_slots + m), k_weight * at(sums, n_slots + n_slots + m)
         put(scale, i, _size(at(sums, m)) + _size(c_part) + _size(k_part))
-    _factor(layout, lu, scale, good, 0)
+    _factor(layout, lu, scale, good)
 
 
 @_jit
@@ -485,7 +485,7 @@ def _gauss_matrices(packed, scalars, row, step, sums_1, sums_2, matrix, scale, g
             sums = sums_1 if stage == 0 else sums_2
             parts = _size(at(sums, m)) + _size(c_same * at(sums, c)) + _size(k_same * at(sums, k))
             put(scale, _TWO * i + stage, parts)
-    _factor(pairs, matrix, scale, good, 0)
+    _factor(pairs, matrix, scale, good)
 
 
 @_jit
@@ -505,9 +505,10 @@ def gauss(packed, scalars, period, position, n_steps, coefficients, load, state,
     v_weight = 0.5 * step
     z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
     sums_1, sums_2, sums_3 = _room(_THREE * n_slots + n), _room(_THREE * n_slots + n), _room(_THREE * n_slots + n)
-    matrix, mass, scale, good = _room(pairs.n_slots), _room(n_slots), _room(_TWO * n), _room(2)
+    matrix, mass, scale = _room(pairs.n_slots), _room(n_slots), _room(_TWO * n)
+    good, good_mass = _room(1), _room(1)
     sums_1_at, sums_2_at, sums_3_at = _rows(z, sums_1), _rows(z, sums_2), _rows(z, sums_3)
-    matrix_at, mass_at, good_at = _rows(z, matrix), _rows(z, mass), _rows(z, good)
+    matrix_at, mass_at, good_at, good_mass_at = _rows(z, matrix), _rows(z, mass), _rows(z, good), _rows(z, good_mass)
     at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, 2 * z.shape[1], *z.shape[2:]))
     due = every - done % every
     out = done // every + 1
@@ -519,9 +520,10 @@ def gauss(packed, scalars, period, position, n_steps, coefficients, load, state,
             _hand_over(sums_2, sums_2_at)
             _hand_over(matrix, matrix_at)
             if due <= good_at.shape[0]:
-                _mass_matrices(packed, scalars, 3 * block + 2, sums_3, mass, scale, good, 1)
+                _mass_matrices(packed, scalars, 3 * block + 2, sums_3, mass, scale, good_mass)
                 _hand_over(sums_3, sums_3_at)
                 _hand_over(mass, mass_at)
+                _hand_over(good_mass, good_mass_at)
             _hand_over(good, good_at)
         if not _everywhere(_less(0.0, at(good_at, (row, 0)))):
             return count, SINGULAR
@@ -551,7 +553,7 @@ def gauss(packed, scalars, period, position, n_steps, coefficients, load, state,
         due -= 1
         if due == 0:
             due = every
-            if not _everywhere(_less(0.0, at(good_at, (row, 1)))):
+            if not _everywhere(_less(0.0, at(good_mass_at, (row, 0)))):
                 return count, SINGULAR
             _true_accelerations(layout, sums_3_at, mass_at, row, load, z, v, q, 0)
             _store(stored, out, z, v, q)
