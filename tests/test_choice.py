@@ -345,7 +345,7 @@ def test_the_table_beside_brute_force_keeps_what_the_page_says_of_it():
     page = (Path(__file__).parents[1] / "docs" / "choice-table.md").read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in re.findall(r"^\| .* \|$", page, re.MULTILINE)]
     rows = [row for row in rows if row[1].endswith("%")]
-    assert len({row[0] for row in rows}) == 14 and len(rows) == 3 * 14
+    assert len({row[0] for row in rows}) == 17 and len(rows) == 3 * 17
     chosen = [row for row in rows if row[3]]
     assert len(chosen) >= 30 and all("still changes" in row[2] for row in rows if not row[3])
     for case, tolerance, _, error_shown, _, times, _ in chosen:

@@ -103,7 +103,7 @@ def by_kaneflex(case: Case) -> Iterator[Row]:
     )  # fmt: skip
     note = f"{method}, {steps} steps, error {case.error(case.by_steps(method, steps).z):.1e}"
     for name in race:
-        yield Row(f"engine, one cycle to {ROUGH:g}", f"kaneflex, {name}", race[name], differs=note)
+        yield Row(f"engine, one cycle to {ROUGH:g}", f"kaneflex, {name}", race[name], of_time=True, differs=note)
 
 
 def by_scipy(case: Case) -> Iterator[Row]:
