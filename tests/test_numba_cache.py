@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import kaneflex
 
 KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
@@ -49,3 +51,42 @@ def test_a_writable_folder_is_left_to_numba(tmp_path):
     assert result.returncode == 0, result.stderr
     assert "NUMBA_CACHE_DIR" not in result.stderr
     assert list((tmp_path / "cache").rglob("kernel.double*.nbi"))
+
+
+MOTION = """
+import numpy as np
+from integrate_cases import affine
+from kaneflex.integrate.run import integrate
+system = affine(1, 0, {"M": [np.eye(1)], "C": [np.eye(1)], "K": [np.eye(1)]}, np.ones((1, 1)))
+print(integrate(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD).v[-1, 0])
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "file", "before", "after"),
+    [
+        ("exact-modal", "matrices.py", "+ scalar * data[offset + i]", "+ 2.0 * scalar * data[offset + i]"),
+        ("newmark", "lanes.py", '((operator.add, operator.iadd), "fadd")', '((operator.add, operator.iadd), "fsub")'),
+    ],
+)
+def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path, method, file, before, after):
+    """numba looks at the loop's own file only; its parts are in others."""
+    package = tmp_path / "kaneflex"
+    shutil.copytree(Path(kaneflex.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parent)]),
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1",
+    }  # fmt: skip
+
+    def moved() -> float:
+        command = [sys.executable, "-c", MOTION.replace("METHOD", repr(method))]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=True)
+        return float(done.stdout)
+
+    first = moved()
+    assert moved() == first
+    part = package / "integrate" / file
+    text = part.read_text()
+    assert text.count(before) == 1
+    part.write_text(text.replace(before, after))
+    assert moved() != first

@@ -7,8 +7,8 @@ from functools import reduce
 
 import numpy as np
 
+from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.steppers import LANES
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.stretches import Stretches
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from kaneflex.integrate import steppers
 from kaneflex.integrate.feed import Feed
+from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.stretches import Stretches
@@ -91,7 +92,7 @@ class Setup:
         They are the method's own, too, if it carries none of its own.
         """
         row = self.feed.first_row()
-        lanes = np.ascontiguousarray(np.broadcast_to(row.T, (steppers.LANES, len(row))).T)[None]
+        lanes = np.ascontiguousarray(np.broadcast_to(row.T, (LANES, len(row))).T)[None]
         found = steppers.accelerations(self.system.packed, lanes, load, state.z, state.v, state.q)
         if self.method.carried == 2:
             state.a[:] = state.q

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.steppers import LANES
+from kaneflex.integrate.lanes import LANES
 
 
 def in_lanes(rows: np.ndarray, nodes: int, steps: np.ndarray) -> np.ndarray:

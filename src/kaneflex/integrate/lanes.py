@@ -1,0 +1,178 @@
+"""LANES numbers in one vector register: what compiled code reads, writes and calculates with eight at a time.
+
+`at` and `put` serve arrays of plain numbers, too, so that the same loops compile for both. numba's types and LLVM's
+instructions stay in this file.
+"""
+
+import operator
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
+# No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
+FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
+
+_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+_INT = ir.IntType(32)
+
+
+class _Lanes(types.Type):
+    """LANES numbers in a register: numba's type of them."""
+
+
+_lanes = _Lanes("Lanes")
+
+
+@register_model(_Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _spread(context, builder, kind, value):
+    """A number in every lane."""
+    if kind == _lanes:
+        return value
+    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    first = builder.insert_element(undefined, context.cast(builder, value, kind, types.float64), _INT(0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_INT, LANES), [0] * LANES))
+
+
+def _make_operator(function, instruction):
+    """An operator between lanes, and between lanes and a number."""
+
+    @infer_global(function)
+    class _Template(AbstractTemplate):
+        def generic(self, args, kws):
+            known = all(isinstance(kind, _Lanes | types.Number) for kind in args)
+            return signature(_lanes, *args) if _lanes in args and known else None
+
+    def lower(context, builder, sig, args):
+        spread = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
+        return getattr(builder, instruction)(*spread, flags=sorted(FASTMATH))
+
+    for kinds in ((_Lanes, _Lanes), (_Lanes, types.Number), (types.Number, _Lanes)):
+        lower_builtin(function, *kinds)(lower)
+
+
+for _functions, _instruction in (
+    ((operator.add, operator.iadd), "fadd"), ((operator.sub, operator.isub), "fsub"),
+    ((operator.mul, operator.imul), "fmul"), ((operator.truediv,), "fdiv"),
+):  # fmt: skip
+    for _function in _functions:
+        _make_operator(_function, _instruction)
+
+
+def _has_lanes(array, place):
+    return array.ndim > (place.count if isinstance(place, types.BaseTuple) else 1)
+
+
+def _address(context, builder, kinds, array, place):
+    """Where the number, or the lanes, of a contiguous array lie at a place: an index, or (row, index)."""
+    kind, where = kinds
+    values = context.make_array(kind)(context, builder, array)
+    if isinstance(where, types.BaseTuple):
+        row, index = (builder.extract_value(place, k) for k in range(2))
+        place = builder.add(builder.mul(row, builder.extract_value(values.shape, 1)), index)
+    if not _has_lanes(kind, where):
+        return builder.gep(values.data, [place])
+    start = builder.gep(values.data, [builder.mul(place, place.type(LANES))])
+    return builder.bitcast(start, ir.PointerType(_VECTOR))
+
+
+@intrinsic
+def at(typing, array, place):
+    """``array[place]``, of arrays with one axis more the lanes there."""
+
+    def lower(context, builder, sig, args):
+        return builder.load(_address(context, builder, sig.args, *args), align=8)
+
+    return (_lanes if _has_lanes(array, place) else types.float64)(array, place), lower
+
+
+@intrinsic
+def put(typing, array, place, value):
+    """``array[place] = value``; a number goes into every lane."""
+
+    def lower(context, builder, sig, args):
+        *where, number = args
+        *kinds, kind = sig.args
+        if _has_lanes(*kinds):
+            number = _spread(context, builder, kind, number)
+        else:
+            number = context.cast(builder, number, kind, types.float64)
+        builder.store(number, _address(context, builder, kinds, *where), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, place, value), lower
+
+
+@intrinsic
+def size(typing, number):
+    """The absolute value, in each lane."""
+
+    def lower(context, builder, sig, args):
+        name = f"llvm.fabs.v{LANES}f64" if sig.args[0] == _lanes else "llvm.fabs.f64"
+        shape = ir.FunctionType(args[0].type, [args[0].type])
+        return builder.call(cgutils.get_or_insert_function(builder.module, shape, name), args)
+
+    return number(number), lower
+
+
+@intrinsic
+def less(typing, small, large):
+    """1.0 in each lane where `small` is less, else, also where one is no number, 0.0; of numbers whether it is."""
+
+    def lower(context, builder, sig, args):
+        if sig.return_type == types.boolean:
+            return builder.fcmp_ordered("<", *args)
+        pair = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
+        return builder.uitofp(builder.fcmp_ordered("<", *pair), _VECTOR)
+
+    return (_lanes if _lanes in (small, large) else types.boolean)(small, large), lower
+
+
+@intrinsic
+def everywhere(typing, true):
+    """Whether that is so in every lane."""
+
+    def lower(context, builder, sig, args):
+        if sig.args[0] == types.boolean:
+            return args[0]
+        zero = ir.Constant(_VECTOR, [0.0] * LANES)
+        mask = builder.bitcast(builder.fcmp_ordered("!=", args[0], zero), ir.IntType(LANES))
+        return builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1))
+
+    return types.boolean(true), lower
+
+
+@intrinsic
+def turn(typing, lanes, start, rows):
+    """A square from `start` on of an array (slots, LANES) into its transpose (LANES, slots): three rounds of swaps."""
+
+    def lower(context, builder, sig, args):
+        source, first, target = args
+        kinds = sig.args
+        vectors = []
+        for k in range(LANES):
+            place = builder.add(first, first.type(k))
+            vectors.append(builder.load(_address(context, builder, kinds[:2], source, place), align=8))
+        for half in (4, 2, 1):  # swap the off-diagonal blocks of this size
+            low = [k if not k & half else LANES + k - half for k in range(LANES)]
+            high = [k + half if not k & half else LANES + k for k in range(LANES)]
+            for k in (k for k in range(LANES) if not k & half):
+                pair = vectors[k], vectors[k + half]
+                masks = (ir.Constant(ir.VectorType(_INT, LANES), order) for order in (low, high))
+                vectors[k], vectors[k + half] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+        values = context.make_array(kinds[2])(context, builder, target)
+        width = builder.extract_value(values.shape, 1)
+        for k, vector in enumerate(vectors):
+            place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), first)])
+            builder.store(vector, builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+        return context.get_dummy_value()
+
+    return types.void(lanes, start, rows), lower
