@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.coupled import stepping
+from kaneflex.coupled import instant, stepping
 from kaneflex.coupled.system import BODY, CoupledSystem
 from kaneflex.energy import Energy
 from kaneflex.integrate.outcome import Outcome
@@ -138,7 +138,7 @@ class _Run:
     def _settle(self, row: int, passes: int) -> bool:
         """Put a row onto the constraints and find its accelerations and multipliers; False where it is singular."""
         drift = np.zeros(2)
-        done = stepping.settle(
+        done = instant.settle(
             *self.kernels[:2], self.system.parameters, float(self.times[row]), self.q[row], self.v[row], self.a[row],
             self.multipliers[row], passes, drift,
         )  # fmt: skip
@@ -242,7 +242,7 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     q, v = curve(times), curve.derivative()(times)
     a, multipliers = np.zeros_like(q), np.zeros((len(times), len(system.constraints)))
     for k, t in enumerate(times):
-        stepping.settle(
+        instant.settle(
             system.module.equations, system.module.constraints, system.parameters, float(t), q[k], v[k], a[k],
             multipliers[k], 1, np.zeros(2),
         )  # fmt: skip
@@ -264,7 +264,7 @@ def energies(
     out, kinetic, power = np.zeros((count, 3 + len(module.LOADS))), np.zeros(count), np.zeros(count)
     stepping.compile_stepper()
     states = (np.ascontiguousarray(part) for part in (times, q, v, multipliers))
-    stepping.balance(
+    instant.balance(
         module.equations, module.constraints, module.energy, system.parameters, *states, out, kinetic, power
     )
     return Energy(kinetic, out[:, 1], out[:, 0], dissipated, supplied), out[:, 2], power

@@ -7,8 +7,7 @@ tangent (Hairer & Wanner 1996, IV.8); order 4, A-stable and without numerical da
 nothing but accuracy of their own. The step follows an error estimate of the fifth order, filtered as in Hairer &
 Wanner (IV.8.20): what an unresolved stiff mode does is no reason for a short step.
 
-Beside it generalised-alpha with a fixed step, as other codes have it. All loops stay in this file: a cached function
-that calls one of another file would keep the old callee after that file was edited.
+Beside it generalised-alpha with a fixed step, as other codes have it. `made_of` is never given, see `kaneflex.stamp`.
 """
 
 from __future__ import annotations
@@ -17,16 +16,25 @@ import math
 
 import numpy as np
 from numba import njit, types
-from numba.types import FunctionType, float64, int64, void
+from numba.types import int64
 
-_OPTIONS = {"cache": True, "error_model": "numpy"}
-_V, _A = float64[::1], float64[:, ::1]
-EQUATIONS = FunctionType(void(float64, _V, _V, _V, _A, _V))
-CONSTRAINTS = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _V))
-TANGENT = FunctionType(void(float64, _V, _V, _V, _V, _V, _A, _A))
-ENERGY = FunctionType(void(float64, _V, _V, _V, _V))
-"""Types of the generated kernels, given explicitly: as plain arguments they would be compiled anew in every process."""
+from kaneflex.coupled import instant
+from kaneflex.coupled.instant import (
+    CONSTRAINTS,
+    ENERGY,
+    EQUATIONS,
+    OPTIONS,
+    TANGENT,
+    A,
+    V,
+    factorise,
+    saddle,
+    settle,
+    substitute,
+)  # fmt: skip
+from kaneflex.stamp import stamp
 
+_MADE_OF = stamp(instant.__file__)
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE = 0, 1, 2, 3
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve."""
@@ -56,122 +64,10 @@ _FILTER = 1.0 / 12.0
 """Weight of h^2 K in the filter, as in the denominator 1 - z/2 + z^2/12 of the method's stability function."""
 
 
-@njit(**_OPTIONS)
-def factorise(a, pivots):
-    """LU in place with row exchanges; False where a pivot vanishes."""
-    n = a.shape[0]
-    for k in range(n):
-        row, largest = k, abs(a[k, k])
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > largest:
-                row, largest = i, abs(a[i, k])
-        pivots[k] = row
-        if not largest > 0.0 or not largest < 1e300:
-            return False
-        if row != k:
-            for j in range(n):
-                a[k, j], a[row, j] = a[row, j], a[k, j]
-        inverse = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            if a[i, k] != 0.0:
-                factor = a[i, k] * inverse
-                a[i, k] = factor
-                for j in range(k + 1, n):
-                    a[i, j] -= factor * a[k, j]
-    return True
-
-
-@njit(**_OPTIONS)
-def substitute(a, pivots, x):
-    """Solve with the factors of :func:`factorise`, in place."""
-    n = a.shape[0]
-    for k in range(n):
-        row = pivots[k]
-        if row != k:
-            x[k], x[row] = x[row], x[k]
-    for i in range(n):
-        total = x[i]
-        for j in range(i):
-            total -= a[i, j] * x[j]
-        x[i] = total
-    for i in range(n - 1, -1, -1):
-        total = x[i]
-        for j in range(i + 1, n):
-            total -= a[i, j] * x[j]
-        x[i] = total / a[i, i]
-
-
-@njit(**_OPTIONS)
-def saddle(M, G, n, m, out):
-    """[[M, -G^T], [G, 0]]; rows of constraints are scaled by nothing: pivoting takes care of their units."""
-    out[:, :] = 0.0
-    out[:n, :n] = M
-    for i in range(m):
-        for j in range(n):
-            out[n + i, j] = G[i, j]
-            out[j, n + i] = -G[i, j]
-
-
-@njit(**_OPTIONS)
-def settle(equations, constraints, p, t, q, v, a, multipliers, passes, drift):
-    """Project q and v onto the constraints (least change by mass), then accelerations and multipliers there.
-
-    drift: largest residuals of position and velocity before. False at a singular state.
-    """
-    n, m = q.size, multipliers.size
-    M, f = np.zeros((n, n)), np.zeros(n)
-    G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
-    square, pivots, x = np.zeros((n + m, n + m)), np.zeros(n + m, np.int64), np.zeros(n + m)
-    drift[:] = 0.0
-    for turn in range(passes + 1):
-        M[:, :] = 0.0
-        f[:] = 0.0
-        G[:, :] = 0.0
-        g[:] = 0.0
-        g_t[:] = 0.0
-        gamma[:] = 0.0
-        equations(t, q, v, p, M, f)
-        constraints(t, q, v, p, g, g_t, G, gamma)
-        saddle(M, G, n, m, square)
-        if not factorise(square, pivots):
-            return False
-        if turn < passes:
-            x[:n] = 0.0
-            for i in range(m):
-                x[n + i] = -g[i]
-                if turn == 0:
-                    drift[0] = max(drift[0], abs(g[i]))
-            substitute(square, pivots, x)
-            q += x[:n]
-            continue
-        x[:n] = 0.0
-        for i in range(m):
-            rate = g_t[i]
-            for j in range(n):
-                rate += G[i, j] * v[j]
-            x[n + i] = -rate
-            drift[1] = max(drift[1], abs(rate))
-        substitute(square, pivots, x)
-        v += x[:n]
-        f[:] = 0.0
-        M[:, :] = 0.0
-        g[:] = 0.0
-        g_t[:] = 0.0
-        G[:, :] = 0.0
-        gamma[:] = 0.0
-        equations(t, q, v, p, M, f)
-        constraints(t, q, v, p, g, g_t, G, gamma)
-        x[:n] = f
-        x[n:] = -gamma
-        substitute(square, pivots, x)
-        a[:] = x[:n]
-        multipliers[:] = x[n:]
-    return True
-
-
-@njit(**_OPTIONS)
+@njit(cache=True, **OPTIONS)
 def integrate(
-    equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts
+    equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts,
+    made_of=_MADE_OF,
 ):
     """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
 
@@ -334,10 +230,10 @@ def integrate(
     return DONE
 
 
-@njit(**_OPTIONS)
+@njit(cache=True, **OPTIONS)
 def generalised_alpha(
     equations, constraints, tangent, energy, p, scale, method, algorithmic, times, qs, vs, accels, lambdas, works,
-    powers, counts,
+    powers, counts, made_of=_MADE_OF,
 ):
     """As :func:`integrate`, with one step from row to row, at whose end g = 0 (index 3; Arnold & Bruels 2007).
 
@@ -426,41 +322,14 @@ def generalised_alpha(
     return DONE, times.size - 1
 
 
-@njit(**_OPTIONS)
-def balance(equations, constraints, energy, p, times, qs, vs, lambdas, energies, kinetic, power):
-    """Entries of ``energy``, kinetic energy [J] and what loads and moving constraints supply [W], row by row."""
-    n, m = qs.shape[1], lambdas.shape[1]
-    M, f = np.zeros((n, n)), np.zeros(n)
-    G, g, g_t, gamma = np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
-    for row in range(times.size):
-        M[:, :] = 0.0
-        f[:] = 0.0
-        equations(times[row], qs[row], vs[row], p, M, f)
-        constraints(times[row], qs[row], vs[row], p, g, g_t, G, gamma)
-        energy(times[row], qs[row], vs[row], p, energies[row])
-        twice = 0.0
-        for i in range(n):
-            for j in range(n):
-                twice += vs[row, i] * M[i, j] * vs[row, j]
-        kinetic[row] = 0.5 * twice
-        power[row] = 0.0
-        for k in range(3, energies.shape[1]):
-            power[row] += energies[row, k]
-        for k in range(m):
-            power[row] -= lambdas[row, k] * g_t[k]
-
-
-_SIGNATURES = (
-    (settle, types.boolean(EQUATIONS, CONSTRAINTS, _V, float64, _V, _V, _V, _V, int64, float64[::1])),
-    (integrate, int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V)),
-    (balance, void(EQUATIONS, CONSTRAINTS, ENERGY, _V, _V, _A, _A, _A, _A, _V, _V)),
-    (
-        generalised_alpha,
-        types.UniTuple(int64, 2)(
-            EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, _V, _V, _V, _V, _V, _A, _A, _A, _A, _A, int64, _V
-        ),
+_SIGNATURES = instant.SIGNATURES | {
+    integrate: int64(
+        EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, A, A, A, A, A, int64, V, types.Omitted(_MADE_OF)
     ),
-)
+    generalised_alpha: types.UniTuple(int64, 2)(
+        EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, V, A, A, A, A, A, int64, V, types.Omitted(_MADE_OF)
+    ),
+}
 
 
 def compile_stepper(integrator: str | None = None) -> None:
@@ -469,8 +338,7 @@ def compile_stepper(integrator: str | None = None) -> None:
     Without an integrator only what projects states and sums up their energy.
     """
     loops = {"gauss": (integrate,), "generalised-alpha": (generalised_alpha,)}.get(integrator, ())
-    needed = (settle, balance, *loops)
-    for function, signature in _SIGNATURES:
-        if function in needed and not function.overloads:
-            function.compile(signature)
+    for function in (*instant.SIGNATURES, *loops):
+        if not function.overloads:
+            function.compile(_SIGNATURES[function])
             function.disable_compile()
