@@ -194,3 +194,20 @@ def test_a_missing_peer_skips_and_in_ci_fails(monkeypatch, peer, required, outco
     monkeypatch.setattr(conftest, "REQUIRED", required)
     with pytest.raises(outcome, match="no_such_program"):
         peer("no_such_program")
+
+
+def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
+    """Else an edit of that part would leave the old one in the cache: see kaneflex.stamp."""
+    texts = {path: path.read_text(encoding="utf-8") for path in modules("kaneflex")}
+    compiled = {
+        "kaneflex." + ".".join(path.relative_to(FOLDERS["kaneflex"]).with_suffix("").parts): path
+        for path, text in texts.items()
+        if re.search(r"\bnjit\(|@intrinsic|@njit", text)
+    }
+    cached = [path for path, text in texts.items() if "cache=True" in text and path in compiled.values()]
+    assert len(cached) >= 4
+    for path in cached:
+        parts = {name for name in compiled if name in set(imports(path)) and compiled[name] != path}
+        stamped = re.search(r"stamp\((.*)\)", texts[path])
+        named = set(re.findall(r"(\w+)\.__file__", stamped[1])) if stamped else set()
+        assert {name.rsplit(".", 1)[1] for name in parts} == named, path
