@@ -7,7 +7,7 @@ tangent (Hairer & Wanner 1996, IV.8); order 4, A-stable and without numerical da
 nothing but accuracy of their own. The step follows an error estimate of the fifth order, filtered as in Hairer &
 Wanner (IV.8.20): what an unresolved stiff mode does is no reason for a short step.
 
-Beside it generalised-alpha with a fixed step, as other codes have it. `made_of` is never given, see `kaneflex.stamp`.
+Beside it generalised-alpha with a fixed step, as other codes have it.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from kaneflex.coupled.instant import (
     settle,
     substitute,
 )  # fmt: skip
-from kaneflex.stamp import stamp
+from kaneflex.stamp import made_of
 
-_MADE_OF = stamp(instant.__file__)
+_made_of_parts = made_of(instant.__file__)
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE = 0, 1, 2, 3
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve."""
@@ -65,9 +65,9 @@ _FILTER = 1.0 / 12.0
 
 
 @njit(cache=True, **OPTIONS)
+@_made_of_parts
 def integrate(
     equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts,
-    made_of=_MADE_OF,
 ):
     """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
 
@@ -231,9 +231,10 @@ def integrate(
 
 
 @njit(cache=True, **OPTIONS)
+@_made_of_parts
 def generalised_alpha(
     equations, constraints, tangent, energy, p, scale, method, algorithmic, times, qs, vs, accels, lambdas, works,
-    powers, counts, made_of=_MADE_OF,
+    powers, counts,
 ):
     """As :func:`integrate`, with one step from row to row, at whose end g = 0 (index 3; Arnold & Bruels 2007).
 
@@ -323,11 +324,9 @@ def generalised_alpha(
 
 
 _SIGNATURES = instant.SIGNATURES | {
-    integrate: int64(
-        EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, A, A, A, A, A, int64, V, types.Omitted(_MADE_OF)
-    ),
+    integrate: int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, A, A, A, A, A, int64, V),
     generalised_alpha: types.UniTuple(int64, 2)(
-        EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, V, A, A, A, A, A, int64, V, types.Omitted(_MADE_OF)
+        EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, V, A, A, A, A, A, int64, V
     ),
 }
 

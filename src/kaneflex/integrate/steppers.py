@@ -1,7 +1,6 @@
 """The compiled loops. One specialisation of each serves every scene, a second one eight stretches of time at once.
 
-Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`; `made_of` is never given, see
-`kaneflex.stamp`.
+Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`.
 
 Arguments of the loops `newmark`, `gauss` and `exact_modal`:
 
@@ -51,11 +50,11 @@ from kaneflex.integrate.matrices import (
     true_accelerations,
     unbalanced,
 )  # fmt: skip
-from kaneflex.stamp import stamp
+from kaneflex.stamp import made_of
 
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 _STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
-_MADE_OF = stamp(lanes.__file__, matrices.__file__)
+_made_of_parts = made_of(lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH)
 
 
@@ -70,7 +69,8 @@ def _store(stored, out, z, v, q):
 
 
 @_cached
-def accelerations(packed, scalars, load, z, v, q, made_of=_MADE_OF):
+@_made_of_parts
+def accelerations(packed, scalars, load, z, v, q):
     """Fill `q` from the equation of motion, scalars of shape (1, n_scalars, LANES); False where M is singular."""
     layout = packed.layout
     sums, mass = room(THREE * layout.n_slots + layout.n), room(layout.n_slots)
@@ -103,9 +103,8 @@ def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale,
 
 
 @_cached
-def newmark(
-    packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored, made_of=_MADE_OF
-):
+@_made_of_parts
+def newmark(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Newmark's family with weighted accelerations, unknown: the true acceleration q at the end of the step.
 
     With p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m), known, and kappa = (1 - alpha_f) / (1 - alpha_m):
@@ -197,9 +196,8 @@ def _gauss_matrices(packed, scalars, row, step, sums_1, sums_2, matrix, scale, g
 
 
 @_cached
-def gauss(
-    packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored, made_of=_MADE_OF
-):
+@_made_of_parts
+def gauss(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Two-stage Gauss-Legendre (Hairer and Wanner 1996, table IV.5.1); unknowns: accelerations at the stages.
 
     With x_1, x_2 in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, the tableau's a_sr and e_sr = (A A)_sr:
@@ -273,9 +271,8 @@ def gauss(
 
 
 @_cached
-def exact_modal(
-    packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored, made_of=_MADE_OF
-):
+@_made_of_parts
+def exact_modal(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) and damping; exact for F linear in t.
 
     coefficients: shape (n, 11), see `kaneflex.integrate.modal`. packed: the runs of F only, no slots. scalars: shape
