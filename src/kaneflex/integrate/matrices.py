@@ -68,7 +68,7 @@ def _handed_over(lanes, rows):
 
 @inlined
 def affine_sum(packed, scalars, row, sums):
-    """M, C, K and F at one row of the table: sum of scalar x constant."""
+    """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each."""
     runs = packed.runs
     data = packed.data
     for i in range(THREE * packed.layout.n_slots + packed.layout.n):
@@ -78,7 +78,7 @@ def affine_sum(packed, scalars, row, sums):
         start = runs[k, 1]
         offset = runs[k, 3]
         for i in range(runs[k, 2]):
-            put(sums, start + i, at(sums, start + i) + scalar * data[offset + i])
+            put(sums, start + i, at(sums, start + i) + scalar * at(data, offset + i))
 
 
 @compiled

@@ -95,7 +95,7 @@ def _set_up(
     feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, method.lanes, constant)
     packed = forces_only(system.packed) if exact else system.packed
     row = feed.first_row()
-    coefficients = method.coefficients(system, row, step, rho_infinity)
+    coefficients = np.array(method.coefficients(system, row, step, rho_infinity))
     return Setup(system, method, feed, packed, coefficients, _scales(system, row, step, method.carried))
 
 

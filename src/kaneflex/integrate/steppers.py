@@ -23,7 +23,8 @@ Lanes. Matrices are added up and factorised for LANES steps at once, a number of
 and written by `put`. So the table of `newmark` and `gauss` has the shape (blocks * nodes, n_scalars, LANES): step
 LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
 themselves follow one another. Where `state` and `stored` have an axis of LANES more, each lane is a motion of its own,
-takes the step of its lane in every block, and all go side by side; they stop where any lane would.
+takes the step of its lane in every block, and all go side by side; they stop where any lane would. So do motions of
+LANES systems, whose `packed.data` and `coefficients` have that axis, too.
 """
 
 import math
@@ -119,7 +120,12 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load, stat
     """
     layout, (z, v, a, q) = packed.layout, state
     n, n_slots = layout.n, layout.n_slots
-    step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = coefficients
+    step, from_q, from_a, kappa, c_weight = (
+        at(coefficients, 0), at(coefficients, 1), at(coefficients, 2), at(coefficients, 3), at(coefficients, 4)
+    )  # fmt: skip
+    k_weight, v_start, v_known, z_start, z_known = (
+        at(coefficients, 5), at(coefficients, 6), at(coefficients, 7), at(coefficients, 8), at(coefficients, 9)
+    )  # fmt: skip
     sums, lu, scale, good = room(THREE * n_slots + n), room(n_slots), room(n), room(1)
     sums_at, lu_at, good_at = rows_read(z, sums), rows_read(z, lu), rows_read(z, good)
     due = every - done % every
@@ -209,7 +215,7 @@ def gauss(packed, scalars, period, position, n_steps, coefficients, load, state,
     """
     layout, pairs, (z, v, _, q) = packed.layout, packed.pairs, state
     n, n_slots = layout.n, layout.n_slots
-    (step,) = coefficients
+    step = at(coefficients, 0)
     v_weight = 0.5 * step
     z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
     sums_1, sums_2, sums_3 = room(THREE * n_slots + n), room(THREE * n_slots + n), room(THREE * n_slots + n)

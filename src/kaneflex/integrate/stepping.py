@@ -83,7 +83,7 @@ class Setup:
     method: Method
     feed: Feed | Stretches
     packed: Packed
-    coefficients: object
+    coefficients: np.ndarray
     scales: tuple[float, ...]
 
     def consistent(self, state: State, load: np.ndarray) -> bool:

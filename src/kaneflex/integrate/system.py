@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
 
 _LONGEST_GAP = 4  # zeros worth adding up rather than starting a new run of slots
 _MATRICES = ("M", "C", "K")
@@ -24,12 +25,12 @@ class Layout(NamedTuple):
 
 
 class Packed(NamedTuple):
-    """An :class:`AffineSystem` as the compiled steppers read it.
+    """An :class:`AffineSystem` as the compiled steppers read it, or one in each lane.
 
     One vector holds the slots of M, then C, then K, then F. Row k of ``runs`` says: add scalar ``runs[k,
     0]`` times the ``runs[k, 2]`` numbers at ``data[runs[k, 3]]`` to the slots from ``runs[k, 1]`` on. A
     scalar of a motion touches the coordinates of one link, which are neighbours, so the runs are few and
-    long.
+    long. ``data`` of systems in lanes has an axis more.
     """
 
     layout: Layout
@@ -98,26 +99,23 @@ class AffineSystem:
     @cached_property
     def packed(self) -> Packed:
         """The same numbers, in the layout of the compiled steppers."""
-        layout = _layout(self.n, self.half_bandwidth, 1)
-        columns = {name: csc_array(getattr(self, name)) for name in (*_MATRICES, "F")}
-        runs, data, offset = [], [], 0
-        for block, (name, matrix) in enumerate(columns.items()):
-            for scalar in range(self.n_scalars):
-                entries = slice(matrix.indptr[scalar], matrix.indptr[scalar + 1])
-                slots, values = matrix.indices[entries], matrix.data[entries]
-                if name != "F":
-                    rows, places = self._places_of_slots(slots)
-                    slots = layout.base[rows].astype(np.int64) + places
-                for start, run in _runs_of(slots, values):
-                    runs.append((scalar, block * int(layout.n_slots) + start, run.size, offset))
-                    offset += run.size
-                    data.append(run)
-        return Packed(
-            layout=layout,
-            pairs=_layout(self.n, self.half_bandwidth, 2),
-            runs=np.array(runs, dtype=np.uint64).reshape(-1, 4),
-            data=np.concatenate(data) if data else np.zeros(0),
-        )
+        packed = pack((self,))
+        return packed._replace(data=packed.data[:, 0].copy())
+
+    def entries(self, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Scalar, slot in the vector of M, C, K and F, and value of everything that is not zero."""
+        scalars, slots, values = [], [], []
+        for block, name in enumerate((*_MATRICES, "F")):
+            found = coo_array(getattr(self, name))
+            used = found.data != 0.0
+            slot = found.row[used].astype(np.int64)
+            if name != "F":
+                rows, columns = self._places_of_slots(slot)
+                slot = layout.base[rows].astype(np.int64) + columns
+            scalars.append(found.col[used])
+            slots.append(block * int(layout.n_slots) + slot)
+            values.append(found.data[used])
+        return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
 
     def _places(self, matrix: csr_array) -> tuple[np.ndarray, np.ndarray]:
         return self._places_of_slots(matrix.nonzero()[0])
@@ -126,6 +124,32 @@ class AffineSystem:
         width = 2 * self.half_bandwidth + 1
         rows = slots // width
         return rows, slots % width + rows - self.half_bandwidth
+
+
+def pack(systems: Sequence[AffineSystem]) -> Packed:
+    """Systems of as many coordinates in a common layout; ``data`` has the shape (numbers, systems).
+
+    The band is that of the widest, the runs are those of all of them.
+    """
+    n, half_bandwidth = systems[0].n, max(system.half_bandwidth for system in systems)
+    layout = _layout(n, half_bandwidth, 1)
+    entries = [system.entries(layout) for system in systems]
+    scalars, slots, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    lanes = np.repeat(np.arange(len(systems)), [len(each[2]) for each in entries])
+    # M before C before K before F, then by scalar, then by slot; far apart where a run must end
+    block = np.minimum(slots // int(layout.n_slots), len(_MATRICES))
+    n_scalars = max(system.n_scalars for system in systems)
+    far = len(_MATRICES) * int(layout.n_slots) + n + _LONGEST_GAP + 1
+    keys, places = np.unique((block * n_scalars + scalars) * far + slots, return_inverse=True)
+    begins = np.concatenate(([True], np.diff(keys) > _LONGEST_GAP + 1))[: len(keys)]
+    starts = np.flatnonzero(begins)
+    run = np.cumsum(begins) - 1
+    lengths = keys[np.append(starts[1:], len(keys)) - 1] - keys[starts] + 1 if len(keys) else starts
+    offsets = np.cumsum(lengths) - lengths
+    data = np.zeros((int(lengths.sum()), len(systems)))
+    np.add.at(data, ((offsets - keys[starts])[run][places] + keys[places], lanes), values)
+    runs = np.stack((keys[starts] // far % n_scalars, keys[starts] % far, lengths, offsets), axis=1)
+    return Packed(layout, _layout(n, half_bandwidth, 2), runs.astype(np.uint64), data)
 
 
 def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
@@ -137,19 +161,3 @@ def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
     starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
     places = (np.asarray(each, dtype=np.uint64) for each in (starts - first, first, last))
     return Layout(np.uint64(n * copies), np.uint64(lengths.sum()), *places)
-
-
-def _runs_of(slots: np.ndarray, values: np.ndarray) -> list[tuple[int, np.ndarray]]:
-    """Cut entries at `slots` into runs without long gaps: first slot and numbers, short gaps filled by 0."""
-    used = np.flatnonzero(values)
-    if not used.size:
-        return []
-    order = used[np.argsort(slots[used], kind="stable")]
-    slots, values = slots[order].astype(np.int64), values[order]
-    cuts = np.flatnonzero(np.diff(slots) > _LONGEST_GAP + 1) + 1
-    runs = []
-    for places, numbers in zip(np.split(slots, cuts), np.split(values, cuts), strict=True):
-        run = np.zeros(places[-1] - places[0] + 1)
-        np.add.at(run, places - places[0], numbers)
-        runs.append((int(places[0]), run))
-    return runs
