@@ -69,23 +69,6 @@ def _store(stored, out, z, v, q):
         put(out_a, (out, i), at(q, (0, i)))
 
 
-@_cached
-def accelerations(packed, scalars, load, z, v, q, made_of=_MADE_OF):
-    """Fill `q` from the equation of motion, scalars of shape (1, n_scalars, LANES); False where M is singular."""
-    layout = packed.layout
-    sums, mass = room(THREE * layout.n_slots + layout.n), room(layout.n_slots)
-    scale, good = room(layout.n), room(1)
-    mass_matrices(packed, scalars, np.intp(0), sums, mass, scale, good)
-    if not everywhere(less(0.0, at(good, 0))):
-        return False
-    sums_at, mass_at = rows_read(z, sums), rows_read(z, mass)
-    hand_over(sums, sums_at)
-    hand_over(mass, mass_at)
-    for column in range(z.shape[0]):
-        true_accelerations(layout, sums_at, mass_at, 0, load, z, v, q, column)
-    return True
-
-
 @compiled
 def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale, good):
     """All sums, and M + c_weight C + k_weight K factorised."""

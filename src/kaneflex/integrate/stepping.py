@@ -89,14 +89,18 @@ class Setup:
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
 
-        They are the method's own, too, if it carries none of its own.
+        They are the method's own, too, if it carries none of its own. A step of no length finds them, of as many
+        columns as the method's steps read: no other loop has to be compiled.
         """
-        row = self.feed.first_row()
-        lanes = np.ascontiguousarray(np.broadcast_to(row.T, (LANES, len(row))).T)[None]
-        found = steppers.accelerations(self.system.packed, lanes, load, state.z, state.v, state.q)
-        if self.method.carried == 2:
-            state.a[:] = state.q
-        return found
+        row, method = self.feed.first_row(), self.method
+        if method.lanes:
+            every_lane = row if row.ndim == 2 else row[:, None]
+            scalars = np.array(np.broadcast_to(every_lane, (len(method.nodes), len(row), LANES)), order="C")
+        else:
+            scalars = np.array((row, row))
+        rest = (method.still(self.coefficients), load, state, 0, 1, np.inf, Stored.of(state, 2))
+        _, status = getattr(steppers, method.stepper)(self.packed, scalars, 1, 0, 1, *rest)
+        return status != steppers.SINGULAR
 
 
 def advance(
