@@ -180,10 +180,11 @@ def test_singular_step_is_named_with_its_time(method):
     assert run.times[-1] < 5.0
 
 
-def test_singular_mass_is_named_at_the_start():
+@pytest.mark.parametrize("method", COMPILED)
+def test_singular_mass_is_named_at_the_start(method):
     system, table = constant(np.diag([1.0, 0.0]), np.zeros((2, 2)), np.eye(2))
     for start in ("zero", "periodic"):
-        run = integrate(system, table, 0.5, 0.1, 5, "newmark", start=start, period_steps=5)
+        run = integrate(system, table, 0.5, 0.1, 5, method, start=start, period_steps=5)
         assert run.outcome is Outcome.SINGULAR and "M is singular" in run.message and run.z.size == 0
 
 

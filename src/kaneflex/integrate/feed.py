@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.errors import UserError
-from kaneflex.integrate.stretches import one_after_the_other
 
 Table = Callable[[np.ndarray], np.ndarray]
 """Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
@@ -22,7 +21,7 @@ class Feed:
 
     nodes: of the method, where a step reads the table
     period_steps: steps of a cycle, whose table is made once and read again; None where there is no cycle
-    lanes: whether the loops read tables in lanes
+    read: what the compiled loop reads of rows of the table; None where there is none
     constant: indices of scalars that must keep their first values; None where all may change
     """
 
@@ -32,7 +31,7 @@ class Feed:
     step: float
     nodes: tuple[float, ...]
     period_steps: int | None
-    lanes: bool = False
+    read: Callable[[np.ndarray], np.ndarray] | None = None
     constant: np.ndarray | None = None
     _cycle: np.ndarray | None = None
     _cycle_table: np.ndarray | None = None
@@ -52,12 +51,12 @@ class Feed:
         """For at most `n_steps` steps after step `done`: a table, its steps, those already taken, those it serves."""
         if self.period_steps is not None:
             if self._cycle_table is None:
-                self._cycle_table = self._laid_out(self.cycle())
+                self._cycle_table = self.read(self.cycle())
             return self._cycle_table, self.period_steps, done % self.period_steps, n_steps
         steps = max(1, min(n_steps, _LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
         rows = self._rows(done, steps)
         end = self._checked(np.array([self.t0 + (done + steps) * self.step]))
-        return self._laid_out(np.concatenate((rows, end))), steps, 0, steps
+        return self.read(np.concatenate((rows, end))), steps, 0, steps
 
     def cycle(self) -> np.ndarray:
         """Rows of a whole cycle, shape (period_steps * nodes + 1, n_scalars); the last is the first again."""
@@ -65,9 +64,6 @@ class Feed:
             rows = self._rows(0, self.period_steps)
             self._cycle = np.concatenate((rows, rows[:1]))
         return self._cycle
-
-    def _laid_out(self, rows: np.ndarray) -> np.ndarray:
-        return one_after_the_other(rows, len(self.nodes)) if self.lanes else rows
 
     def _rows(self, done: int, steps: int) -> np.ndarray:
         at = done + np.arange(steps)

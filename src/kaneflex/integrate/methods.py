@@ -22,6 +22,7 @@ class Method:
     carried: vectors that go from step to step: 2 for z and v, 3 with the method's own accelerations
     stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none
     coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
+    still: of those coefficients, the ones of a step of no length: z and v stay, the true accelerations are found
     lanes: whether that loop goes in lanes, too
     """
 
@@ -32,6 +33,7 @@ class Method:
     carried: int
     stepper: str | None
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
+    still: Callable[[object], object] | None
     lanes: bool = False
 
 
@@ -74,6 +76,23 @@ def _gauss(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: flo
     return (step,)
 
 
+def _still(*ones: int) -> Callable[[np.ndarray], np.ndarray]:
+    """These coefficients are one, all others zero."""
+
+    def still(coefficients: np.ndarray) -> np.ndarray:
+        found = np.zeros_like(coefficients)
+        found[list(ones)] = 1.0
+        return found
+
+    return still
+
+
+def _still_modal(coefficients: np.ndarray) -> np.ndarray:
+    found = _still(0, 5)(coefficients)  # z_1 = z_0, v_1 = v_0
+    found[8:] = coefficients[8:]
+    return found
+
+
 def _exact_modal(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> np.ndarray:
     from kaneflex.integrate.modal import transition  # scipy.linalg only where it is used
 
@@ -87,21 +106,21 @@ METHODS = {
     for method in (
         Method(
             "newmark", 2, "Newmark, average acceleration (Newmark 1959): no damping of its own",
-            (0.0,), 2, "newmark", _average_acceleration, True,
+            (0.0,), 2, "newmark", _average_acceleration, _still(3), True,
         ),
         Method(
             "generalised-alpha", 2, "Chung and Hulbert 1993: damps the highest frequencies, by rho_infinity",
-            (0.0,), 3, "newmark", _generalised_alpha, True,
+            (0.0,), 3, "newmark", _generalised_alpha, _still(2), True,
         ),
         Method(
             "gauss", 4, "two-stage Gauss-Legendre (Hairer and Wanner 1996): order 4, no damping of its own",
-            _GAUSS_NODES, 2, "gauss", _gauss, True,
+            _GAUSS_NODES, 2, "gauss", _gauss, _still(), True,
         ),
         Method(
             "exact-modal", 2, "decoupled modes, constant coefficients: exact for loads linear within a step",
-            (0.0,), 2, "exact_modal", _exact_modal,
+            (0.0,), 2, "exact_modal", _exact_modal, _still_modal,
         ),
-        Method("scipy", None, "scipy.integrate.solve_ivp: slow, a second opinion", (0.0,), 2, None, None),
+        Method("scipy", None, "scipy.integrate.solve_ivp: slow, a second opinion", (0.0,), 2, None, None, None),
     )
 }  # fmt: skip
 """The methods by name."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.errors import UserError
-from kaneflex.integrate.system import AffineSystem, Packed
+from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.system import AffineSystem
 
 
 def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray:
-    """Coefficients of one exact step of m z'' + c z' + k z = F, F linear within the step; shape (n, 11).
+    """Coefficients of one exact step of m z'' + c z' + k z = F, F linear within the step; shape (11, n) `in_lanes`.
 
-    Columns: z_1 = (0) z_0 + (1) v_0 + (2) F_0 + (3) F_1, v_1 the same with columns 4 to 7, and
+    Rows: z_1 = (0) z_0 + (1) v_0 + (2) F_0 + (3) F_1, v_1 the same with rows 4 to 7, and
     z'' = (8) F - (9) v - (10) z.
 
     With F = F_0 + (F_1 - F_0) tau, tau = t / step, the vector (z, v / sigma, F, dF/dtau) obeys a linear
@@ -35,27 +36,33 @@ def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray
     matrix[:, 2, 3] = 1.0
     flow = expm(matrix)
     force = step / (sigma * mass)  # left out of the matrix, so that its size does not spoil the balance
-    coefficients = np.empty((system.n, 11))
+    coefficients = np.empty((11, system.n))
     for first, scale, line in ((0, np.ones(system.n), 0), (4, sigma, 1)):
-        coefficients[:, first] = scale * flow[:, line, 0]
-        coefficients[:, first + 1] = scale * flow[:, line, 1] / sigma
-        coefficients[:, first + 2] = scale * force * (flow[:, line, 2] - flow[:, line, 3])
-        coefficients[:, first + 3] = scale * force * flow[:, line, 3]
-    coefficients[:, 8], coefficients[:, 9], coefficients[:, 10] = 1.0 / mass, rate, square
-    return coefficients
+        coefficients[first] = scale * flow[:, line, 0]
+        coefficients[first + 1] = scale * flow[:, line, 1] / sigma
+        coefficients[first + 2] = scale * force * (flow[:, line, 2] - flow[:, line, 3])
+        coefficients[first + 3] = scale * force * flow[:, line, 3]
+    coefficients[8:] = 1.0 / mass, rate, square
+    return in_lanes(coefficients)
+
+
+def in_lanes(rows: np.ndarray) -> np.ndarray:
+    """Rows of n numbers, LANES in a block, the last one filled up with zeros: shape (rows, blocks, LANES)."""
+    count, n = rows.shape
+    blocks = -(-n // LANES)
+    filled = np.zeros((count, blocks * LANES))
+    filled[:, :n] = rows
+    return filled.reshape(count, blocks, LANES)
+
+
+def forces(system: AffineSystem, rows: np.ndarray) -> np.ndarray:
+    """F at rows of the table, shape (rows, n) `in_lanes`: all that the loop `exact_modal` reads."""
+    return in_lanes((system.F @ rows.T).T)
 
 
 def constants(system: AffineSystem) -> np.ndarray:
     """Indices of the scalars that must not change in time: those of M, C and K."""
     return np.unique(np.concatenate([system.scalars_of(name) for name in ("M", "C", "K")]))
-
-
-def forces_only(packed: Packed) -> Packed:
-    """The runs of F alone, counted from 0: all that the loop `exact_modal` reads."""
-    start = np.uint64(3) * packed.layout.n_slots
-    runs = packed.runs[packed.runs[:, 1] >= start]
-    runs[:, 1] -= start
-    return packed._replace(layout=packed.layout._replace(n_slots=np.uint64(0)), runs=runs)
 
 
 def _diagonal(system: AffineSystem, name: str, row: np.ndarray) -> np.ndarray:

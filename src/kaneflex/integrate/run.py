@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from kaneflex.errors import UserError
 from kaneflex.integrate.crosscheck import solve_ivp_run
 from kaneflex.integrate.feed import Feed, Table
 from kaneflex.integrate.methods import Method, method_named
-from kaneflex.integrate.modal import constants, forces_only
+from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_pair, periodic_state, repeated
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
+from kaneflex.integrate.stretches import one_after_the_other
 from kaneflex.integrate.system import AffineSystem
 
 Start = str | tuple[np.ndarray, np.ndarray] | Cycle
@@ -90,13 +93,14 @@ def _set_up(
     system: AffineSystem, table: Table, t0: float, step: float, method: Method, period_steps: int | None,
     rho_infinity: float,
 ) -> Setup:  # fmt: skip
-    exact = method.stepper == "exact_modal"
-    constant = constants(system) if exact else None
-    feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, method.lanes, constant)
-    packed = forces_only(system.packed) if exact else system.packed
+    if method.lanes:
+        read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
+    else:
+        read, constant = partial(forces, system), constants(system)
+    feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, read, constant)
     row = feed.first_row()
     coefficients = np.array(method.coefficients(system, row, step, rho_infinity))
-    return Setup(system, method, feed, packed, coefficients, _scales(system, row, step, method.carried))
+    return Setup(system, method, feed, coefficients, _scales(system, row, step, method.carried))
 
 
 def _scales(system: AffineSystem, row: np.ndarray, step: float, carried: int) -> tuple[float, ...]:

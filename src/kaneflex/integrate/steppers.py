@@ -33,7 +33,7 @@ import numpy as np
 from numba import njit
 
 from kaneflex.integrate import lanes, matrices
-from kaneflex.integrate.lanes import FASTMATH, at, everywhere, less, put, size
+from kaneflex.integrate.lanes import FASTMATH, LANES, at, everywhere, less, put, size
 from kaneflex.integrate.matrices import (
     ONE,
     THREE,
@@ -67,24 +67,6 @@ def _store(stored, out, z, v, q):
         put(out_z, (out, i), at(z, (0, i)))
         put(out_v, (out, i), at(v, (0, i)))
         put(out_a, (out, i), at(q, (0, i)))
-
-
-@_cached
-@_made_of_parts
-def accelerations(packed, scalars, load, z, v, q):
-    """Fill `q` from the equation of motion, scalars of shape (1, n_scalars, LANES); False where M is singular."""
-    layout = packed.layout
-    sums, mass = room(THREE * layout.n_slots + layout.n), room(layout.n_slots)
-    scale, good = room(layout.n), room(1)
-    mass_matrices(packed, scalars, np.intp(0), sums, mass, scale, good)
-    if not everywhere(less(0.0, at(good, 0))):
-        return False
-    sums_at, mass_at = rows_read(z, sums), rows_read(z, mass)
-    hand_over(sums, sums_at)
-    hand_over(mass, mass_at)
-    for column in range(z.shape[0]):
-        true_accelerations(layout, sums_at, mass_at, 0, load, z, v, q, column)
-    return True
 
 
 @compiled
@@ -276,44 +258,71 @@ def gauss(packed, scalars, period, position, n_steps, coefficients, load, state,
     return n_steps, COMPLETED
 
 
+@compiled
+def _gathered(part, column, block):
+    """LANES numbers of a column from the block's first one on, shape (1, LANES); zeros beyond the last."""
+    lanes = np.zeros((1, LANES))
+    for i in range(min(LANES, part.shape[1] - block * LANES)):
+        lanes[0, i] = part[column, block * LANES + i]
+    return lanes
+
+
+@compiled
+def _scattered(numbers, lanes, part, row, block):
+    """The inverse of `_gathered`; `lanes` is room for it."""
+    put(lanes, 0, numbers)
+    for i in range(min(LANES, part.shape[1] - block * LANES)):
+        part[row, block * LANES + i] = lanes[0, i]
+
+
 @_cached
 @_made_of_parts
-def exact_modal(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def exact_modal(packed, forces, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) and damping; exact for F linear in t.
 
-    coefficients: shape (n, 11), see `kaneflex.integrate.modal`. packed: the runs of F only, no slots. scalars: shape
-    (period + 1, n_scalars), at the steps.
+    LANES modes are in a register for the whole run. coefficients, forces: shapes (11, blocks, LANES) and (period + 1,
+    blocks, LANES), of `kaneflex.integrate.modal`; the forces are those at the steps. `bound` is that of each square.
     """
     z, v, _, q = state
-    n = z.shape[1]
-    force_0, force_1 = np.empty(n), np.empty(n)
-    affine_sum(packed, scalars, position, force_0)
-    due = every - done % every
-    out = done // every + 1
-    for count in range(n_steps):
-        position += 1
-        affine_sum(packed, scalars, position, force_1)
+    out_z, out_v, out_a = stored
+    status = COMPLETED
+    for block in range(forces.shape[1]):
+        z_z, z_v, z_0, z_1 = (
+            at(coefficients, (0, block)), at(coefficients, (1, block)), at(coefficients, (2, block)),
+            at(coefficients, (3, block)),
+        )  # fmt: skip
+        v_z, v_v, v_0, v_1 = (
+            at(coefficients, (4, block)), at(coefficients, (5, block)), at(coefficients, (6, block)),
+            at(coefficients, (7, block)),
+        )  # fmt: skip
+        mobility, rate, square = (
+            at(coefficients, (8, block)), at(coefficients, (9, block)), at(coefficients, (10, block))
+        )  # fmt: skip
         for column in range(z.shape[0]):
-            squares = 0.0
-            for i in range(n):
-                z_0, v_0 = z[column, i], v[column, i]
-                f_0, f_1 = load[column] * force_0[i], load[column] * force_1[i]
-                w = coefficients[i]
-                z_1 = w[0] * z_0 + w[1] * v_0 + w[2] * f_0 + w[3] * f_1
-                v[column, i] = w[4] * z_0 + w[5] * v_0 + w[6] * f_0 + w[7] * f_1
-                z[column, i] = z_1
-                squares += z_1 * z_1
-            if not squares <= bound:
-                return count + 1, UNBOUNDED
-        force_0, force_1 = force_1, force_0
-        if position == period:
-            position = 0
-        due -= 1
-        if due == 0:
-            due = every
-            for i in range(n):
-                w = coefficients[i]
-                q[0, i] = load[0] * w[8] * force_0[i] - w[9] * v[0, i] - w[10] * z[0, i]
-            _store(stored, out, z, v, q)
-            out += 1
-    return n_steps, COMPLETED
+            lanes = _gathered(v, column, block)
+            moved, speed = at(_gathered(z, column, block), 0), at(lanes, 0)
+            place, due, out = position, every - done % every, done // every + 1
+            before = load[column] * at(forces, (place, block))
+            for count in range(n_steps):
+                place += 1
+                now = load[column] * at(forces, (place, block))
+                here = z_z * moved + z_v * speed + (z_0 * before + z_1 * now)
+                speed = v_z * moved + v_v * speed + (v_0 * before + v_1 * now)
+                moved, before = here, now
+                if not everywhere(less(moved * moved, bound)):
+                    n_steps, status = count + 1, UNBOUNDED
+                    break
+                if place == period:
+                    place = 0
+                due -= 1
+                if due == 0 and column == 0:
+                    _scattered(moved, lanes, out_z, out, block)
+                    _scattered(speed, lanes, out_v, out, block)
+                    _scattered(mobility * now - rate * speed - square * moved, lanes, out_a, out, block)
+                    out += 1
+                if due == 0:
+                    due = every
+            _scattered(moved, lanes, z, column, block)
+            _scattered(speed, lanes, v, column, block)
+            _scattered(mobility * before - rate * speed - square * moved, lanes, q, column, block)
+    return n_steps, status

@@ -15,7 +15,7 @@ from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.stretches import Stretches
-from kaneflex.integrate.system import AffineSystem, Packed
+from kaneflex.integrate.system import AffineSystem
 
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""
@@ -75,28 +75,40 @@ class Advance(NamedTuple):
 class Setup:
     """All that does not change during a run.
 
-    packed: what the method's loop reads of the system
     scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
     """
 
     system: AffineSystem
     method: Method
     feed: Feed | Stretches
-    packed: Packed
     coefficients: np.ndarray
     scales: tuple[float, ...]
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
 
-        They are the method's own, too, if it carries none of its own.
+        They are the method's own, too, if it carries none of its own. A step of no length finds them, of as many
+        columns as the method's steps read: no other loop has to be compiled.
         """
-        row = self.feed.first_row()
-        lanes = np.ascontiguousarray(np.broadcast_to(row.T, (LANES, len(row))).T)[None]
-        found = steppers.accelerations(self.system.packed, lanes, load, state.z, state.v, state.q)
-        if self.method.carried == 2:
-            state.a[:] = state.q
-        return found
+        row, method = self.feed.first_row(), self.method
+        if method.lanes:
+            every_lane = row if row.ndim == 2 else row[:, None]
+            scalars = np.array(np.broadcast_to(every_lane, (len(method.nodes), len(row), LANES)), order="C")
+        else:
+            scalars = self.feed.read(np.array((row, row)))
+        rest = (method.still(self.coefficients), load, state, 0, 1, np.inf, Stored.of(state, 2))
+        _, status = getattr(steppers, method.stepper)(self.system.packed, scalars, 1, 0, 1, *rest)
+        return status != steppers.SINGULAR
+
+    def free_acceleration(self, table: np.ndarray) -> float:
+        """The largest acceleration of free masses under the forces of a table, as the loop reads it."""
+        if not self.method.lanes:
+            return float(np.abs(table * self.coefficients[8]).max())
+        width, rows = self.system.half_bandwidth, table.transpose(0, 2, 1).reshape(-1, table.shape[1])
+        mass = np.abs(self.system.M @ rows[0])[width :: 2 * width + 1]
+        force = np.abs(self.system.F @ rows.T).max(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max())
 
 
 def advance(
@@ -116,7 +128,7 @@ def advance(
     while done < end and outcome is Outcome.COMPLETED:
         scalars, period, position, steps = setup.feed.piece(done, min(most, end - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
-        at = (setup.packed, scalars, period, position)
+        at = (setup.system.packed, scalars, period, position)
         rest = (setup.coefficients, load, state, done, every, limit, stored)
         if done == begin:
             loop(*at, 0, *rest)  # compiles, outside the clock
@@ -138,7 +150,7 @@ class _Bound:
     """
 
     def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
-        self._system = setup.system
+        self._setup = setup
         self._duration = n_steps * setup.feed.step
         self._free = np.abs(state.z).max() + self._duration * np.abs(state.v).max()
         self._acceleration = 0.0
@@ -148,13 +160,7 @@ class _Bound:
         """Its square, for the forces met so far and those in this piece of the table."""
         if scalars is not self._seen:
             self._seen = scalars
-            width = self._system.half_bandwidth
-            rows = scalars if scalars.ndim == 2 else scalars.transpose(0, 2, 1).reshape(-1, scalars.shape[1])
-            mass = np.abs(self._system.M @ rows[0])[width :: 2 * width + 1]
-            force = np.abs(self._system.F @ rows.T).max(axis=1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                largest = np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max()
-            self._acceleration = max(self._acceleration, largest)
+            self._acceleration = max(self._acceleration, self._setup.free_acceleration(scalars))
         reach = self._free + self._duration**2 * self._acceleration
         return min(_RUNAWAY * reach, _LARGEST) ** 2 if reach > 0.0 else _LARGEST**2
 
