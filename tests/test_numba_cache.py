@@ -65,7 +65,7 @@ print(integrate(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD).v[-
 @pytest.mark.parametrize(
     ("method", "file", "before", "after"),
     [
-        ("gauss", "matrices.py", "return force - reaction", "return force + reaction"),
+        ("newmark", "matrices.py", "return force - reaction", "return force + reaction"),
         ("newmark", "lanes.py", '((operator.add, operator.iadd), "fadd")', '((operator.add, operator.iadd), "fsub")'),
     ],
 )
