@@ -112,6 +112,45 @@ def put(typing, array, place, value):
 
 
 @intrinsic
+def run_at(typing, array, start):
+    """LANES numbers of a contiguous array from a place on: an index, or (row, index)."""
+
+    def lower(context, builder, sig, args):
+        place = _address(context, builder, sig.args, *args)
+        return builder.load(builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+
+    return _lanes(array, start), lower
+
+
+@intrinsic
+def put_run(typing, array, start, value):
+    """``array[start : start + LANES] = value``, where `start` may be (row, index)."""
+
+    def lower(context, builder, sig, args):
+        *where, number = args
+        *kinds, kind = sig.args
+        place = _address(context, builder, kinds, *where)
+        number = _spread(context, builder, kind, number)
+        builder.store(number, builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, start, value), lower
+
+
+@intrinsic
+def total(typing, lanes):
+    """The sum over the lanes."""
+
+    def lower(context, builder, sig, args):
+        number = ir.DoubleType()
+        shape = ir.FunctionType(number, [number, _VECTOR])
+        add = cgutils.get_or_insert_function(builder.module, shape, f"llvm.vector.reduce.fadd.v{LANES}f64")
+        return builder.call(add, [number(-0.0), *args], fastmath=sorted(FASTMATH))
+
+    return types.float64(lanes), lower
+
+
+@intrinsic
 def size(typing, number):
     """The absolute value, in each lane."""
 
