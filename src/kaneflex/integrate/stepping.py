@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.integrate import steppers
+from kaneflex.integrate.abreast import Abreast, Systems
 from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
@@ -73,18 +74,19 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """All that does not change during a run.
+    """All that does not change during a run, or during one in each lane.
 
     packed: what the method's loop reads of the system
+    coefficients: numbers of the method, of systems in lanes with an axis of LANES more
     scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
     """
 
-    system: AffineSystem
+    system: AffineSystem | Systems
     method: Method
-    feed: Feed | Stretches
+    feed: Feed | Stretches | Abreast
     packed: Packed
     coefficients: np.ndarray
-    scales: tuple[float, ...]
+    scales: tuple[float | np.ndarray, ...]
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -140,23 +142,29 @@ class _Bound:
     def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
         self._system = setup.system
         self._duration = n_steps * setup.feed.step
-        self._free = np.abs(state.z).max() + self._duration * np.abs(state.v).max()
+        self._free = np.abs(state.z).max(axis=(0, 1)) + self._duration * np.abs(state.v).max(axis=(0, 1))
         self._acceleration = 0.0
         self._seen: np.ndarray | None = None
 
     def square(self, scalars: np.ndarray) -> float:
-        """Its square, for the forces met so far and those in this piece of the table."""
+        """Its square, for the forces met so far and those in this piece of the table; the least of all lanes."""
         if scalars is not self._seen:
             self._seen = scalars
-            width = self._system.half_bandwidth
-            rows = scalars if scalars.ndim == 2 else scalars.transpose(0, 2, 1).reshape(-1, scalars.shape[1])
-            mass = np.abs(self._system.M @ rows[0])[width :: 2 * width + 1]
-            force = np.abs(self._system.F @ rows.T).max(axis=1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                largest = np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max()
-            self._acceleration = max(self._acceleration, largest)
+            self._acceleration = np.maximum(self._acceleration, _largest_acceleration(self._system, scalars))
         reach = self._free + self._duration**2 * self._acceleration
-        return min(_RUNAWAY * reach, _LARGEST) ** 2 if reach > 0.0 else _LARGEST**2
+        return float(np.where(reach > 0.0, np.minimum(_RUNAWAY * reach, _LARGEST), _LARGEST).min()) ** 2
+
+
+def _largest_acceleration(system: AffineSystem | Systems, scalars: np.ndarray) -> float | np.ndarray:
+    """Of free masses, by the forces in a piece of the table; of systems in lanes shape (LANES,)."""
+    if isinstance(system, Systems):
+        return np.array([_largest_acceleration(*each) for each in system.with_tables(scalars)])
+    width = system.half_bandwidth
+    rows = scalars if scalars.ndim == 2 else scalars.transpose(0, 2, 1).reshape(-1, scalars.shape[1])
+    mass = np.abs(system.M @ rows[0])[width :: 2 * width + 1]
+    force = np.abs(system.F @ rows.T).max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max()
 
 
 def _steps_of_a_call(system: AffineSystem, columns: int, nodes: int) -> int:

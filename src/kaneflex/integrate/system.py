@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse import csc_array, csr_array
 
 _LONGEST_GAP = 4  # zeros worth adding up rather than starting a new run of slots
 _MATRICES = ("M", "C", "K")
@@ -106,15 +106,15 @@ class AffineSystem:
         """Scalar, slot in the vector of M, C, K and F, and value of everything that is not zero."""
         scalars, slots, values = [], [], []
         for block, name in enumerate((*_MATRICES, "F")):
-            found = coo_array(getattr(self, name))
-            used = found.data != 0.0
-            slot = found.row[used].astype(np.int64)
+            matrix = getattr(self, name)
+            used = matrix.data != 0.0
+            slot = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))[used]
             if name != "F":
                 rows, columns = self._places_of_slots(slot)
                 slot = layout.base[rows].astype(np.int64) + columns
-            scalars.append(found.col[used])
+            scalars.append(matrix.indices[used])
             slots.append(block * int(layout.n_slots) + slot)
-            values.append(found.data[used])
+            values.append(matrix.data[used])
         return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
 
     def _places(self, matrix: csr_array) -> tuple[np.ndarray, np.ndarray]:
