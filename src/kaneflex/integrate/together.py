@@ -37,6 +37,9 @@ class Run:
 
 Ready = tuple[Run, Setup]
 
+_MOST_NUMBERS = 2e7
+"""In the table of all lanes, and in what is stored of them: 160 MB."""
+
 
 def integrate_together(runs: Sequence[Run]) -> list[Trajectory | None]:
     """Integrate runs side by side, LANES at a time: what `integrate` gives of each, to rounding.
@@ -68,13 +71,21 @@ def _set_up(run: Run) -> Setup | None:
             return None
         check_arguments(run.method, run.step, run.n_steps, run.start, run.period_steps, run.every)
         setup = set_up(run.system, run.table, run.t0, run.step, method, run.period_steps, run.rho_infinity)
-        if run.start == "periodic":
-            setup.feed.cycle()
-            return setup if can_be_cut(setup, run.period_steps) else None
         given_state(run.system, run.start)
+        if not _fits(run, len(method.nodes)) or (run.start == "periodic" and not can_be_cut(setup, run.period_steps)):
+            return None
+        if run.period_steps is not None:
+            setup.feed.cycle()
     except UserError:
         return None
     return setup
+
+
+def _fits(run: Run, nodes: int) -> bool:
+    """Whether table and results of LANES such runs fit the memory."""
+    stored = run.period_steps if run.start == "periodic" else run.n_steps // run.every
+    in_table = nodes * (run.period_steps or 0) * run.system.n_scalars
+    return LANES * max(in_table, len(Stored._fields) * stored * run.system.n) <= _MOST_NUMBERS
 
 
 def _side_by_side(group: Sequence[Ready]) -> list[Trajectory | None]:
