@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array, issparse
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array, csr_array, issparse
 
 Monomial = tuple[str, ...]
 """Sorted names of scalars, repeated for powers: ("rod.c", "rod.omega", "rod.omega") is c omega^2."""
@@ -28,6 +29,29 @@ def kept(matrix: Matrix | list) -> Matrix:
         return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else csr_array(matrix)
     matrix = np.asarray(matrix, dtype=float)
     return matrix if matrix.size <= _FEW else csr_array(matrix)
+
+
+def from_entries(shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, values: ArrayLike) -> Matrix:
+    """The matrix with these entries, of which those at one place are added up: an array if it is small, else sparse."""
+    if shape[0] * shape[1] > _FEW:
+        return csr_array(coo_array((np.ravel(values), (np.ravel(rows), np.ravel(columns))), shape=shape))
+    matrix = np.zeros(shape)
+    np.add.at(matrix, (np.asarray(rows, dtype=int), np.asarray(columns, dtype=int)), values)
+    return matrix
+
+
+def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, columns and values of what is not zero."""
+    if issparse(matrix):
+        matrix = coo_array(matrix)
+        used = matrix.data != 0.0
+        return matrix.row[used], matrix.col[used], matrix.data[used]
+    rows, columns = np.nonzero(matrix)
+    return rows, columns, matrix[rows, columns]
+
+
+def _nothing(shape: tuple[int, int]) -> Matrix:
+    return np.zeros(shape) if shape[0] * shape[1] <= _FEW else csr_array(shape)
 
 
 def as_array(matrix: Matrix) -> np.ndarray:
@@ -110,13 +134,13 @@ class Affine:
         """The matrix for given values of the scalars."""
         total = sum(
             (float(np.prod([scalars[name] for name in monomial])) * matrix for monomial, matrix in self.terms.items()),
-            kept(csr_array(self.shape)),
+            _nothing(self.shape),
         )
         return csr_array(total)
 
     def pattern(self) -> Matrix:
         """Sum of absolute values: where an entry can be non-zero at some time."""
-        return sum(map(abs, self.terms.values()), kept(csr_array(self.shape)))
+        return sum(map(abs, self.terms.values()), _nothing(self.shape))
 
 
 def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:

@@ -8,9 +8,8 @@ from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
-from kaneflex.affine import Affine, Monomial
+from kaneflex.affine import Affine, Matrix, Monomial, from_entries
 from kaneflex.scene import Scene
 from kaneflex.shape_functions import shape_functions
 
@@ -240,14 +239,13 @@ def node_coordinates(
     return names, {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(nodes)}
 
 
-def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> csr_array:
+def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> Matrix:
     """Overlap the elements' matrices (elements, 6, 6), or vectors (elements, 6, 1), along the chain."""
     square = blocks.shape[2] == 6
     ends = np.array([place[e] + place[e + 1] for e in range(len(blocks))])
     rows = np.broadcast_to(ends[:, :, None], blocks.shape)
     columns = np.broadcast_to(ends[:, None, :], blocks.shape) if square else np.zeros_like(rows)
-    shape = (size, size if square else 1)
-    return csr_array(coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+    return from_entries((size, size if square else 1), rows, columns, blocks)
 
 
 def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:

@@ -108,7 +108,7 @@ class AffineSystem:
         for block, name in enumerate((*_MATRICES, "F")):
             matrix = getattr(self, name)
             used = matrix.data != 0.0
-            slot = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))[used]
+            slot = _rows_of(matrix)[used]
             if name != "F":
                 rows, columns = self._places_of_slots(slot)
                 slot = layout.base[rows].astype(np.int64) + columns
@@ -118,7 +118,7 @@ class AffineSystem:
         return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
 
     def _places(self, matrix: csr_array) -> tuple[np.ndarray, np.ndarray]:
-        return self._places_of_slots(matrix.nonzero()[0])
+        return self._places_of_slots(_rows_of(matrix)[matrix.data != 0.0])
 
     def _places_of_slots(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1
@@ -161,3 +161,8 @@ def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
     starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
     places = (np.asarray(each, dtype=np.uint64) for each in (starts - first, first, last))
     return Layout(np.uint64(n * copies), np.uint64(lengths.sum()), *places)
+
+
+def _rows_of(matrix: csr_array) -> np.ndarray:
+    """The row of each stored number."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
