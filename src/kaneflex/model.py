@@ -74,10 +74,17 @@ class RigidMotion:
 
     def monomial(self, names: Monomial) -> np.ndarray:
         """Product of scalars, shape (n_times,)."""
-        product = np.ones(len(self.times))
-        for name in names:
-            product = product * self[name]
-        return product
+        if names not in self._products:
+            product = np.ones(len(self.times))
+            for name in names:
+                product = product * self[name]
+            self._products[names] = product
+        return self._products[names]
+
+    @cached_property
+    def _products(self) -> dict[Monomial, np.ndarray]:
+        """Those that were asked for: the matrices of a link, of its forces and of its frame share most of them."""
+        return {}
 
     def apply(self, affine: Affine, vectors: np.ndarray) -> np.ndarray:
         """A(t) x(t) for vectors of shape (columns, n_times); returns (rows, n_times)."""

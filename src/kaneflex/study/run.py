@@ -95,23 +95,23 @@ def _tried(action: Callable[..., Model | Record], point: int, *more: Model) -> M
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:
-    from kaneflex.summary import sensor_summaries
+    from kaneflex.summary import statistics
 
     outcome = solution.outcome.name.lower()
     if outcome != COMPLETED:
         return Record(point, outcome, solution.trajectory.message)
-    found = sensor_summaries(solution)
     series = {name: entry.values for name, entry in solution.series.items()}
-    statistics = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
-    labels = {name: (entry.unit, entry.meaning) for name, entry in found.items()}
+    found = {name: statistics(values, solution.times) for name, values in series.items()}
+    kept = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
+    labels = {name: (entry.unit, entry.meaning) for name, entry in solution.series.items()}
     if plan.sensitivities:
         from kaneflex.sensitivity.report import sensitivities
 
         derivatives = sensitivities(solution, plan.sensitivities, plan.frozen)
         for name, derivative in derivatives.named().items():
-            statistics[name] = tuple(getattr(derivative.of, key) for key in STATISTICS)
+            kept[name] = tuple(getattr(derivative.of, key) for key in STATISTICS)
             labels[name] = (derivative.of.unit, derivative.meaning)
             series[name] = derivative.values
     return Record(
-        point, outcome, "", statistics, labels, solution.times if plan.series else None, series if plan.series else {}
+        point, outcome, "", kept, labels, solution.times if plan.series else None, series if plan.series else {}
     )
