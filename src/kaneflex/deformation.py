@@ -8,7 +8,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from kaneflex.affine import Affine, Monomial
+from kaneflex.affine import Affine, Monomial, solve
 from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
@@ -271,8 +271,6 @@ def _with_static_share(found: Deformation) -> Deformation:
 
     Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
     """
-    from scipy.sparse.linalg import splu
-
     link, model = found.link, found.model
     unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
     residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
@@ -281,7 +279,7 @@ def _with_static_share(found: Deformation) -> Deformation:
         np.add.at(residual, rows, found.end_forces(e))
     kept = set(model.parts[link.name].coordinates)
     inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
-    stiffness = link.part.matrices["K_s"].at({})[inner][:, inner]
+    stiffness = link.part.matrices["K_s"].value({})[inner][:, inner]
     share = np.zeros_like(residual)
-    share[inner] = splu(stiffness.tocsc()).solve(residual[inner])
+    share[inner] = solve(stiffness, residual[inner])
     return replace(found, q=found.q - link.at_nodes(share))

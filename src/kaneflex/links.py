@@ -9,7 +9,7 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.affine import Affine, Matrix, Monomial, from_entries
+from kaneflex.affine import Affine, Matrix, Monomial, as_array, from_entries, solve
 from kaneflex.scene import Scene
 from kaneflex.shape_functions import shape_functions
 
@@ -296,14 +296,11 @@ def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
     from kaneflex.modes import lowest_modes
 
     free = np.setdiff1d(np.arange(part.size), held)
-    stiffness, mass = part.matrices["K_s"].at({}), part.matrices["M"].at({})
+    stiffness, mass = part.matrices["K_s"].value({}), part.matrices["M"].value({})
     static = np.zeros((part.size, len(held)))
     static[held, np.arange(len(held))] = 1.0
     if held:
-        from scipy.sparse.linalg import splu
-
-        factor = splu(stiffness[free][:, free].tocsc())
-        static[free] = -factor.solve(stiffness[free][:, held].toarray())
+        static[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
     _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
     dynamic = np.zeros((part.size, shapes.shape[1]))
     dynamic[free] = shapes
