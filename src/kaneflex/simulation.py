@@ -124,7 +124,7 @@ def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, n
 def _integrated(model: Model, progress: Progress | None) -> Trajectory:
     from kaneflex.integrate.run import integrate
 
-    return integrate(**vars(_run(model)), progress=progress)
+    return integrate(**vars(run_of(model)), progress=progress)
 
 
 def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
@@ -141,7 +141,7 @@ def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
     for k, model in enumerate(models):
         if _METHODS.get(model.options.dynamics) is _integrated:
             with suppress(SceneError):  # simulate raises it, too
-                runs[k] = _run(model)
+                runs[k] = run_of(model)
     trajectories = integrate_together(list(runs.values()))
     seconds = (time.perf_counter() - started) / max(len(runs), 1)
     for k, trajectory in zip(runs, trajectories, strict=True):
@@ -150,7 +150,14 @@ def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
     return found
 
 
-def _run(model: Model) -> Run:
+def run_of(model: Model) -> Run:
+    """What is integrated of a model.
+
+    Raises
+    ------
+    SceneError
+        If a periodic start is asked for and the motion or a load does not repeat itself.
+    """
     from kaneflex.integrate.together import Run
 
     options = model.options
