@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import bench.__main__
 import numpy as np
 import pytest
-from bench import exudyn_runs, kernels, peers, quick, report
+from bench import cycles, exudyn_runs, kernels, peers, quick, report
 from bench.__main__ import SECTIONS
 from bench.interleave import Race, Spread, interleave, repeated
 from bench.ivp_runs import jitted_slope, lambdified_slope
@@ -178,3 +178,17 @@ def test_benchmarks_page_is_what_its_data_say():
     sections = report.sections_of(docs, SECTIONS)
     assert list(sections) == list(SECTIONS)
     assert (docs / "benchmarks.md").read_text(encoding="utf-8") == report.page(sections, SECTIONS)
+
+
+def test_cycles_in_lanes_are_those_alone_and_newmark_is_further_from_the_answer(monkeypatch):
+    for name, value in {"SPEEDS": 4, "STEPS": 360, "FINER": 8, "ROUNDS": 1}.items():
+        monkeypatch.setattr(cycles, name, value)
+    found = list(cycles.rows())
+    assert [row.candidate for row in found if row.task == "a cycle"] == [
+        "newmark, alone", "newmark, lanes", "gauss, alone", "gauss, lanes"
+    ]  # fmt: skip
+    newmark, gauss = (float(re.search(r"error (\S+)", row.differs)[1]) for row in (found[0], found[3]))
+    assert 1e-6 < gauss < 0.7 * newmark < 0.01
+    monkeypatch.setattr(cycles, "_AGREEMENT", 1e-18)
+    with pytest.raises(ValueError, match="in lanes it is not what it is alone"):
+        list(cycles.rows())

@@ -15,7 +15,7 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.points import points_of
-from kaneflex.study.run import Record, solve_point
+from kaneflex.study.run import Record, solve_points
 from kaneflex.study.study import Study
 from kaneflex.study.sweep import Progress, in_this_process, sweep
 from kaneflex.summary import sensor_summaries
@@ -132,7 +132,7 @@ def test_an_unexpected_error_is_recorded_too(tmp_path, monkeypatch):
         raise ZeroDivisionError("of all things")
 
     monkeypatch.setattr("kaneflex.simulation.simulate", broken)
-    record = solve_point(plan_of(tmp_path), 0)
+    record = next(solve_points(plan_of(tmp_path), [0]))
     assert (record.outcome, record.reason) == ("failed", "ZeroDivisionError: of all things")
 
 
@@ -223,7 +223,7 @@ def test_a_gas_curve_is_found_beside_the_study_and_its_content_counts(tmp_path):
     text = HEAD + '[parameters]\n"loads.gas.table" = ["weak.csv", "strong.csv"]\n'
     plan = plan_of(tmp_path, text)
     assert {Path(path).name for path in plan.files} >= {"weak.csv", "strong.csv"}
-    torques = [solve_point(plan, point).statistics["crank_torque"] for point in (0, 1)]
+    torques = [record.statistics["crank_torque"] for record in solve_points(plan, (0, 1))]
     assert torques[0] != torques[1]
     (tmp_path / "weak.csv").write_text("angle_deg,F_gas_N\n0,2\n240,2\n480,2\n720,2\n")
     assert plan_of(tmp_path, text).digest != plan.digest
@@ -295,12 +295,11 @@ def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch)
     file = tmp_path / "study.toml"
     file.write_text(STUDY)
 
-    def solve(plan, point):
-        if point == 2:
-            raise KeyboardInterrupt
-        return Record(point, "refused", "not tried")
+    def solve(plan, points):
+        yield from (Record(point, "refused", "not tried") for point in points[:2])
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr("kaneflex.study.sweep.solve_point", solve)
+    monkeypatch.setattr("kaneflex.study.sweep.solve_points", solve)
     result = cli("sweep", file, "-o", tmp_path / "out")
     assert result.exit_code == 130 and "the same command goes on" in result.stderr
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2

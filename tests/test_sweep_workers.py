@@ -22,10 +22,10 @@ from kaneflex.study.sweep import sweep
 
 STUDY = """
 scene = "engine"
-settings = ["solve.steps=36"]
+settings = ["solve.steps=36", "solve.modes=2"]
 
 [parameters]
-"solve.preset" = ["rigid", "quasistatic"]
+"solve.preset" = ["rigid", "stiffened"]
 "drives.main.speed" = {from = "1000 rpm", to = "6000 rpm", count = 10}
 """
 
@@ -145,7 +145,7 @@ class Deadly:
 
 def test_a_point_that_kills_its_workers_is_given_up_and_its_neighbours_are_not(swept, monkeypatch):
     plan, _ = swept
-    monkeypatch.setattr(chunks, "solve_point", lambda plan, point: Record(point, "completed"))
+    monkeypatch.setattr(chunks, "solve_points", lambda plan, points: [Record(point, "completed") for point in points])
     pool = Deadly(7)
     found = {record.point: record for record in in_chunks(plan, range(20), lambda plan: pool)}
     assert sorted(found) == list(range(20))

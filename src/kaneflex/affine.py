@@ -7,12 +7,14 @@ sums are again such sums, so the assembly can be written as the formula that it 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array, issparse
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array, csc_array, csr_array, issparse
 
 Monomial = tuple[str, ...]
 """Sorted names of scalars, repeated for powers: ("rod.c", "rod.omega", "rod.omega") is c omega^2."""
@@ -28,6 +30,38 @@ def kept(matrix: Matrix | list) -> Matrix:
         return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else csr_array(matrix)
     matrix = np.asarray(matrix, dtype=float)
     return matrix if matrix.size <= _FEW else csr_array(matrix)
+
+
+def from_entries(shape: tuple[int, int], rows: ArrayLike, columns: ArrayLike, values: ArrayLike) -> Matrix:
+    """The matrix with these entries, of which those at one place are added up: an array if it is small, else sparse."""
+    if shape[0] * shape[1] > _FEW:
+        return csr_array(coo_array((np.ravel(values), (np.ravel(rows), np.ravel(columns))), shape=shape))
+    matrix = np.zeros(shape)
+    np.add.at(matrix, (np.asarray(rows, dtype=int), np.asarray(columns, dtype=int)), values)
+    return matrix
+
+
+def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, columns and values of what is not zero."""
+    if issparse(matrix):
+        matrix = coo_array(matrix)
+        used = matrix.data != 0.0
+        return matrix.row[used], matrix.col[used], matrix.data[used]
+    rows, columns = np.nonzero(matrix)
+    return rows, columns, matrix[rows, columns]
+
+
+def solve(matrix: Matrix, right: np.ndarray) -> np.ndarray:
+    """x of A x = right."""
+    if not issparse(matrix):
+        return np.linalg.solve(matrix, right)
+    from scipy.sparse.linalg import splu
+
+    return splu(csc_array(matrix)).solve(right)
+
+
+def _nothing(shape: tuple[int, int]) -> Matrix:
+    return np.zeros(shape) if shape[0] * shape[1] <= _FEW else csr_array(shape)
 
 
 def as_array(matrix: Matrix) -> np.ndarray:
@@ -67,13 +101,14 @@ class Affine:
     __rmul__ = __mul__
 
     def __matmul__(self, other: Affine) -> Affine:
-        product = Affine.zero(self.shape[0], other.shape[1])
+        terms: dict[Monomial, Matrix] = {}
         for left, a in self.terms.items():
             for right, b in other.terms.items():
                 ab = a @ b
                 if ab.count_nonzero() if issparse(ab) else ab.any():
-                    product += Affine.term(left + right, ab)
-        return product
+                    monomial = tuple(sorted(left + right))
+                    terms[monomial] = terms[monomial] + ab if monomial in terms else ab
+        return Affine((self.shape[0], other.shape[1]), {monomial: kept(ab) for monomial, ab in terms.items()})
 
     @property
     def T(self) -> Affine:
@@ -106,17 +141,19 @@ class Affine:
     def monomials(self) -> tuple[Monomial, ...]:
         return tuple(sorted(self.terms))
 
-    def at(self, scalars: Mapping[str, float]) -> csr_array:
+    def value(self, scalars: Mapping[str, float]) -> Matrix:
         """The matrix for given values of the scalars."""
-        total = sum(
-            (float(np.prod([scalars[name] for name in monomial])) * matrix for monomial, matrix in self.terms.items()),
-            kept(csr_array(self.shape)),
-        )
-        return csr_array(total)
+        factors = (math.prod(scalars[name] for name in monomial) for monomial in self.terms)
+        parts = (float(factor) * matrix for factor, matrix in zip(factors, self.terms.values(), strict=True))
+        return sum(parts, _nothing(self.shape))
+
+    def at(self, scalars: Mapping[str, float]) -> csr_array:
+        """The same matrix, sparse whatever its size."""
+        return csr_array(self.value(scalars))
 
     def pattern(self) -> Matrix:
         """Sum of absolute values: where an entry can be non-zero at some time."""
-        return sum(map(abs, self.terms.values()), kept(csr_array(self.shape)))
+        return sum(map(abs, self.terms.values()), _nothing(self.shape))
 
 
 def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:

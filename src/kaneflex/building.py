@@ -8,9 +8,9 @@ from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
-from kaneflex.affine import Affine, kept
+from kaneflex.affine import Affine, Matrix, entries
 from kaneflex.assembly import ElasticEquations, Placed, assemble, load_on_link, place_masses, place_rigid, place_torques
 from kaneflex.carried import carried_bodies
 from kaneflex.errors import SceneError
@@ -88,14 +88,16 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
     size = len(frame.coordinates)
-    touched = kept(csr_array((size, size)))
+    touched = Affine.zero(size, size).pattern()
     for part, L in placed:
         within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
         touched = touched + motion.T @ within @ motion
+    before = _half_bandwidth(touched)
+    if before <= _NARROW:  # what is narrow keeps the order of its names
+        return frame, placed
     pattern = csr_array(touched)
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
-    before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])
-    if before <= _NARROW or after >= before:  # what is narrow keeps the order of its names
+    if _half_bandwidth(pattern[order][:, order]) >= before:
         return frame, placed
     return _ordered(frame, placed, [frame.coordinates[k] for k in order])
 
@@ -115,9 +117,9 @@ def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> 
     return moved, [(part, L @ swap) for part, L in placed]
 
 
-def _half_bandwidth(pattern: csr_array) -> int:
-    entries = coo_array(pattern)
-    return int(abs(entries.row - entries.col).max(initial=0))
+def _half_bandwidth(pattern: Matrix) -> int:
+    rows, columns, _ = entries(pattern)
+    return int(abs(rows - columns).max(initial=0))
 
 
 def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:

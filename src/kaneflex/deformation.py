@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
-from kaneflex.affine import Affine, Monomial
+from kaneflex.affine import Affine, Monomial, solve
 from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
@@ -56,21 +57,26 @@ class Deformation:
     def _element_length(self, e: int) -> float:
         return float(self.link.nodes[e + 1] - self.link.nodes[e])
 
-    def _foreshortening(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """1/2 int_0^x v'^2 and its rates."""
-        total = [np.zeros(self.q.shape[1]) for _ in range(3)]
-        last, local = self._locate(x)
-        for e in range(last + 1):
-            reach = self._element_length(e) if e < last else local
-            rows = slice(3 * e, 3 * e + 6)
-            for point, weight in zip(*_GAUSS, strict=True):
-                slope_row = self._shape(e, 0.5 * reach * (1 + point))[3]
-                s, s_rate, s_accel = (slope_row @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
-                w = 0.5 * reach * weight
-                total[0] += 0.5 * w * s**2
-                total[1] += w * s * s_rate
-                total[2] += w * (s_rate**2 + s * s_accel)
-        return tuple(total)
+    def _foreshortening(self, x: float) -> np.ndarray:
+        """1/2 int_0^x v'^2 and its rates, (3, n_times)."""
+        e, local = self._locate(x)
+        return self._shortened_before[e] + self._shortened(e, local)
+
+    @cached_property
+    def _shortened_before(self) -> list[np.ndarray]:
+        """Foreshortening of the elements before each."""
+        lengths = [self._element_length(e) for e in range(len(self.link.nodes) - 2)]
+        own = (self._shortened(e, length) for e, length in enumerate(lengths))
+        return list(accumulate(own, initial=np.zeros((3, self.q.shape[1]))))
+
+    def _shortened(self, e: int, reach: float) -> np.ndarray:
+        """1/2 int v'^2 of an element as far as `reach` [m] from its start, and its rates, (3, n_times)."""
+        points, weights = _GAUSS
+        slopes = np.array([self._shape(e, 0.5 * reach * (1 + point))[3] for point in points])
+        rows = slice(3 * e, 3 * e + 6)
+        s, s_rate, s_accel = (slopes @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
+        squares = np.array([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel])
+        return 0.5 * reach * (weights @ squares)
 
     def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Axial force N [N, tension positive], shear force V [N] and bending moment M = E I v'' [N m] at x.
@@ -143,11 +149,18 @@ class Deformation:
         The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
         K_s q alone for the frozen model of the paper. An axially rigid element besides passes on what pulls at it.
         """
-        total = self._residual(e)
-        if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.options.dynamics != "frozen":
-            total[0] -= self._passed_on[e]
-            total[3] += self._passed_on[e]
-        return total
+        if e not in self._end_forces:
+            total = self._residual(e)
+            if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.options.dynamics != "frozen":
+                total[0] -= self._passed_on[e]
+                total[3] += self._passed_on[e]
+            self._end_forces[e] = total
+        return self._end_forces[e]
+
+    @cached_property
+    def _end_forces(self) -> dict[int, np.ndarray]:
+        """Those that were asked for, by element."""
+        return {}
 
     @cached_property
     def _passed_on(self) -> np.ndarray:
@@ -258,8 +271,6 @@ def _with_static_share(found: Deformation) -> Deformation:
 
     Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
     """
-    from scipy.sparse.linalg import splu
-
     link, model = found.link, found.model
     unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
     residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
@@ -268,7 +279,7 @@ def _with_static_share(found: Deformation) -> Deformation:
         np.add.at(residual, rows, found.end_forces(e))
     kept = set(model.parts[link.name].coordinates)
     inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
-    stiffness = link.part.matrices["K_s"].at({})[inner][:, inner]
+    stiffness = link.part.matrices["K_s"].value({})[inner][:, inner]
     share = np.zeros_like(residual)
-    share[inner] = splu(stiffness.tocsc()).solve(residual[inner])
+    share[inner] = solve(stiffness, residual[inner])
     return replace(found, q=found.q - link.at_nodes(share))

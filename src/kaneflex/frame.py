@@ -11,15 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
-from kaneflex.affine import Affine
+from kaneflex.affine import Affine, Matrix, from_entries
 from kaneflex.carried import Carried
 from kaneflex.interfaces import Interfaces
 from kaneflex.links import Part
 from kaneflex.scene import Scene
 
-IDENTITY, TURN = csr_array(np.eye(2)), csr_array(np.array([[0.0, 1.0], [-1.0, 0.0]]))
+IDENTITY, TURN = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -97,9 +96,7 @@ def build_frame(
     rigid = Frame(tuple(columns.names), {}, bodies)
     maps = {}
     for name, part in links.items():
-        total = Affine.constant(
-            _selector(part.size, *zip(*own[name], strict=True), size) if own[name] else csr_array((part.size, size))
-        )
+        total = Affine.constant(_selector(part.size, *(zip(*own[name], strict=True) if own[name] else ((), ())), size))
         for node, (u, v, theta) in part.place.items():
             key = (name, node)
             if key in interfaces.displaced:
@@ -175,8 +172,8 @@ def _node_displacement(key, scene: Scene, interfaces: Interfaces, rigid: Frame, 
     return Affine.constant(_selector(2, [0, 1], columns(("shift", group)), size))
 
 
-def _selector(rows: int, at, columns, size: int) -> csr_array:
-    return csr_array(coo_array((np.ones(len(at)), (list(at), list(columns))), shape=(rows, size)))
+def _selector(rows: int, at, columns, size: int) -> Matrix:
+    return from_entries((rows, size), list(at), list(columns), np.ones(len(at)))
 
 
 def _lift(rows: int, at: list[int]) -> Affine:

@@ -8,9 +8,8 @@ from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
-from kaneflex.affine import Affine, Monomial
+from kaneflex.affine import Affine, Matrix, Monomial, as_array, from_entries, solve
 from kaneflex.scene import Scene
 from kaneflex.shape_functions import shape_functions
 
@@ -240,14 +239,13 @@ def node_coordinates(
     return names, {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(nodes)}
 
 
-def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> csr_array:
+def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> Matrix:
     """Overlap the elements' matrices (elements, 6, 6), or vectors (elements, 6, 1), along the chain."""
     square = blocks.shape[2] == 6
     ends = np.array([place[e] + place[e + 1] for e in range(len(blocks))])
     rows = np.broadcast_to(ends[:, :, None], blocks.shape)
     columns = np.broadcast_to(ends[:, None, :], blocks.shape) if square else np.zeros_like(rows)
-    shape = (size, size if square else 1)
-    return csr_array(coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+    return from_entries((size, size if square else 1), rows, columns, blocks)
 
 
 def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
@@ -298,14 +296,11 @@ def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
     from kaneflex.modes import lowest_modes
 
     free = np.setdiff1d(np.arange(part.size), held)
-    stiffness, mass = part.matrices["K_s"].at({}), part.matrices["M"].at({})
+    stiffness, mass = part.matrices["K_s"].value({}), part.matrices["M"].value({})
     static = np.zeros((part.size, len(held)))
     static[held, np.arange(len(held))] = 1.0
     if held:
-        from scipy.sparse.linalg import splu
-
-        factor = splu(stiffness[free][:, free].tocsc())
-        static[free] = -factor.solve(stiffness[free][:, held].toarray())
+        static[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
     _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
     dynamic = np.zeros((part.size, shapes.shape[1]))
     dynamic[free] = shapes

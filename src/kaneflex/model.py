@@ -9,9 +9,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
-from kaneflex.affine import Affine, Monomial, as_array
+from kaneflex.affine import Affine, Monomial, as_array, entries
 from kaneflex.assembly import ElasticEquations, spin_or_euler
 from kaneflex.frame import Frame
 from kaneflex.integrate.system import AffineSystem
@@ -74,10 +74,17 @@ class RigidMotion:
 
     def monomial(self, names: Monomial) -> np.ndarray:
         """Product of scalars, shape (n_times,)."""
-        product = np.ones(len(self.times))
-        for name in names:
-            product = product * self[name]
-        return product
+        if names not in self._products:
+            product = np.ones(len(self.times))
+            for name in names:
+                product = product * self[name]
+            self._products[names] = product
+        return self._products[names]
+
+    @cached_property
+    def _products(self) -> dict[Monomial, np.ndarray]:
+        """Those that were asked for: the matrices of a link, of its forces and of its frame share most of them."""
+        return {}
 
     def apply(self, affine: Affine, vectors: np.ndarray) -> np.ndarray:
         """A(t) x(t) for vectors of shape (columns, n_times); returns (rows, n_times)."""
@@ -244,28 +251,24 @@ class Model:
 def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> AffineSystem:
     """M, C, K, F as the integrators read them: one column for each product of the motion's scalars."""
     size = kept["M"].shape[0]
-    pattern = coo_array(sum(kept[name].pattern() for name in "MCK"))
-    half_bandwidth = int(abs(pattern.row - pattern.col).max(initial=0))
+    number = {monomial: k for k, monomial in enumerate(monomials)}
+    found = {}
+    for name in ("M", "C", "K", "F"):
+        terms = [(number[monomial], entries(matrix)) for monomial, matrix in kept[name].terms.items()]
+        terms.append((0, (np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))))
+        scalars = np.repeat([k for k, _ in terms], [len(values) for _, (*_, values) in terms])
+        found[name] = (*(np.concatenate(parts) for parts in zip(*(each for _, each in terms), strict=True)), scalars)
+    half_bandwidth = max(int(abs(found[name][0] - found[name][1]).max(initial=0)) for name in "MCK")
     width = 2 * half_bandwidth + 1
 
-    def slots(affine: Affine) -> csr_array:
-        rows, columns, data = [], [], []
-        for k, monomial in enumerate(monomials):
-            if monomial in affine.terms:
-                entries = coo_array(affine.terms[monomial])
-                banded = affine.shape[1] != 1
-                slot = entries.row * width + entries.col - entries.row + half_bandwidth if banded else entries.row
-                rows.append(slot)
-                columns.append(np.full(len(slot), k))
-                data.append(entries.data)
-        shape = (size * width if affine.shape[1] != 1 else size, len(monomials))
-        if not rows:
-            return csr_array(shape)
-        return csr_array(
-            coo_array((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
-        )
+    def slots(name: str) -> csr_array:
+        rows, columns, values, scalars = found[name]
+        if name == "F":
+            return csr_array((values, (rows, scalars)), shape=(size, len(monomials)))
+        slot = rows * width + columns - rows + half_bandwidth
+        return csr_array((values, (slot, scalars)), shape=(size * width, len(monomials)))
 
-    return AffineSystem(size, half_bandwidth, *(slots(kept[name]) for name in ("M", "C", "K", "F")))
+    return AffineSystem(size, half_bandwidth, *(slots(name) for name in ("M", "C", "K", "F")))
 
 
 def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:

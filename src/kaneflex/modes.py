@@ -1,21 +1,23 @@
-"""Undamped natural modes of sparse mass and stiffness matrices, and the damping ratios that a scene gives them."""
+"""Undamped natural modes of mass and stiffness matrices, and the damping ratios that a scene gives them."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array
+
+from kaneflex.affine import Matrix, as_array
 
 _DENSE_UP_TO = 150
 _ADAMS = (100.0, 1000.0), np.array([0.01, 0.1, 1.0])
 """Frequencies [Hz] between which Adams changes the damping ratio of a flexible body's modes, and the ratios."""
 
 
-def lowest_modes(stiffness: csr_array, mass: csr_array, count: int) -> tuple[np.ndarray, np.ndarray]:
+def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Lowest modes of K phi = omega^2 M phi, paper (140).
 
     Parameters
     ----------
-    stiffness, mass : sparse (n, n)
+    stiffness, mass : ndarray or sparse (n, n)
         Symmetric; mass positive definite.
     count : int
         Modes wanted, at most n.
@@ -39,7 +41,7 @@ def lowest_modes(stiffness: csr_array, mass: csr_array, count: int) -> tuple[np.
     if size <= _DENSE_UP_TO or count > size // 3:
         from scipy.linalg import eigh
 
-        squares, shapes = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
+        squares, shapes = eigh(as_array(stiffness), as_array(mass), subset_by_index=[0, count - 1])
     else:
         from scipy.sparse.linalg import eigsh
 

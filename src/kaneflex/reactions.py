@@ -44,9 +44,8 @@ def consistent_reactions(
     balances = _Balances(model, rigid, names, coordinates, deformed)
     matrix, residual = balances.assemble()
     # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
-    square = np.einsum("tri,trj->tij", matrix, matrix)
-    right = np.einsum("tri,tr->ti", matrix, residual)
-    solved = np.linalg.solve(square, right[..., None])[..., 0]
+    turned = matrix.transpose(0, 2, 1)
+    solved = np.linalg.solve(turned @ matrix, turned @ residual[..., None])[..., 0]
     return {name: solved[:, k] for k, name in enumerate(names)}
 
 

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from kaneflex.solution import Solution
 
 
+Moved = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Displacement of a point and its rates."""
+
+
 @dataclass(frozen=True, eq=False)
 class Series:
     """A sensor's values (n_times,) in ``unit`` (SI) and what they mean, in words."""
@@ -69,6 +73,7 @@ class _Reader:
         self.solution, self.model, self.scene = solution, solution.model, solution.model.scene
         self.rigid = solution.rigid if rigid is None else rigid
         self.steps = len(solution.times)
+        self._moved: dict[Address, Moved] = {}
 
     @property
     def has_rigid_forces(self) -> bool:
@@ -118,8 +123,13 @@ class _Reader:
         c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
         return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
 
-    def _elastic(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _elastic(self, address: Address) -> Moved:
         """Displacement (x, y, angle) of a point in its body's axes and its first and second rates, (3, n_times)."""
+        if address not in self._moved:
+            self._moved[address] = self._elastic_motion(address)
+        return self._moved[address]
+
+    def _elastic_motion(self, address: Address) -> Moved:
         still = np.zeros((3, self.steps))
         if self.solution.coupled is not None and not self.model.links:  # links by modal data have no coordinates z
             motion = self.solution.coupled

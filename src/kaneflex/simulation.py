@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from kaneflex.solution import Solution
 
 if TYPE_CHECKING:
     from kaneflex.coupled.state import State
+    from kaneflex.integrate.together import Run
 
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
@@ -122,6 +124,42 @@ def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, n
 def _integrated(model: Model, progress: Progress | None) -> Trajectory:
     from kaneflex.integrate.run import integrate
 
+    return integrate(**vars(run_of(model)), progress=progress)
+
+
+def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
+    """What :func:`simulate` gives of each model, to rounding, their equations integrated side by side.
+
+    None stands for a model that is to be simulated by itself: nothing of it is integrated in lanes, or its run does not
+    complete. See :func:`kaneflex.integrate.together.integrate_together`.
+    """
+    from kaneflex.integrate.together import integrate_together
+
+    found: list[Solution | None] = [None] * len(models)
+    started = time.perf_counter()
+    runs = {}
+    for k, model in enumerate(models):
+        if _METHODS.get(model.options.dynamics) is _integrated:
+            with suppress(SceneError):  # simulate raises it, too
+                runs[k] = run_of(model)
+    trajectories = integrate_together(list(runs.values()))
+    seconds = (time.perf_counter() - started) / max(len(runs), 1)
+    for k, trajectory in zip(runs, trajectories, strict=True):
+        if trajectory is not None:
+            found[k] = _until_stop(Solution(models[k], trajectory, seconds))
+    return found
+
+
+def run_of(model: Model) -> Run:
+    """What is integrated of a model.
+
+    Raises
+    ------
+    SceneError
+        If a periodic start is asked for and the motion or a load does not repeat itself.
+    """
+    from kaneflex.integrate.together import Run
+
     options = model.options
     start: object = options.start
     if options.start == "periodic":
@@ -130,7 +168,7 @@ def _integrated(model: Model, progress: Progress | None) -> Trajectory:
         # A few instants around the first give the velocity of the quasi-static answer.
         z, v, _ = quasistatic(model, model.step * np.arange(-4, 5), periodic=False)
         start = (z[4], v[4])
-    return integrate(
+    return Run(
         model.system,
         model.scalars,
         0.0,
@@ -141,7 +179,6 @@ def _integrated(model: Model, progress: Progress | None) -> Trajectory:
         period_steps=options.steps if options.cycles else None,
         every=storing(model),
         rho_infinity=options.rho_infinity,
-        progress=progress,
     )
 
 

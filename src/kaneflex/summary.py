@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -189,22 +189,42 @@ def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> Se
     def instant(index: int) -> Instant:
         return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
 
-    there = np.flatnonzero(np.isfinite(series.values))  # where it has no value a warning says so
-    there = there if len(there) else slice(None)
-    values, times, degrees = series.values[there], times[there], None if degrees is None else degrees[there]
-    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
-    largest = max(abs(float(values[lowest])), abs(float(values[highest]))) or 1.0
+    found = statistics(series.values, times)
     return SensorSummary(
         unit=series.unit,
         meaning=series.meaning,
-        min=values[lowest],
-        max=values[highest],
-        at_min=instant(lowest),
-        at_max=instant(highest),
-        # scaled, because the values of an unstable run may be too large to be squared
-        rms=largest * math.sqrt(mean_over_time((values / largest) ** 2, times)),
-        mean=mean_over_time(values, times),
+        min=found.min,
+        max=found.max,
+        at_min=instant(found.at_min),
+        at_max=instant(found.at_max),
+        rms=found.rms,
+        mean=found.mean,
     )
+
+
+class Statistics(NamedTuple):
+    """What is kept of a series over time; `at_min` and `at_max` are indices."""
+
+    min: float
+    max: float
+    rms: float
+    mean: float
+    at_min: int
+    at_max: int
+
+
+def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
+    """Of values at times [s], both (n_times,), of which there is at least one."""
+    indices = np.arange(len(values))
+    there = np.isfinite(values)  # where it has no value a warning says so
+    if not there.all() and there.any():
+        indices, values, times = indices[there], values[there], times[there]
+    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
+    least, most = float(values[lowest]), float(values[highest])
+    largest = max(abs(least), abs(most)) or 1.0
+    # scaled, because the values of an unstable run may be too large to be squared
+    rms = largest * math.sqrt(mean_over_time((values / largest) ** 2, times))
+    return Statistics(least, most, rms, mean_over_time(values, times), int(indices[lowest]), int(indices[highest]))
 
 
 def mean_over_time(values: np.ndarray, times: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Section: points of a parameter sweep a second, in one process and in one for each core."""
+"""Section: points of a parameter sweep a second, in one process and in one for each core; cycles in lanes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench import cycles
 from bench.interleave import interleave
 from bench.rows import Row
 from kaneflex.loading import load
@@ -17,10 +18,12 @@ from kaneflex.study.processes import in_processes
 from kaneflex.study.sweep import Solver, in_this_process
 
 TITLE = "Sweeps"
-ABOUT = """Time a point of a sweep of the engine over its speed, 6 coordinates, 720 steps a cycle by `gauss`: reading
+ABOUT = f"""Time a point of a sweep of the engine over its speed, 6 coordinates, 720 steps a cycle by `gauss`: reading
 the settings, building the model, the periodic motion and the statistics of every sensor. Counted from the second result
 on, without the start of the processes. *Solving alone* is `simulate` of a model that is there. The ratio is to one
-process."""
+process.
+
+{cycles.ABOUT}"""
 STUDY = """scene = "engine"
 settings = ["solve.modes=5", "solve.steps=720"]
 
@@ -45,6 +48,7 @@ def rows() -> Iterator[Row]:
     for name in race:
         rate = f"{1.0 / race[name].median:.0f} a second"
         yield Row("a point", name, race[name], race.ratio(name, "one process"), differs=rate)
+    yield from cycles.rows()
 
 
 def seconds_a_point(plan: Plan, solver: Solver) -> float:

@@ -12,7 +12,7 @@ from kaneflex.errors import UserError
 Table = Callable[[np.ndarray], np.ndarray]
 """Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
 
-_LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB
+LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB
 
 
 @dataclass
@@ -53,10 +53,13 @@ class Feed:
             if self._cycle_table is None:
                 self._cycle_table = self.read(self.cycle())
             return self._cycle_table, self.period_steps, done % self.period_steps, n_steps
-        steps = max(1, min(n_steps, _LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
+        steps = max(1, min(n_steps, LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
+        return self.read(self.rows(done, steps)), steps, 0, steps
+
+    def rows(self, done: int, steps: int) -> np.ndarray:
+        """Rows of so many steps after step `done`, shape (steps * nodes + 1, n_scalars): with the end of the last."""
         rows = self._rows(done, steps)
-        end = self._checked(np.array([self.t0 + (done + steps) * self.step]))
-        return self.read(np.concatenate((rows, end))), steps, 0, steps
+        return np.concatenate((rows, self._checked(np.array([self.t0 + (done + steps) * self.step]))))
 
     def cycle(self) -> np.ndarray:
         """Rows of a whole cycle, shape (period_steps * nodes + 1, n_scalars); the last is the first again."""

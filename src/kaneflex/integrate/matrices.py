@@ -12,6 +12,7 @@ from kaneflex.integrate.lanes import FASTMATH, LANES, at, less, put, size, turn
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2  # how a loop ended
 _SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
 compiled = njit(error_model="numpy", fastmath=FASTMATH)

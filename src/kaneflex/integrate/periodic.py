@@ -57,7 +57,11 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     found then repeats itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest
     modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
     """
-    over = over_a_cycle(setup, period_steps, progress)
+    return settled(over_a_cycle(setup, period_steps, progress), setup, period_steps)
+
+
+def settled(over: Cycle, setup: Setup, period_steps: int) -> Beginning:
+    """The periodic state by what a cycle makes of every unit state, as :func:`periodic_state` has it."""
     if over.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, over.outcome, over.message)
     multipliers = leading(np.linalg.eigvals(over.monodromy), setup.system.n)
@@ -65,7 +69,7 @@ def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -
     if outcome is not Outcome.COMPLETED:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
-    return Beginning(_states_of(setup, x[None, :]), multipliers, outcome, message, over.stretches)
+    return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, over.stretches)
 
 
 def periodic_pair(own: Cycle, setup: Setup, period_steps: int) -> Beginning:
@@ -80,13 +84,13 @@ def periodic_pair(own: Cycle, setup: Setup, period_steps: int) -> Beginning:
     inverse = np.linalg.inv(np.eye(size) - own.monodromy)
     x = np.zeros((size, 2))
     x[:, 0] = inverse @ own.forced
-    state = _states_of(setup, x.reshape(1, -1))
+    state = states_of(setup, x.reshape(1, -1))
     setup.consistent(state, np.ones(1))
     came = advance(setup, state, np.ones(1), period_steps, period_steps + 1, Stored.of(state, 1), False, None)
     if came.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, came.outcome, f"{came.outcome.value}, in the first cycle")
-    x[:, 1] = inverse @ _vectors_of(setup, state)[0, 1::2]
-    return Beginning(_states_of(setup, x.reshape(1, -1)), None, Outcome.COMPLETED, "")
+    x[:, 1] = inverse @ vectors_of(setup, state)[0, 1::2]
+    return Beginning(states_of(setup, x.reshape(1, -1)), None, Outcome.COMPLETED, "")
 
 
 def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:
@@ -101,7 +105,7 @@ def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> 
         if maps is not None:
             monodromy, forced = reduce(_after, zip(*maps, strict=True))
             return Cycle(monodromy, forced, Outcome.COMPLETED, "", (stretches, *maps))
-    state, load = _unit_states(setup)
+    state, load = unit_states(setup)
     if not setup.consistent(state, load):
         outcome = Outcome.SINGULAR
         return Cycle(None, None, outcome, f"{outcome.value}: M is singular at the start of the cycle")
@@ -110,7 +114,7 @@ def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> 
         at = setup.feed.t0 + came.steps * setup.feed.step
         message = f"{came.outcome.value}, at t = {at:.9g} s, in the first cycle"
         return Cycle(None, None, came.outcome, message)
-    ends = _vectors_of(setup, state)
+    ends = vectors_of(setup, state)
     return Cycle(ends[:-1].T, ends[-1], came.outcome, "")
 
 
@@ -122,11 +126,11 @@ def repeated(setup: Setup, beginning: Beginning, progress: Progress | None) -> t
     if beginning.stretches is None:
         return None
     stretches, moved, forced = beginning.stretches
-    x = [_vectors_of(setup, beginning.state)[0]]
+    x = [vectors_of(setup, beginning.state)[0]]
     for lane in range(LANES - 1):
         x.append(moved[lane] @ x[-1] + forced[lane])
     lanes = replace(setup, feed=stretches)
-    state = _states_of(setup, np.stack(x, axis=-1)[None])
+    state = states_of(setup, np.stack(x, axis=-1)[None])
     if not lanes.consistent(state, np.ones(1)):
         return None
     stored = Stored.of(state, stretches.most + 1)
@@ -139,7 +143,7 @@ def repeated(setup: Setup, beginning: Beginning, progress: Progress | None) -> t
 def _over_stretches(lanes: Setup, progress: Progress | None) -> tuple[np.ndarray, np.ndarray] | None:
     """What every stretch makes of a state, shapes (LANES, size, size) and (LANES, size); None where one goes wrong."""
     stretches = lanes.feed
-    state, load = _unit_states(lanes, LANES)
+    state, load = unit_states(lanes, LANES)
     if not lanes.consistent(state, load):
         return None
     ends = None
@@ -149,7 +153,7 @@ def _over_stretches(lanes: Setup, progress: Progress | None) -> tuple[np.ndarray
             came = advance(lanes, state, load, steps, stretches.most + 1, Stored.of(state, 1), False, progress, done)
             if came.outcome is not Outcome.COMPLETED:
                 return None
-            now = _vectors_of(lanes, state)
+            now = vectors_of(lanes, state)
             ends = now if ends is None else np.where(np.arange(LANES) < stretches.longer, now, ends)
     return ends[:-1].transpose(2, 1, 0), ends[-1].T
 
@@ -169,14 +173,14 @@ def can_be_cut(setup: Setup, period_steps: int) -> bool:
     return fits and setup.feed.step <= _LONGEST_STEP * setup.scales[1]
 
 
-def _unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
+def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
     """A column for each unit state x, free of loads, and one from zero that is loaded; factors on the load."""
     size = setup.system.n * len(setup.scales)
     x = np.zeros((size + 1, size))
     x[:size] = np.eye(size)
     load = np.zeros(size + 1)
     load[size] = 1.0
-    return _states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load
+    return states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load
 
 
 def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
@@ -184,7 +188,7 @@ def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")][: 2 * n].astype(complex)
 
 
-def _states_of(setup: Setup, x: np.ndarray) -> State:
+def states_of(setup: Setup, x: np.ndarray) -> State:
     """States of the vectors x, shape (columns, size) and maybe lanes; accelerations are still to be found."""
     n = setup.system.n
     state = State(*(np.zeros((x.shape[0], n, *x.shape[2:])) for _ in State._fields))
@@ -193,8 +197,8 @@ def _states_of(setup: Setup, x: np.ndarray) -> State:
     return state
 
 
-def _vectors_of(setup: Setup, state: State) -> np.ndarray:
-    """The inverse of `_states_of`."""
+def vectors_of(setup: Setup, state: State) -> np.ndarray:
+    """The inverse of `states_of`."""
     scales = setup.scales
     return np.concatenate([part * scale for part, scale in zip(state[: len(scales)], scales, strict=True)], axis=1)
 

@@ -58,17 +58,17 @@ def integrate(
     arguments that can't be used, and for a table that holds a number that is not finite.
     """
     chosen = method_named(method)
-    _check(chosen.name, step, n_steps, start, period_steps, every)
+    check_arguments(chosen.name, step, n_steps, start, period_steps, every)
     if chosen.coefficients is None:
         feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps)
-        return solve_ivp_run(system, feed, n_steps, every, _given(system, start), scipy_method)
-    setup = _set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
+        return solve_ivp_run(system, feed, n_steps, every, given_state(system, start), scipy_method)
+    setup = set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
     if start == "periodic":
         found = periodic_state(setup, period_steps, progress)
     elif isinstance(start, Cycle):
         found = periodic_pair(start, setup, period_steps)
     else:
-        found = _started(setup, *_given(system, start))
+        found = _started(setup, *given_state(system, start))
     if found.state is None:
         empty = np.zeros((0, system.n))
         ended = (found.outcome, found.message, found.multipliers)
@@ -85,14 +85,15 @@ def cycle_map(
     Arguments otherwise as `integrate` takes them; not for the method "scipy". Raises UserError as it does.
     """
     chosen = method_named(method)
-    _check(chosen.name, period / steps, steps, "periodic", steps, 1)
-    return over_a_cycle(_set_up(system, table, t0, period / steps, chosen, steps, rho_infinity), steps, None)
+    check_arguments(chosen.name, period / steps, steps, "periodic", steps, 1)
+    return over_a_cycle(set_up(system, table, t0, period / steps, chosen, steps, rho_infinity), steps, None)
 
 
-def _set_up(
+def set_up(
     system: AffineSystem, table: Table, t0: float, step: float, method: Method, period_steps: int | None,
     rho_infinity: float,
 ) -> Setup:  # fmt: skip
+    """What a run of a method with fixed steps reads; raises UserError as `integrate` does."""
     if method.lanes:
         read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
     else:
@@ -151,7 +152,7 @@ def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int, progress:
     return Trajectory(times, *(out[:rows] for out in stored), *ended, came.ns_per_step)
 
 
-def _given(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
+def given_state(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(start, str):
         return np.zeros(system.n), np.zeros(system.n)
     z, v = (np.asarray(part, dtype=float) for part in start)
@@ -162,7 +163,7 @@ def _given(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
     return z, v
 
 
-def _check(method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int) -> None:
+def check_arguments(method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int) -> None:
     if not (np.isfinite(step) and step > 0.0):
         raise UserError("step", step, "a step must be a positive time", "Give it in s")
     for name, value in (("steps", n_steps), ("every", every), ("period_steps", period_steps)):

@@ -10,8 +10,18 @@ from numba import njit
 from kaneflex.integrate import inverse, lanes, matrices
 from kaneflex.integrate.inverse import invert
 from kaneflex.integrate.lanes import FASTMATH, LANES, at, put, put_run, run_at, size, total
-from kaneflex.integrate.matrices import ONE, THREE, affine_sum, compiled, hand_over, room, rows_read
-from kaneflex.integrate.steppers import COMPLETED, SINGULAR, UNBOUNDED
+from kaneflex.integrate.matrices import (
+    COMPLETED,
+    ONE,
+    SINGULAR,
+    THREE,
+    UNBOUNDED,
+    affine_sum,
+    compiled,
+    hand_over,
+    room,
+    rows_read,
+)
 from kaneflex.integrate.system import Packed
 from kaneflex.stamp import made_of
 
@@ -25,6 +35,10 @@ def _columns(order, packed, scalars, block, c_weight, k_weight, sums, columns, s
     n, n_slots = np.uint64(len(order)), layout.n_slots
     affine_sum(packed, scalars, block, sums)
     for i in range(n):
+        for j in range(layout.first[i]):  # beyond the band: the last inverse is still there
+            put(columns, _WIDTH * j + i, 0.0)
+        for j in range(layout.last[i], n):
+            put(columns, _WIDTH * j + i, 0.0)
         for j in range(layout.first[i], layout.last[i]):
             m = layout.base[i] + j
             c, k, slot = at(sums, n_slots + m), at(sums, n_slots + n_slots + m), _WIDTH * j + i

@@ -35,9 +35,12 @@ from numba import njit
 from kaneflex.integrate import lanes, matrices
 from kaneflex.integrate.lanes import FASTMATH, LANES, at, everywhere, less, put, size
 from kaneflex.integrate.matrices import (
+    COMPLETED,
     ONE,
+    SINGULAR,
     THREE,
     TWO,
+    UNBOUNDED,
     affine_sum,
     compiled,
     factor,
@@ -53,7 +56,6 @@ from kaneflex.integrate.matrices import (
 )  # fmt: skip
 from kaneflex.stamp import made_of
 
-COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 _STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH)

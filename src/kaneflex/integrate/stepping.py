@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate import steppers
+from kaneflex.integrate import matrices, small, steppers
+from kaneflex.integrate.abreast import Abreast, Systems
 from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
@@ -25,9 +26,9 @@ _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on
 _LARGEST = 1e150  # its square is still a number
 
 _OUTCOMES = {
-    steppers.COMPLETED: Outcome.COMPLETED,
-    steppers.SINGULAR: Outcome.SINGULAR,
-    steppers.UNBOUNDED: Outcome.UNSTABLE,
+    matrices.COMPLETED: Outcome.COMPLETED,
+    matrices.SINGULAR: Outcome.SINGULAR,
+    matrices.UNBOUNDED: Outcome.UNSTABLE,
 }
 
 
@@ -73,16 +74,17 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """All that does not change during a run.
+    """All that does not change during a run, or during one in each lane.
 
+    coefficients: numbers of the method, of systems in lanes with an axis of LANES more
     scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
     """
 
-    system: AffineSystem
+    system: AffineSystem | Systems
     method: Method
-    feed: Feed | Stretches
+    feed: Feed | Stretches | Abreast
     coefficients: np.ndarray
-    scales: tuple[float, ...]
+    scales: tuple[float | np.ndarray, ...]
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -97,18 +99,23 @@ class Setup:
         else:
             scalars = self.feed.read(np.array((row, row)))
         rest = (method.still(self.coefficients), load, state, 0, 1, np.inf, Stored.of(state, 2))
-        _, status = getattr(steppers, method.stepper)(self.system.packed, scalars, 1, 0, 1, *rest)
-        return status != steppers.SINGULAR
+        _, status = self.loop(state)(self.system.packed, scalars, 1, 0, 1, *rest)
+        return status != matrices.SINGULAR
 
-    def free_acceleration(self, table: np.ndarray) -> float:
-        """The largest acceleration of free masses under the forces of a table, as the loop reads it."""
+    def loop(self, state: State) -> Callable[..., tuple[int, int]]:
+        """The compiled loop that takes these states furthest in a second."""
+        one_after_the_other = state.z.ndim == 2
+        if self.method.stepper == "newmark" and one_after_the_other and self.system.n <= LANES:
+            return small.newmark
+        return getattr(steppers, self.method.stepper)
+
+    def free_acceleration(self, table: np.ndarray) -> float | np.ndarray:
+        """Largest of free masses under the forces of a table, as the loop reads it; of systems in lanes of each."""
         if not self.method.lanes:
             return float(np.abs(table * self.coefficients[8]).max())
-        width, rows = self.system.half_bandwidth, table.transpose(0, 2, 1).reshape(-1, table.shape[1])
-        mass = np.abs(self.system.M @ rows[0])[width :: 2 * width + 1]
-        force = np.abs(self.system.F @ rows.T).max(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return float(np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max())
+        if isinstance(self.system, Systems):
+            return np.array([_free_acceleration(*each) for each in self.system.with_tables(table)])
+        return _free_acceleration(self.system, table.transpose(0, 2, 1).reshape(-1, table.shape[1]))
 
 
 def advance(
@@ -120,7 +127,7 @@ def advance(
     load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
     """
-    loop = getattr(steppers, setup.method.stepper)
+    loop = setup.loop(state)
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup.system, state.z.shape[0], len(setup.method.nodes))
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
@@ -152,17 +159,25 @@ class _Bound:
     def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
         self._setup = setup
         self._duration = n_steps * setup.feed.step
-        self._free = np.abs(state.z).max() + self._duration * np.abs(state.v).max()
+        self._free = np.abs(state.z).max(axis=(0, 1)) + self._duration * np.abs(state.v).max(axis=(0, 1))
         self._acceleration = 0.0
         self._seen: np.ndarray | None = None
 
     def square(self, scalars: np.ndarray) -> float:
-        """Its square, for the forces met so far and those in this piece of the table."""
+        """Its square, for the forces met so far and those in this piece of the table; the least of all lanes."""
         if scalars is not self._seen:
             self._seen = scalars
-            self._acceleration = max(self._acceleration, self._setup.free_acceleration(scalars))
+            self._acceleration = np.maximum(self._acceleration, self._setup.free_acceleration(scalars))
         reach = self._free + self._duration**2 * self._acceleration
-        return min(_RUNAWAY * reach, _LARGEST) ** 2 if reach > 0.0 else _LARGEST**2
+        return float(np.where(reach > 0.0, np.minimum(_RUNAWAY * reach, _LARGEST), _LARGEST).min()) ** 2
+
+
+def _free_acceleration(system: AffineSystem, rows: np.ndarray) -> float:
+    width = system.half_bandwidth
+    mass = np.abs(system.M @ rows[0])[width :: 2 * width + 1]
+    force = np.abs(system.F @ rows.T).max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max())
 
 
 def _steps_of_a_call(system: AffineSystem, columns: int, nodes: int) -> int:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse import csc_array, csr_array
 
 _LONGEST_GAP = 4  # zeros worth adding up rather than starting a new run of slots
 _MATRICES = ("M", "C", "K")
@@ -106,19 +106,19 @@ class AffineSystem:
         """Scalar, slot in the vector of M, C, K and F, and value of everything that is not zero."""
         scalars, slots, values = [], [], []
         for block, name in enumerate((*_MATRICES, "F")):
-            found = coo_array(getattr(self, name))
-            used = found.data != 0.0
-            slot = found.row[used].astype(np.int64)
+            matrix = getattr(self, name)
+            used = matrix.data != 0.0
+            slot = _rows_of(matrix)[used]
             if name != "F":
                 rows, columns = self._places_of_slots(slot)
                 slot = layout.base[rows].astype(np.int64) + columns
-            scalars.append(found.col[used])
+            scalars.append(matrix.indices[used])
             slots.append(block * int(layout.n_slots) + slot)
-            values.append(found.data[used])
+            values.append(matrix.data[used])
         return np.concatenate(scalars), np.concatenate(slots), np.concatenate(values)
 
     def _places(self, matrix: csr_array) -> tuple[np.ndarray, np.ndarray]:
-        return self._places_of_slots(matrix.nonzero()[0])
+        return self._places_of_slots(_rows_of(matrix)[matrix.data != 0.0])
 
     def _places_of_slots(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         width = 2 * self.half_bandwidth + 1
@@ -161,3 +161,8 @@ def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
     starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
     places = (np.asarray(each, dtype=np.uint64) for each in (starts - first, first, last))
     return Layout(np.uint64(n * copies), np.uint64(lengths.sum()), *places)
+
+
+def _rows_of(matrix: csr_array) -> np.ndarray:
+    """The row of each stored number."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))

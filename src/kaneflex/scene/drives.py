@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
 from kaneflex.scene.quantities import Angle, DriveSpeed, Length, NonNegativeRatio, PositiveAngle, PositiveTime
-from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, LENGTH, Dimension, unit_factor
 
@@ -68,7 +68,7 @@ class Drive(SceneTable):
     @property
     def kind(self) -> str:
         """Which of "constant speed", "spin up", "law", "table" and "free" moves the joint."""
-        given = the_one_given(self, _KINDS)
+        given = first_given(self, _KINDS)
         if given == "speed":
             return "constant speed" if self.spin_up is None else "spin up"
         return given

@@ -28,7 +28,7 @@ from kaneflex.scene.quantities import (
     Ratios,
     WholeNumber,
 )
-from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
 
@@ -72,7 +72,7 @@ class Joint(SceneTable):
 
     @property
     def kind(self) -> str:
-        return the_one_given(self, ("revolute", "prismatic", "weld"))
+        return first_given(self, ("revolute", "prismatic", "weld"))
 
     @property
     def addresses(self) -> tuple[Address, Address]:
@@ -203,7 +203,7 @@ class Damping(SceneTable):
 
     @property
     def kind(self) -> str:
-        return the_one_given(self, ("rayleigh", "modal", "viscous"))
+        return first_given(self, ("rayleigh", "modal", "viscous"))
 
 
 class Forward(SceneTable):

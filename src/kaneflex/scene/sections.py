@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from kaneflex.errors import Fault
 from kaneflex.scene.quantities import PositiveLength
-from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.units import LENGTH, RATIO, to_si
 
 
@@ -113,7 +113,7 @@ class Shape(SceneTable):
 
     @property
     def kind(self) -> str:
-        return the_one_given(self, tuple(_SHAPES))
+        return first_given(self, tuple(_SHAPES))
 
     @property
     def dimensions(self) -> tuple[float, ...]:

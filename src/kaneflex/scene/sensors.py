@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
 from kaneflex.scene.quantities import Address, AddressField, Length
-from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.scene.table import SceneTable, first_given, the_one_given
 
 MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
 SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
@@ -96,7 +96,7 @@ class Sensor(SceneTable):
 
     @property
     def kind(self) -> str:
-        return the_one_given(self, KINDS)
+        return first_given(self, KINDS)
 
     @property
     def target(self) -> Address | str:

@@ -22,3 +22,9 @@ def the_one_given(table: SceneTable, names: Sequence[str]) -> str:
         reason = f"{' and '.join(given)} exclude each other" if given else f"none of {', '.join(names)} is given"
         raise Fault(reason, f"Give exactly one of {', '.join(names)}")
     return given[0]
+
+
+def first_given(table: SceneTable, names: Sequence[str]) -> str:
+    """The one of `names` that is given in a table that was checked: asked many times."""
+    values = table.__dict__
+    return next(name for name in names if values[name] is not None)

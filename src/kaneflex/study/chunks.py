@@ -8,7 +8,7 @@ from typing import Protocol
 
 from kaneflex.study.plan import Plan, names_file
 from kaneflex.study.points import Point
-from kaneflex.study.run import FAILED, Record, solve_point
+from kaneflex.study.run import FAILED, Record, solve_points
 from kaneflex.study.study import number_and_unit
 
 SECONDS = 1.0
@@ -63,8 +63,7 @@ def in_chunks(plan: Plan, todo: Sequence[int], start: Callable[[Plan], Pool]) ->
     before a worker starts.
     """
     here = first_of_each_kind(plan, todo)
-    for point in here:
-        yield solve_point(plan, point)
+    yield from solve_points(plan, here)
     left = set(todo) - set(here)
     if not left:
         return

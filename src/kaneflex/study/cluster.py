@@ -15,7 +15,7 @@ from kaneflex.errors import SceneError
 from kaneflex.scene import Scene, with_settings
 from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
 from kaneflex.study.plan import Plan, file_places, names_file, setting
-from kaneflex.study.run import Record, solve_points
+from kaneflex.study.run import Record, solve_chunk
 from kaneflex.writing import write_bytes
 
 if TYPE_CHECKING:
@@ -192,4 +192,4 @@ def _answer(future: Future) -> Answer:
 
 
 def _solve(digest: str, points: Points) -> Answer:
-    return solve_points(_shipments[digest].plan_of(points))
+    return solve_chunk(_shipments[digest].plan_of(points))

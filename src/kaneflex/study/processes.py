@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import Record, solve_points
+from kaneflex.study.run import Record, solve_chunk
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1 for workers, unless they are set already: there is a process for each core."""
@@ -99,4 +99,4 @@ def _end_with_parent() -> None:
 
 
 def _solve(points: Points) -> Answer:
-    return solve_points(replace(_own, points=points))
+    return solve_chunk(replace(_own, points=points))

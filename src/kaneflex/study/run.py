@@ -1,15 +1,20 @@
-"""One point of a sweep: solve it, and what is kept of it."""
+"""Points of a sweep: solve them, side by side where they are alike, and what is kept of each."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.errors import UserError
 from kaneflex.study.plan import Plan
+
+if TYPE_CHECKING:
+    from kaneflex.model import Model
+    from kaneflex.solution import Solution
 
 STATISTICS = ("min", "max", "rms", "mean")
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
@@ -45,43 +50,68 @@ class Record:
     series: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
-def solve_point(plan: Plan, point: int) -> Record:
-    """Solve a point; it never raises, but says in its record what went wrong."""
+def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
+    """Records of points in their order; it never raises, but says in a record what went wrong.
+
+    As many as there are lanes are in work at a time. What a record holds does not depend on the points beside it.
+    """
+    from kaneflex.integrate.lanes import LANES
+
+    for first in range(0, len(points), LANES):
+        yield from _solved(plan, points[first : first + LANES])
+
+
+def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
+    """Every point of a plan, and the seconds that they took."""
+    started = time.perf_counter()
+    return list(solve_points(plan, list(plan.points))), time.perf_counter() - started
+
+
+def _solved(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
+    from kaneflex.loading import load
+    from kaneflex.simulation import simulate, simulate_together
+
+    def finish(point: int, model: Model) -> Record:
+        return _record(plan, point, solutions.get(point) or simulate(model))
+
+    loaded = {point: _tried(lambda point: load(plan.at(point)), point) for point in points}
+    models = {point: model for point, model in loaded.items() if not isinstance(model, Record)}
     try:
-        return _solved(plan, point)
+        solutions = dict(zip(models, simulate_together(list(models.values())), strict=True))
+    except Exception:  # whatever it is: the point that breaks it says so when it is solved by itself
+        solutions = {}
+    for point, model in loaded.items():
+        yield model if isinstance(model, Record) else _tried(finish, point, model)
+
+
+def _tried(action: Callable[..., Model | Record], point: int, *more: Model) -> Model | Record:
+    """What the action gives of a point, or a record of what went wrong with it."""
+    try:
+        return action(point, *more)
     except UserError as error:
         return Record(point, REFUSED, str(error))
     except Exception as error:  # whatever one point breaks, the others are to be computed
         return Record(point, FAILED, f"{type(error).__name__}: {error}")
 
 
-def solve_points(plan: Plan) -> tuple[list[Record], float]:
-    """Every point of a plan, and the seconds that they took."""
-    started = time.perf_counter()
-    return [solve_point(plan, point) for point in plan.points], time.perf_counter() - started
+def _record(plan: Plan, point: int, solution: Solution) -> Record:
+    from kaneflex.summary import statistics
 
-
-def _solved(plan: Plan, point: int) -> Record:
-    from kaneflex.loading import load
-    from kaneflex.simulation import simulate
-    from kaneflex.summary import sensor_summaries
-
-    solution = simulate(load(plan.at(point)))
     outcome = solution.outcome.name.lower()
     if outcome != COMPLETED:
         return Record(point, outcome, solution.trajectory.message)
-    found = sensor_summaries(solution)
     series = {name: entry.values for name, entry in solution.series.items()}
-    statistics = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
-    labels = {name: (entry.unit, entry.meaning) for name, entry in found.items()}
+    found = {name: statistics(values, solution.times) for name, values in series.items()}
+    kept = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
+    labels = {name: (entry.unit, entry.meaning) for name, entry in solution.series.items()}
     if plan.sensitivities:
         from kaneflex.sensitivity.report import sensitivities
 
         derivatives = sensitivities(solution, plan.sensitivities, plan.frozen)
         for name, derivative in derivatives.named().items():
-            statistics[name] = tuple(getattr(derivative.of, key) for key in STATISTICS)
+            kept[name] = tuple(getattr(derivative.of, key) for key in STATISTICS)
             labels[name] = (derivative.of.unit, derivative.meaning)
             series[name] = derivative.values
     return Record(
-        point, outcome, "", statistics, labels, solution.times if plan.series else None, series if plan.series else {}
+        point, outcome, "", kept, labels, solution.times if plan.series else None, series if plan.series else {}
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 from kaneflex.folders import writing
 from kaneflex.study.dataset import write_netcdf
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import COMPLETED, Record, solve_point
+from kaneflex.study.run import COMPLETED, Record, solve_points
 from kaneflex.study.store import RESULT_FILES, Store, alone, open_store
 from kaneflex.study.zarr_store import demand_zarr, write_zarr
 
@@ -65,9 +65,8 @@ Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
 
 
 def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None, None]:
-    """One point after the other."""
-    for point in points:
-        yield solve_point(plan, point)
+    """Some points after the others."""
+    yield from solve_points(plan, points)
 
 
 def sweep(
