@@ -58,14 +58,15 @@ import numpy as np
 from integrate_cases import affine
 from kaneflex.integrate.run import integrate
 system = affine(1, 0, {"M": [np.eye(1)], "C": [np.eye(1)], "K": [np.eye(1)]}, np.ones((1, 1)))
-print(integrate(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD).v[-1, 0])
+print(integrate(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD, start=(np.ones(1), np.ones(1))).v[-1, 0])
 """
 
 
 @pytest.mark.parametrize(
     ("method", "file", "before", "after"),
     [
-        ("newmark", "matrices.py", "return force - reaction", "return force + reaction"),
+        ("gauss", "matrices.py", "return force - reaction", "return force + reaction"),
+        ("newmark", "inverse.py", "m[k][k] = reciprocal", "m[k][k] = one"),
         ("newmark", "lanes.py", '((operator.add, operator.iadd), "fadd")', '((operator.add, operator.iadd), "fsub")'),
     ],
 )

@@ -11,7 +11,7 @@ from kaneflex.integrate.lanes import FASTMATH, LANES, at, less, put, size, turn
 
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
-ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2  # how a loop ended
 _SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
@@ -70,8 +70,7 @@ def _handed_over(lanes, rows):
 @inlined
 def affine_sum(packed, scalars, row, sums):
     """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each."""
-    runs = packed.runs
-    data = packed.data
+    quads, runs, data = packed.quads, packed.runs, packed.data
     for i in range(THREE * packed.layout.n_slots + packed.layout.n):
         put(sums, i, 0.0)
     for k in range(runs.shape[0]):
@@ -80,6 +79,15 @@ def affine_sum(packed, scalars, row, sums):
         offset = runs[k, 3]
         for i in range(runs[k, 2]):
             put(sums, start + i, at(sums, start + i) + scalar * at(data, offset + i))
+    for k in range(quads.shape[0]):
+        one, two = at(scalars, (row, quads[k, 0])), at(scalars, (row, quads[k, 1]))
+        three, four = at(scalars, (row, quads[k, 2])), at(scalars, (row, quads[k, 3]))
+        start = quads[k, 4]
+        for i in range(quads[k, 5]):
+            number = quads[k, 6] + FOUR * i
+            more = three * at(data, number + TWO) + four * at(data, number + THREE)
+            before = at(sums, start + i) + one * at(data, number) + two * at(data, number + ONE)
+            put(sums, start + i, before + more)
 
 
 @compiled

@@ -25,16 +25,20 @@ class Layout(NamedTuple):
 
 
 class Packed(NamedTuple):
-    """An :class:`AffineSystem` as the compiled steppers read it, or one in each lane.
+    """An :class:`AffineSystem` as the compiled steppers read it.
 
-    One vector holds the slots of M, then C, then K, then F. Row k of ``runs`` says: add scalar ``runs[k,
-    0]`` times the ``runs[k, 2]`` numbers at ``data[runs[k, 3]]`` to the slots from ``runs[k, 1]`` on. A
-    scalar of a motion touches the coordinates of one link, which are neighbours, so the runs are few and
-    long. ``data`` of systems in lanes has an axis more.
+    One vector holds the slots of M, then C, then K, then F. A row (scalar, start, length, offset) of ``runs`` says:
+    add that scalar times `length` numbers of ``data`` from `offset` on to the slots from `start` on. A scalar of a
+    motion touches the coordinates of one link, which are neighbours, so the runs are few and long. Where several
+    scalars run over the same slots, four of them are a row (scalars, start, length, offset) of ``quads``, with four
+    numbers a slot: a sum is then stored once, not four times.
+
+    For several systems ``data`` has the shape (numbers, systems), else (numbers,).
     """
 
     layout: Layout
     pairs: Layout  # of the matrix of order 2 n in which every coordinate is two neighbouring unknowns
+    quads: np.ndarray
     runs: np.ndarray
     data: np.ndarray
 
@@ -43,11 +47,10 @@ class Packed(NamedTuple):
 class AffineSystem:
     """M(t) z'' + C(t) z' + K(t) z = F(t), each a sum of scalar of the motion x constant matrix.
 
-    Parameters ---------- n: number of coordinates z. half_bandwidth: largest ``|i - j|`` with an entry (i,
-    j) in M, C or K, called w below; n - 1 means dense. M, C, K: shape ``(n * (2 w + 1), n_scalars)``; row
-    ``i * (2 w + 1) + (j - i + w)`` times the scalars is entry
-        (i, j).
-    F: shape ``(n, n_scalars)``.
+    n: number of coordinates z
+    half_bandwidth: largest ``|i - j|`` with an entry (i, j) in M, C or K, called w below; n - 1 means dense
+    M, C, K: shape ``(n * (2 w + 1), n_scalars)``; row ``i * (2 w + 1) + (j - i + w)`` times the scalars is entry (i, j)
+    F: shape ``(n, n_scalars)``
 
     The scalars are the caller's, ``table(times) -> array (n_times, n_scalars)``; a constant matrix belongs
     to a scalar that is 1 at all times. Units are the caller's too, as long as they are consistent.
@@ -146,10 +149,32 @@ def pack(systems: Sequence[AffineSystem]) -> Packed:
     run = np.cumsum(begins) - 1
     lengths = keys[np.append(starts[1:], len(keys)) - 1] - keys[starts] + 1 if len(keys) else starts
     offsets = np.cumsum(lengths) - lengths
-    data = np.zeros((int(lengths.sum()), len(systems)))
-    np.add.at(data, ((offsets - keys[starts])[run][places] + keys[places], lanes), values)
-    runs = np.stack((keys[starts] // far % n_scalars, keys[starts] % far, lengths, offsets), axis=1)
-    return Packed(layout, _layout(n, half_bandwidth, 2), runs.astype(np.uint64), data)
+    numbers = np.zeros((int(lengths.sum()), len(systems)))
+    np.add.at(numbers, ((offsets - keys[starts])[run][places] + keys[places], lanes), values)
+    found = np.stack((keys[starts] // far % n_scalars, keys[starts] % far, lengths, offsets), axis=1)
+    return Packed(layout, _layout(n, half_bandwidth, 2), *_grouped(found, numbers))
+
+
+def _grouped(runs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Quads, runs and data of :class:`Packed` from runs alone: fours, or what is left of them, over the same slots."""
+    spans, span = np.unique(runs[:, 1:3], axis=0, return_inverse=True)
+    quads, single, data, size = [], [], [], 0
+    for k, (start, length) in enumerate(spans.tolist()):
+        members = runs[span.ravel() == k]
+        for first in range(0, len(members), 4):
+            four = members[first : first + 4]
+            places = four[:, 3, None] + np.arange(length)
+            if len(four) == 1:
+                single.append((four[0, 0], start, length, size))
+                data.append(numbers[places[0]])
+            else:
+                block = np.zeros((length, 4, numbers.shape[1]))
+                block[:, : len(four)] = numbers[places].swapaxes(0, 1)
+                quads.append((*np.resize(four[:, 0], 4), start, length, size))
+                data.append(block.reshape(-1, numbers.shape[1]))
+            size += len(data[-1])
+    tables = (np.array(rows, dtype=np.uint64).reshape(-1, width) for rows, width in ((quads, 7), (single, 4)))
+    return *tables, np.concatenate(data) if data else numbers
 
 
 def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
