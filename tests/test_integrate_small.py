@@ -1,0 +1,67 @@
+"""Newmark's loop for small systems against the one for all: the same steps, to rounding."""
+
+import numpy as np
+import pytest
+from integrate_cases import affine
+
+from kaneflex.integrate import matrices, small, steppers
+from kaneflex.integrate.methods import METHODS
+from kaneflex.integrate.run import set_up
+from kaneflex.integrate.stepping import State, Stored
+
+STEPS, EVERY, ENOUGH = 21, 3, 1e300
+
+
+def system_of(n, band):
+    """Random matrices of three scalars, of which the first one is constant."""
+    random = np.random.default_rng(n)
+    inside = np.abs(np.subtract.outer(range(n), range(n))) <= band
+    M, C, K = ([np.where(inside, random.normal(size=(n, n)), 0.0) for _ in range(3)] for _ in range(3))
+    M = [4.0 * np.eye(n), 0.1 * M[1], None]
+    return affine(n, band, {"M": M, "C": C, "K": [30.0 * np.eye(n), *K[1:]]}, random.normal(size=(n, 3)))
+
+
+def table(times):
+    return np.stack((np.ones_like(times), np.cos(times), np.sin(2.0 * times)), axis=1)
+
+
+def run_by(loop, system, method, columns=3, bound=ENOUGH, period=5):
+    """Status, states and what was stored, after two calls, the second of which begins within eight steps."""
+    setup = set_up(system, table, 0.3, 0.05, METHODS[method], None, 0.6)
+    scalars, *_ = setup.feed.piece(0, period)
+    random = np.random.default_rng(0)
+    state = State(*(random.normal(size=(columns, system.n)) for _ in State._fields))
+    load = np.linspace(0.0, 1.0, columns)[::-1].copy()
+    stored = Stored.of(state, STEPS // EVERY + 1)
+    done, ended = 0, []
+    for steps in (7, STEPS - 7):
+        rest = (setup.coefficients, load, state, done, EVERY, bound, stored)
+        taken, status = loop(system.packed, scalars, period, done % period, steps, *rest)
+        done += taken
+        ended.append((taken, status))
+        if status != matrices.COMPLETED:
+            break
+    return ended, state, stored
+
+
+@pytest.mark.parametrize(("n", "band"), [(1, 0), (5, 4), (8, 7), (8, 2)])
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha"])
+def test_it_takes_the_steps_of_the_loop_for_all_systems(method, n, band):
+    system = system_of(n, band)
+    ended, state, stored = run_by(small.newmark, system, method)
+    wanted, state_wanted, stored_wanted = run_by(steppers.newmark, system, method)
+    assert ended == wanted == [(7, matrices.COMPLETED), (STEPS - 7, matrices.COMPLETED)]
+    for got, want in zip((*state, *stored), (*state_wanted, *stored_wanted), strict=True):
+        np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-11 * np.abs(want).max())
+
+
+def test_it_ends_where_the_loop_for_all_systems_does():
+    system = system_of(5, 4)
+    _, state, _ = run_by(steppers.newmark, system, "newmark")
+    bound = 0.9 * float(np.square(state.z).sum(axis=1).max())
+    ended, *_ = run_by(small.newmark, system, "newmark", bound=bound)
+    assert ended == run_by(steppers.newmark, system, "newmark", bound=bound)[0]
+    assert ended[-1][1] == matrices.UNBOUNDED
+    nothing = affine(5, 4, {"M": [None] * 3, "C": [None] * 3, "K": [None] * 3}, np.ones((5, 3)))
+    for loop in (small.newmark, steppers.newmark):
+        assert run_by(loop, nothing, "newmark")[0] == [(0, matrices.SINGULAR)]
