@@ -23,6 +23,8 @@ from kaneflex.options import Options
 from kaneflex.scene import Scene
 from kaneflex.springs import place_springs
 
+_IN_EQUATIONS = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "damping")
+"""Tables of a scene that its equations depend on, beside the drives."""
 _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
@@ -32,14 +34,18 @@ Near = tuple[Model, ModuleType]
 
 
 def build_model(
-    scene: Scene, options: Options, motion: Motion, near: Near | None = None, frozen: Model | None = None
-) -> Model:
+    scene: Scene, options: Options, motion: Motion, near: Near | None = None, frozen: Model | None = None,
+    like: Model | None = None,
+) -> Model:  # fmt: skip
     """Mesh the links, assemble, reduce.
 
     ``near`` gives the order of the coordinates, and the elements that this model's differ from to first order;
-    ``frozen`` the bases and the modes of damping.
+    ``frozen`` the bases and the modes of damping; ``like`` the equations, where they are the same.
     """
     reference = _reference_time(scene, options, motion)
+    if like is not None and _same_equations(scene, options, motion, like):
+        mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
+        return replace(like, **mine, energy=None, warnings=(), seconds={})
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         empty = {
             key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
@@ -78,6 +84,22 @@ def build_model(
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
     return model
+
+
+def _same_equations(scene: Scene, options: Options, motion: Motion, like: Model) -> bool:
+    """Whether a model's equations are those of the scene: of what they depend on no more than speeds of drives differs.
+
+    A speed enters the scalars of the motion alone, unless the equations are those of one instant.
+    """
+    of_an_instant = options.reduction == "modal" or (scene.damping is not None and scene.damping.kind == "modal")
+    as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
+    if motion.module is not like.module or as_before != like.options or of_an_instant:
+        return False
+    if options.dynamics == "coupled" or scene.drives.keys() != like.scene.drives.keys():
+        return False
+    drives = {name: drive.model_copy(update={"speed": scene.drives[name].speed})
+              for name, drive in like.scene.drives.items()}  # fmt: skip
+    return drives == scene.drives and all(getattr(scene, name) == getattr(like.scene, name) for name in _IN_EQUATIONS)
 
 
 def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:

@@ -36,7 +36,7 @@ _SWEEP = 720
 """Samples of a cycle at which the linkage must close before anything is computed."""
 
 
-def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
+def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None) -> Model:
     """Bind a scene to its generated module.
 
     Parameters
@@ -44,6 +44,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     scene : Scene
     progress : callable
         Called with the name of each stage that can take longer than a moment.
+    like : Model, optional
+        Of a similar scene: where the equations are the same they are taken from it, which gives the same model sooner.
 
     Returns
     -------
@@ -87,7 +89,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     check_closure(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
-    model = build_model(scene, options, motion)
+    model = build_model(scene, options, motion, like=like)
     seconds = {
         "derive": derived,
         "compile": compiled - bound,

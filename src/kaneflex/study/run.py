@@ -71,17 +71,23 @@ def _solved(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
     from kaneflex.loading import load
     from kaneflex.simulation import simulate, simulate_together
 
+    def begin(point: int) -> Model:
+        return load(plan.at(point), like=next(reversed(models.values()), None))
+
     def finish(point: int, model: Model) -> Record:
         return _record(plan, point, solutions.get(point) or simulate(model))
 
-    loaded = {point: _tried(lambda point: load(plan.at(point)), point) for point in points}
-    models = {point: model for point, model in loaded.items() if not isinstance(model, Record)}
+    models: dict[int, Model] = {}
+    failed: dict[int, Record] = {}
+    for point in points:
+        loaded = _tried(begin, point)
+        (failed if isinstance(loaded, Record) else models)[point] = loaded
     try:
         solutions = dict(zip(models, simulate_together(list(models.values())), strict=True))
     except Exception:  # whatever it is: the point that breaks it says so when it is solved by itself
         solutions = {}
-    for point, model in loaded.items():
-        yield model if isinstance(model, Record) else _tried(finish, point, model)
+    for point in points:
+        yield failed[point] if point in failed else _tried(finish, point, models[point])
 
 
 def _tried(action: Callable[..., Model | Record], point: int, *more: Model) -> Model | Record:
