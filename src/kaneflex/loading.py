@@ -138,10 +138,8 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
 
 
 def _compile(motion: Motion) -> None:
-    """Call the kernels that every load needs once, so that compiling is seen and timed apart from computing."""
+    """Call the kernel that every load needs once, so that compiling is seen and timed apart from computing."""
     motion.table(np.zeros(1))
-    if motion.module.LINKS:
-        motion.module.terms(0, np.ones(len(motion.module.ELEMENT_PARAMETERS)), np.zeros((6, 6)))
 
 
 def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
