@@ -85,17 +85,19 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
 
     A chain of links is narrow as it was named; where a loop closes or several links meet, its two ends lie far apart.
     """
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
     size = len(frame.coordinates)
     touched = kept(csr_array((size, size)))
     for part, L in placed:
         within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
         touched = touched + motion.T @ within @ motion
     pattern = csr_array(touched)
+    before = _half_bandwidth(pattern)
+    if before <= _NARROW:  # what is narrow keeps the order of its names
+        return frame, placed
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
-    before, after = _half_bandwidth(pattern), _half_bandwidth(pattern[order][:, order])
-    if before <= _NARROW or after >= before:  # what is narrow keeps the order of its names
+    if _half_bandwidth(pattern[order][:, order]) >= before:
         return frame, placed
     return _ordered(frame, placed, [frame.coordinates[k] for k in order])
 

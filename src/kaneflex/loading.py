@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
-from kaneflex.coupled.system import build_system, with_stretch
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion, RigidMotion
@@ -64,6 +63,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None) -> Model:
     ignored, scene = _ignored(scene, options), acting(scene, options)
     coupled = None
     if options.dynamics == "coupled":
+        from kaneflex.coupled.system import build_system, with_stretch
+
         coupled, more = build_system(scene, progress)
         scene, derived = with_stretch(scene), derived + more
     bound = time.perf_counter()
