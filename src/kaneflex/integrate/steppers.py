@@ -56,7 +56,7 @@ from kaneflex.stamp import stamp
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2
 _STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 _MADE_OF = stamp(lanes.__file__, matrices.__file__)
-_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
 @inlined
