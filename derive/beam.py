@@ -279,9 +279,7 @@ def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, 
     return tuple((name, found[name], unit, meaning) for name, unit, meaning in entries)
 
 
-def beam_element(
-    rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True
-) -> Element:
+def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True) -> Element:
     """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
 
     Its terms make up M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M_t + epsilon G + K_g) q = F; M_t is the mass
