@@ -201,9 +201,12 @@ def affine_terms(equations: ParticleEquations, section: Section, first: int, las
     return {key: ImmutableMatrix(matrix).expand() for key, matrix in matrices.items()}
 
 
-def inertia_terms(equations: ParticleEquations, section: Section) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """The inertia's terms in the elastic rows and in the frame's own three, in the order of KANE_TERMS."""
-    elastic, frame = affine_terms(equations, section, 3, len(equations.rows)), affine_terms(equations, section, 0, 3)
+def inertia_terms(
+    equations: ParticleEquations, section: Section, with_frame: bool
+) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
+    """The inertia's terms in the elastic rows and, if asked for, the frame's own three, in the order of KANE_TERMS."""
+    elastic = affine_terms(equations, section, 3, len(equations.rows))
+    frame = affine_terms(equations, section, 0, 3) if with_frame else {}
     unknown = [key for key in (*elastic, *frame) if key not in KANE_TERMS]
     assert not unknown, f"Kane's equations hold terms without a name: {unknown}"
     of_element = [Term(*KANE_TERMS[key], *key, elastic[key]) for key in KANE_TERMS if key in elastic]
@@ -276,7 +279,7 @@ def with_symbols(entries: tuple[tuple[str, str, str], ...], found: Mapping[str, 
     return tuple((name, found[name], unit, meaning) for name, unit, meaning in entries)
 
 
-def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False) -> Element:
+def beam_element(rotary: bool = False, shear: bool = False, varying: bool = False, with_frame: bool = True) -> Element:
     """The planar beam element: inertia by Kane's method, elastic, geometric and viscous terms.
 
     Its terms make up M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M_t + epsilon G + K_g) q = F; M_t is the mass
@@ -286,11 +289,12 @@ def beam_element(rotary: bool = False, shear: bool = False, varying: bool = Fals
     rotary: with the rotary inertia of the sections (Rayleigh). shear: sections don't stay normal to the axis
     (Timoshenko). varying: the section grows linearly over the element, and need not be that of the link before
     it. What is False leaves no parameter; of an element with everything, Euler-Bernoulli is rho_I = phi_s = 0.
+    with_frame: with the terms of the frame's own rows, which a module has no use for.
     """
     section = beam_section(rotary, varying)
     shape = beam_shape(section, shear)
     equations = particle_equations(shape, rotary)
-    of_element, of_frame = inertia_terms(equations, section)
+    of_element, of_frame = inertia_terms(equations, section, with_frame)
     N = shape.displacement
     viscous = Term("viscous", "damping", "C", S.One, (N.T * N).applyfunc(integral))
     stiffness = elastic_terms(shape) + geometric_terms(shape, axial_tension(equations, section))

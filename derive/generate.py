@@ -46,7 +46,7 @@ def element_of(structure: dict[str, Any], viscous: bool) -> Element:
     theories = {body.get("theory") for body in structure["bodies"].values()}
     shear = "timoshenko" in theories
     varying = any(body.get("varying") for body in structure["bodies"].values())
-    element = beam_element(rotary=shear or "rayleigh" in theories, shear=shear, varying=varying)
+    element = beam_element(rotary=shear or "rayleigh" in theories, shear=shear, varying=varying, with_frame=False)
     return replace(element, terms=tuple(term for term in element.terms if viscous or term.group != "damping"))
 
 

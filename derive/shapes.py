@@ -6,6 +6,7 @@ that no kernel ever reads it.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff, symbols
 
@@ -122,6 +123,7 @@ def antiderivative(integrand: Expr) -> Expr:
     return sum((c * x ** (k + 1) * Rational(1, k + 1) for (k,), c in Poly(integrand, x).terms()), S.Zero)
 
 
+@cache  # of a symmetric matrix most entries are met twice
 def integral(integrand: Expr) -> Expr:
     """Exact integral of a polynomial over x in 0..length, by the moments int x^k dx = length^(k+1)/(k+1)."""
     return antiderivative(integrand).xreplace({x: length}).expand()

@@ -151,11 +151,11 @@ def test_a_run_that_fails_while_writing_leaves_the_old_folder_and_nothing_else(m
     Path("r").mkdir()
     Path("r/summary.json").write_text("old")
 
-    def write_netcdf(solution, path):
+    def to_netcdf(self, path):
         path.write_bytes(b"half")
         raise failure
 
-    monkeypatch.setattr("kaneflex.results.write_netcdf", write_netcdf)
+    monkeypatch.setattr("kaneflex.labelled.Labelled.to_netcdf", to_netcdf)
     arguments = ("run", "engine", "--preset", "rigid", "--no-plots", "--force", "-o")
     if failure is KeyboardInterrupt:
         for folder in ("r", "new/deep"):
@@ -186,10 +186,10 @@ def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(monkeypatch):
 
 
 def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
-    def write_netcdf(solution, path):
+    def to_netcdf(self, path):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("kaneflex.results.write_netcdf", write_netcdf)
+    monkeypatch.setattr("kaneflex.labelled.Labelled.to_netcdf", to_netcdf)
     result = cli("run", "engine", "--preset", "rigid", "--no-plots", "-o", "r")
     refused(result, "r: can't be written (No space left on device)")
     assert list(Path().iterdir()) == []

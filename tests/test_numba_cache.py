@@ -91,3 +91,13 @@ def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path, 
     assert text.count(before) == 1
     part.write_text(text.replace(before, after))
     assert moved() != first
+
+
+def test_a_first_run_compiles_the_motion_and_the_steps_once_and_nothing_else(tmp_path):
+    """What is compiled is what a user waits for: one specialisation of each loop, none of an element's matrices."""
+    command = [sys.executable, "-m", "kaneflex", "run", "engine", "--no-plots", "-o", str(tmp_path / "results")]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
+    assert result.returncode == 0, result.stderr
+    compiled = sorted(path.name.partition("-")[0] for path in (tmp_path / "cache").rglob("*.nbc"))
+    assert compiled == ["engine.motion", "engine.table", "engine.tabulate", "products._fill", "steppers.gauss"]

@@ -13,8 +13,8 @@ import pytest
 import xarray
 
 import kaneflex
+from kaneflex.labelled import Labelled
 from kaneflex.presentation import _sensor_row
-from kaneflex.results import write_netcdf
 from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.summary import (
     EnergyBalance,
@@ -47,7 +47,7 @@ def solution():
 @pytest.fixture(scope="module")
 def stored(solution, tmp_path_factory):
     path = tmp_path_factory.mktemp("results") / "results.nc"
-    write_netcdf(solution, path)
+    solution.labelled.to_netcdf(path)
     return path
 
 
@@ -114,8 +114,32 @@ def test_file_holds_what_the_dataset_holds(solution, stored):
         assert found.attrs["structure"] == solution.model.scene.structure_hash()
 
 
+def test_file_is_the_one_that_xarray_writes(tmp_path):
+    """Every kind of value, coordinates of one, of all and of no variable, texts beyond ASCII."""
+    time, two = np.linspace(0.0, 1.0, 3), ("state", "time")
+    labelled = Labelled(
+        {"z": ("time", time, {"units": "m", "value": 2.5}), "both": (two, np.array([[1.0, np.nan, 2.0]] * 2)),
+         "said": ("time", np.array(["ä", "xx", ""])), "ran": ("state", np.array([True, False])), "one": ((), 1.5)},
+        {"time": ("time", time, {"units": "s"}), "angle": ("time", time), "state": ("state", np.array(["p", "qq"])),
+         "number": ("state", np.array([1, 2])), "lonely": ("other", np.zeros(2))},
+        {"title": "Stößel"},
+    )  # fmt: skip
+    ours, theirs = tmp_path / "ours.nc", tmp_path / "theirs.nc"
+    labelled.to_netcdf(ours)
+    labelled.dataset().to_netcdf(theirs, engine="scipy", format="NETCDF3_64BIT")
+    for decode in (True, False):
+        with xarray.open_dataset(ours, decode_cf=decode) as found, xarray.open_dataset(theirs, decode_cf=decode) as x:
+            xarray.testing.assert_identical(found.load(), x.load())
+
+
+def test_an_integer_beyond_32_bits_is_a_double_in_the_file(tmp_path):
+    Labelled({"E": ("point", np.array([210_000_000_000, 1]))}, {}, {}).to_netcdf(tmp_path / "E.nc")
+    with xarray.open_dataset(tmp_path / "E.nc") as found:
+        assert found["E"].dtype == np.float64 and found["E"].values.tolist() == [2.1e11, 1.0]
+
+
 def test_file_depends_on_neither_clock_nor_place(solution, stored, tmp_path):
-    write_netcdf(solution, tmp_path / "again.nc")
+    solution.labelled.to_netcdf(tmp_path / "again.nc")
     assert (tmp_path / "again.nc").read_bytes() == stored.read_bytes()
     assert str(stored.parent).encode() not in stored.read_bytes()
 

@@ -107,8 +107,6 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
 
     A chain of links is narrow as it was named; where a loop closes or several links meet, its two ends lie far apart.
     """
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
     size = len(frame.coordinates)
     touched = Affine.zero(size, size).pattern()
     for part, L in placed:
@@ -118,6 +116,11 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     if before <= _NARROW:  # what is narrow keeps the order of its names
         return frame, placed
     pattern = csr_array(touched)
+    before = _half_bandwidth(pattern)
+    if before <= _NARROW:  # what is narrow keeps the order of its names
+        return frame, placed
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
     if _half_bandwidth(pattern[order][:, order]) >= before:
         return frame, placed

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.errors import SceneError, StoppedEarly, nearest
+from kaneflex.labelled import Labelled
 from kaneflex.scene.parts import PRESETS
 
 if TYPE_CHECKING:
@@ -148,13 +149,11 @@ class Comparison:
         return Difference(sensor, model, self.scene.sensors[sensor].unit, *peaks, math.sqrt(mean_square))
 
     @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """All curves, labelled: dimensions ``model`` and ``time`` [s], a variable for each sensor in SI.
+    def labelled(self) -> Labelled:
+        """All curves: dimensions ``model`` and ``time`` [s], a variable for each sensor in SI.
 
         NaN stands where a model does not give a sensor.
         """
-        import xarray
-
         none = np.full(len(self.times), np.nan)
         variables = {
             name: (
@@ -164,8 +163,16 @@ class Comparison:
             )
             for name, sensor in self.scene.sensors.items()
         }
-        coordinates = {"model": list(self.curves), "time": ("time", self.times, {"units": "s", "long_name": "time"})}
-        return xarray.Dataset(variables, coordinates, {"scene": self.scene.name, "against": self.against})
+        coordinates = {
+            "model": ("model", np.array(list(self.curves))),
+            "time": ("time", self.times, {"units": "s", "long_name": "time"}),
+        }
+        return Labelled(variables, coordinates, {"scene": self.scene.name, "against": self.against})
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """:attr:`labelled` as one labelled dataset."""
+        return self.labelled.dataset()
 
 
 def compare(

@@ -129,13 +129,13 @@ def build_link(
     of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
     parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
     for e in range(elements):
-        p = np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
-        for k, (_, group, target, factors) in enumerate(module.TERMS):
+        p = _of_element(module, parameters, e)
+        for term, group, target, factors in module.TERMS:
             out = np.zeros((6, 1 if target == "F" else 6))
             if near is None:
-                module.terms(k, p, out)
+                _interpret(module, f"term_{term}", p, out)
             else:
-                _add_linear(k, module, near, e, p, out)
+                _add_linear(term, module, near, e, p, out)
             if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
                 out *= scene.damping.viscous.mu
             elif group == "damping":
@@ -162,13 +162,24 @@ def build_link(
     return Link(name, nodes, parameters, element_terms, part)
 
 
-def _add_linear(k: int, module: ModuleType, near: tuple[Link, ModuleType], e: int, p: np.ndarray, out: np.ndarray):
-    """Add the k-th term of an element of the link nearby, and its slope along the difference of the parameters."""
+def _of_element(module: ModuleType, parameters: Mapping[str, np.ndarray], e: int) -> np.ndarray:
+    return np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
+
+
+def _interpret(module: ModuleType, kernel: str, *arguments: np.ndarray) -> None:
+    """Call the Python that a kernel is compiled from: to compile the terms, or even to read them back from the cache,
+    takes a thousand times longer than the few dozen calls that a model needs."""
+    with np.errstate(all="ignore"):  # as compiled: what overflows is found where it matters
+        getattr(module, kernel).py_func(*arguments)
+
+
+def _add_linear(term: str, module: ModuleType, near: tuple[Link, ModuleType], e: int, p: np.ndarray, out: np.ndarray):
+    """Add a term of an element of the link nearby, and its slope along the difference of the parameters."""
     link, slopes = near
-    p_0 = np.array([link.parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
-    module.terms(k, p_0, out)
+    p_0 = _of_element(module, link.parameters, e)
+    _interpret(module, f"term_{term}", p_0, out)
     change = np.zeros_like(out)
-    slopes.terms_slope(k, p_0, p - p_0, change)
+    _interpret(slopes, f"term_{term}_slope", p_0, p - p_0, change)
     out += change
 
 

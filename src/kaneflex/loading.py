@@ -12,7 +12,6 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
-from kaneflex.coupled.system import build_system, with_stretch
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion, RigidMotion
@@ -66,6 +65,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
     ignored, scene = _ignored(scene, options), acting(scene, options)
     coupled = None
     if options.dynamics == "coupled":
+        from kaneflex.coupled.system import build_system, with_stretch
+
         coupled, more = build_system(scene, progress)
         scene, derived = with_stretch(scene), derived + more
     bound = time.perf_counter()
@@ -140,10 +141,8 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
 
 
 def _compile(motion: Motion) -> None:
-    """Call the kernels that every load needs once, so that compiling is seen and timed apart from computing."""
+    """Call the kernel that every load needs once, so that compiling is seen and timed apart from computing."""
     motion.table(np.zeros(1))
-    if motion.module.LINKS:
-        motion.module.terms(0, np.ones(len(motion.module.ELEMENT_PARAMETERS)), np.zeros((6, 6)))
 
 
 def check_closure(scene: Scene, motion: Motion, options: Options) -> None:

@@ -45,7 +45,7 @@ class Motion:
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        times = np.atleast_1d(np.asarray(times, dtype=float))
+        times = np.ascontiguousarray(times, dtype=float)  # else the kernel is compiled again for strided ones
         out = np.zeros((len(times), len(self.column)))
         self.module.tabulate(times, self.parameters, out)
         return out

@@ -1,21 +1,19 @@
-"""Results as labelled arrays and as netCDF, SI throughout but for the drives' angles in degrees."""
+"""Results as labelled arrays, SI throughout but for the drives' angles in degrees."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    import xarray
+from kaneflex.labelled import Labelled
 
-    from kaneflex.sensitivity.report import Sensitivities
+if TYPE_CHECKING:
     from kaneflex.solution import Solution
 
 
-def to_dataset(solution: Solution) -> xarray.Dataset:
-    """All sensors of a solution as one dataset.
+def labelled(solution: Solution) -> Labelled:
+    """All sensors of a solution.
 
     Parameters
     ----------
@@ -23,15 +21,13 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
 
     Returns
     -------
-    xarray.Dataset
+    Labelled
         Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, counted on from cycle to
         cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
         forces, with CF ``units`` and ``long_name``. Of a coupled run also dimension ``state``, the names of its
         coordinates, with ``last_state`` and ``last_rate`` at the last time.
         Attributes say what was solved and how it ended; none depends on the machine or the clock.
     """
-    import xarray
-
     import kaneflex
 
     model = solution.model
@@ -59,7 +55,7 @@ def to_dataset(solution: Solution) -> xarray.Dataset:
         "preset": model.options.preset,
         "outcome": solution.outcome.name.lower(),
     }
-    return xarray.Dataset(variables, coordinates, about)
+    return Labelled(variables, coordinates, about)
 
 
 def _last_state(solution: Solution) -> tuple[tuple, dict[str, tuple]]:
@@ -72,11 +68,3 @@ def _last_state(solution: Solution) -> tuple[tuple, dict[str, tuple]]:
         "last_state": ("state", state.q, about),
         "last_rate": ("state", state.v, about | {"long_name": "their rates at the last time"}),
     }
-
-
-def write_netcdf(solution: Solution | Sensitivities, path: Path) -> None:
-    """Write the dataset of a solution, or of its sensitivities, as netCDF 3 (64-bit offset).
-
-    ``xarray.open_dataset`` reads it with scipy alone.
-    """
-    solution.dataset.to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")

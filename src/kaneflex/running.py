@@ -78,8 +78,6 @@ def run_into(
     SceneError
         If the scene can't be solved, or nothing can be chosen.
     """
-    from kaneflex.results import write_netcdf
-
     with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
         choice = None
         if tolerance is not None:
@@ -93,7 +91,7 @@ def run_into(
             with writing(folder):
                 _write(solution, summary, partial)
                 if found is not None:
-                    write_netcdf(found, partial / SENSITIVITIES_FILE)
+                    found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
         if plots and summary.outcome == "completed":
             with writing(folder):
                 _draw(solution, partial, waiting)
@@ -162,12 +160,10 @@ def _differentiated(
 
 
 def _write(solution: Solution, summary: Summary, folder: Path) -> None:
-    from kaneflex.results import write_netcdf
-
     text = summary.model_dump_json(indent=2) + "\n"
     (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
     if summary.sensors:
-        write_netcdf(solution, folder / RESULTS_FILE)
+        solution.labelled.to_netcdf(folder / RESULTS_FILE)
 
 
 def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
@@ -236,4 +232,4 @@ def _write_comparison(comparison: Comparison, settings: Sequence[str], folder: P
         writer = csv.DictWriter(file, [field.name for field in fields(Difference)], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    comparison.dataset.to_netcdf(folder / CURVES_FILE, engine="scipy", format="NETCDF3_64BIT")
+    comparison.labelled.to_netcdf(folder / CURVES_FILE)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import xarray
 
     from kaneflex.coupled.motion import CoupledMotion
+    from kaneflex.labelled import Labelled
     from kaneflex.sensors import Series
 
 
@@ -143,11 +144,16 @@ class Solution:
         return {drive: self.rigid[f"{drive}.angle"] for drive in self.model.scene.drives}
 
     @cached_property
+    def labelled(self) -> Labelled:
+        """All sensors as labelled arrays; see :mod:`kaneflex.results`."""
+        from kaneflex.results import labelled
+
+        return labelled(self)
+
+    @cached_property
     def dataset(self) -> xarray.Dataset:
         """All sensors as one labelled dataset; see :mod:`kaneflex.results`."""
-        from kaneflex.results import to_dataset
-
-        return to_dataset(self)
+        return self.labelled.dataset()
 
     def __getitem__(self, sensor: str) -> xarray.DataArray:
         """One sensor as a labelled array over ``time`` [s].

@@ -67,7 +67,7 @@ def _wide(part):
     return filled
 
 
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 @made_of(inverse.__file__, lanes.__file__, matrices.__file__)
 def _newmark(order, packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     n, n_columns = np.uint64(len(order)), state[0].shape[0]

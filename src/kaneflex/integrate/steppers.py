@@ -58,7 +58,7 @@ from kaneflex.stamp import made_of
 
 _STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
-_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
 @inlined

@@ -12,7 +12,8 @@ from kaneflex.errors import Fault
 class SceneTable(BaseModel):
     """Base of every table of a scene file: frozen, and no key that it does not know."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants")
+    # The whole scene's validator holds those of its tables, which few ask for by themselves: built on first use.
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants", defer_build=True)
 
 
 def the_one_given(table: SceneTable, names: Sequence[str]) -> str:

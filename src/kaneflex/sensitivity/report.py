@@ -10,6 +10,7 @@ import numpy as np
 
 from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.labelled import Labelled
 from kaneflex.model import Motion
 from kaneflex.options import resolve_options
 from kaneflex.scene import Scene
@@ -109,22 +110,24 @@ class Sensitivities:
         }
 
     @property
-    def dataset(self) -> xarray.Dataset:
+    def labelled(self) -> Labelled:
         """All derivatives over time.
 
-        Returns
-        -------
-        xarray.Dataset
-            The coordinates of the run's own; a variable ``d_SENSOR_d_PARAMETER`` for each sensor and parameter, with
-            ``units``, ``long_name`` and the parameter's ``value`` in SI.
+        The coordinates of the run's own; a variable ``d_SENSOR_d_PARAMETER`` for each sensor and parameter, with
+        ``units``, ``long_name`` and the parameter's ``value`` in SI.
         """
-        run = self.solution.dataset
         variables = {}
         for name, derivative in self.named().items():
             about = {"units": derivative.of.unit, "long_name": derivative.meaning, "value": derivative.parameter.value}
             variables[name] = ("time", derivative.values, about)
+        run = self.solution.labelled
         basis = {"modal_basis": "frozen" if self.frozen else "recomputed"}
-        return run.drop_vars(list(run.data_vars)).assign(variables).assign_attrs(basis)
+        return Labelled(variables, run.coordinates, {**run.attributes, **basis})
+
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """:attr:`labelled` as one labelled dataset."""
+        return self.labelled.dataset()
 
 
 def sensitivities(

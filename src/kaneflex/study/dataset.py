@@ -1,37 +1,32 @@
-"""The finished points of a sweep as one labelled dataset, written as netCDF."""
+"""The finished points of a sweep as labelled arrays, written as netCDF."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.labelled import Labelled
 from kaneflex.study.plan import Plan
 from kaneflex.study.run import STATISTICS, Record
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
 
-if TYPE_CHECKING:
-    import xarray
 
-
-def to_dataset(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> xarray.Dataset:
+def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> Labelled:
     """Finished points of these numbers.
 
     ``instants`` is how many each series is filled up to; without series it is of no use.
 
     Returns
     -------
-    xarray.Dataset
+    Labelled
         Dimensions ``point`` and ``statistic`` (min, max, rms, mean); along ``point`` a coordinate for each parameter,
         named by its path, in the unit that the study gives it. A variable for each sensor in SI, NaN where a point was
         not completed; ``outcome`` and ``reason`` say how it ended. With series also ``NAME_series`` over ``point`` and
         ``instant``, at the times ``time`` [s], filled up with NaN where a run has fewer instants than another.
     """
-    import xarray
-
     import kaneflex
 
     records = list(store.records(points))
@@ -43,12 +38,12 @@ def to_dataset(plan: Plan, store: Store, points: Sequence[int], instants: int = 
         variables[name] = (("point", "statistic"), _statistics(name, records), about)
     if plan.series:
         variables |= _series(store, points, instants)
-    coordinates = {"point": list(points), "statistic": list(STATISTICS)}
+    coordinates = {"point": ("point", np.array(points)), "statistic": ("statistic", np.array(STATISTICS))}
     for path in plan.points[0]:
         values, about = column([point[path] for point in plan.points.values()])
         coordinates[path] = ("point", values[list(points)], {"long_name": path} | about)
     about = {"source": f"kaneflex {kaneflex.__version__}", "scene": plan.scene.name, "study": plan.digest}
-    return xarray.Dataset(variables, coordinates, about)
+    return Labelled(variables, coordinates, about)
 
 
 def _labels(store: Store) -> dict[str, dict[str, str]]:
@@ -90,11 +85,10 @@ def column(values: Sequence[Value]) -> tuple[np.ndarray, dict[str, str]]:
 
 
 def write_netcdf(plan: Plan, store: Store, path: Path) -> None:
-    """Write :func:`to_dataset` of all points whole, as netCDF 3 (64-bit offset), which xarray reads with scipy."""
+    """Write :func:`labelled` of all points whole, as netCDF."""
     partial = path.with_name(f".{path.name}.partial")
     points = sorted(store.finished)
-    whole = to_dataset(plan, store, points, longest(plan, store))
-    whole.to_netcdf(partial, engine="scipy", format="NETCDF3_64BIT")
+    labelled(plan, store, points, longest(plan, store)).to_netcdf(partial)
     partial.replace(path)
 
 

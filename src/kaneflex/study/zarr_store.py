@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from kaneflex.errors import SceneError
-from kaneflex.study.dataset import longest, to_dataset
+from kaneflex.study.dataset import labelled, longest
 from kaneflex.study.plan import Plan
 from kaneflex.study.store import Store
 
@@ -28,7 +28,7 @@ def demand_zarr() -> None:
 
 
 def write_zarr(plan: Plan, store: Store, path: Path) -> None:
-    """Write :func:`kaneflex.study.dataset.to_dataset` as Zarr, a block of points at a time, so that memory stays flat.
+    """Write :func:`kaneflex.study.dataset.labelled` as Zarr, a block of points at a time, so that memory stays flat.
 
     Version 2 of the format: version 3 has no settled way to keep texts.
     """
@@ -37,7 +37,7 @@ def write_zarr(plan: Plan, store: Store, path: Path) -> None:
     points, instants = sorted(store.finished), longest(plan, store)
     size = max(1, min(_POINTS, _BLOCK // max(1, instants * len(store.labels))))
     for begin in range(0, len(points), size):
-        block = to_dataset(plan, store, points[begin : begin + size], instants)
+        block = labelled(plan, store, points[begin : begin + size], instants).dataset()
         for name in ("outcome", "reason", *plan.points[0]):
             if block[name].dtype.kind == "U":  # of the width of this block's longest
                 block[name] = block[name].astype(object)

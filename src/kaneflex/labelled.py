@@ -1,0 +1,90 @@
+"""Labelled arrays as plain data: xarray's dataset of them, and netCDF files written without importing xarray.
+
+What xarray imports (pandas, and Dask and pint where they are installed) takes longer than the engine takes to solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+    from scipy.io import netcdf_file
+
+Entry = tuple[str | tuple[str, ...], np.ndarray] | tuple[str | tuple[str, ...], np.ndarray, Mapping[str, Any]]
+"""Dimensions, values and, if there are any, attributes: what xarray.Variable takes."""
+
+
+class Labelled(NamedTuple):
+    """What xarray.Dataset takes: variables and coordinates by name, and attributes of the whole."""
+
+    variables: Mapping[str, Entry]
+    coordinates: Mapping[str, Entry]
+    attributes: Mapping[str, Any]
+
+    def dataset(self) -> xarray.Dataset:
+        import xarray
+
+        return xarray.Dataset(*self)
+
+    def to_netcdf(self, path: Path) -> None:
+        """Write netCDF 3 (64-bit offset), which ``xarray.open_dataset`` reads with scipy alone.
+
+        The file is the one that xarray writes of :meth:`dataset`, but that integers beyond 32 bits, which netCDF 3
+        does not have, become doubles.
+        """
+        from scipy.io import netcdf_file
+
+        entries = {**self.variables, **self.coordinates}
+        dims = {name: (entry[0],) if isinstance(entry[0], str) else tuple(entry[0]) for name, entry in entries.items()}
+        auxiliary = sorted(name for name in self.coordinates if dims[name] != (name,))
+        # CF-1.11, section 5: which coordinates a variable has beside those of its dimensions
+        beside = {
+            name: [other for other in auxiliary if set(dims[other]) <= set(dims[name])] for name in self.variables
+        }
+        with netcdf_file(path, "w", version=2) as file:
+            for name, (_, values, *about) in entries.items():
+                variable = _variable(file, name, dims[name], np.asarray(values))
+                _describe(variable, dict(*about))
+                _name_coordinates(variable, beside.get(name, ()))
+            _describe(file, self.attributes)
+            _name_coordinates(file, sorted({*auxiliary}.difference(*beside.values())))
+
+
+def _variable(file: netcdf_file, name: str, dims: tuple[str, ...], values: np.ndarray) -> object:
+    """A new variable of the file, with values in a type of netCDF 3 and the attributes that say of which they were."""
+    about: dict[str, Any] = {}
+    if values.dtype.kind == "U":
+        encoded = np.char.encode(values, "utf-8")
+        length = encoded.dtype.itemsize
+        values, dims = encoded.view("S1").reshape(*values.shape, length), (*dims, f"string{length}")
+        about = {"_Encoding": "utf-8"}
+    elif values.dtype.kind == "b":
+        values, about = values.astype(np.int8), {"dtype": "bool"}
+    elif values.dtype.kind in "iu":
+        narrow = values.astype(np.int32)
+        values = narrow if np.array_equal(narrow, values) else values.astype(np.float64)
+    if values.dtype.kind == "f":
+        about = {"_FillValue": np.nan}
+    for dim, length in zip(dims, values.shape, strict=True):
+        if dim not in file.dimensions:
+            file.createDimension(dim, length)
+    variable = file.createVariable(name, values.dtype, dims)
+    variable[...] = values
+    _describe(variable, about)
+    return variable
+
+
+def _describe(owner: object, attributes: Mapping[str, Any]) -> None:
+    """Give a file, or one of its variables, attributes: texts and numbers."""
+    for name, value in attributes.items():
+        setattr(owner, name, value.encode("utf-8") if isinstance(value, str) else np.float64(value))
+
+
+def _name_coordinates(owner: object, names: Collection[str]) -> None:
+    if names:
+        _describe(owner, {"coordinates": " ".join(names)})
