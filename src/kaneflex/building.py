@@ -115,12 +115,9 @@ def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed
     before = _half_bandwidth(touched)
     if before <= _NARROW:  # what is narrow keeps the order of its names
         return frame, placed
-    pattern = csr_array(touched)
-    before = _half_bandwidth(pattern)
-    if before <= _NARROW:  # what is narrow keeps the order of its names
-        return frame, placed
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+    pattern = csr_array(touched)
     order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
     if _half_bandwidth(pattern[order][:, order]) >= before:
         return frame, placed
