@@ -8,7 +8,7 @@ from kaneflex.errors import UserError
 from kaneflex.integrate.crosscheck import solve_ivp_run
 from kaneflex.integrate.feed import Feed, Table
 from kaneflex.integrate.methods import Method, method_named
-from kaneflex.integrate.modal import constants, forces_only
+from kaneflex.integrate.modal import constants
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_pair, periodic_state, repeated
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
@@ -91,13 +91,11 @@ def set_up(
     rho_infinity: float,
 ) -> Setup:  # fmt: skip
     """What a run of a method with fixed steps reads; raises UserError as `integrate` does."""
-    exact = method.stepper == "exact_modal"
-    constant = constants(system) if exact else None
+    constant = constants(system) if method.stepper == "exact_modal" else None
     feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, method.lanes, constant)
-    packed = forces_only(system.packed) if exact else system.packed
     row = feed.first_row()
     coefficients = np.array(method.coefficients(system, row, step, rho_infinity))
-    return Setup(system, method, feed, packed, coefficients, _scales(system, row, step, method.carried))
+    return Setup(system, method, feed, coefficients, _scales(system, row, step, method.carried))
 
 
 def _scales(system: AffineSystem, row: np.ndarray, step: float, carried: int) -> tuple[float, ...]:

@@ -106,7 +106,7 @@ def _in_lanes(group: Sequence[Ready]) -> Setup:
     coefficients = np.stack([setup.coefficients for setup in setups], axis=-1)
     scales = tuple(np.array(scale) for scale in zip(*(setup.scales for setup in setups), strict=True))
     feed = Abreast(tuple(setup.feed for setup in setups))
-    return Setup(systems, setups[0].method, feed, systems.packed, coefficients, scales)
+    return Setup(systems, setups[0].method, feed, coefficients, scales)
 
 
 def _periodic(group: Sequence[Ready]) -> list[Trajectory | None] | None:
