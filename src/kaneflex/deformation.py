@@ -205,9 +205,7 @@ class Deformation:
         rows = slice(3 * e, 3 * e + 6)
         series = {"M": self.q_accel[rows], "C": self.q_rate[rows], "K": self.q[rows]}
         total = np.zeros((6, self.q.shape[1]))
-        for key, monomial, blocks in self.link.element_terms:
-            if not self._keeps(key, monomial):
-                continue
+        for key, monomial, blocks in self._kept_terms:
             factor = self.rigid.monomial(monomial)
             if key == "F":
                 total -= factor * blocks[e]
@@ -220,6 +218,10 @@ class Deformation:
                 if weight and not monomial:
                     total += weight * (blocks[e] @ series["C"])
         return total
+
+    @cached_property
+    def _kept_terms(self) -> list[tuple[str, Monomial, np.ndarray]]:
+        return [term for term in self.link.element_terms if self._keeps(*term[:2])]
 
     @cached_property
     def _rayleigh(self) -> tuple[float, float] | None:

@@ -263,10 +263,10 @@ def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> 
 
     def slots(name: str) -> csr_array:
         rows, columns, values, scalars = found[name]
-        if name == "F":
-            return csr_array((values, (rows, scalars)), shape=(size, len(monomials)))
-        slot = rows * width + columns - rows + half_bandwidth
-        return csr_array((values, (slot, scalars)), shape=(size * width, len(monomials)))
+        count, slot = (size, rows) if name == "F" else (size * width, rows * width + columns - rows + half_bandwidth)
+        order = np.lexsort((scalars, slot))
+        ends = np.cumsum(np.bincount(slot, minlength=count))
+        return csr_array((values[order], scalars[order], np.append(0, ends)), shape=(count, len(monomials)))
 
     return AffineSystem(size, half_bandwidth, *(slots(name) for name in ("M", "C", "K", "F")))
 

@@ -60,43 +60,39 @@ class _Balances:
         self.scale = 1.0 / max(lengths)
 
     def assemble(self) -> tuple[np.ndarray, np.ndarray]:
-        matrices, residuals = [], []
-        for name in self.model.scene.bodies:
-            sites = self._nodes(name) if name in self.deformed else [None]
-            for node in sites:
-                coefficients = self._coefficients(name, node)
-                residual = self._node_residual(name, node) if name in self.deformed else self._rigid_residual(name)
-                used = np.abs(coefficients).max(axis=(0, 2)) > 0  # a balance that no joint enters says nothing
-                scale = np.array([1.0, 1.0, self.scale])
-                matrices.append((coefficients * scale[:, None])[:, used])
-                residuals.append((residual * scale[:, None]).T[:, used])
-        return np.concatenate(matrices, axis=1), np.concatenate(residuals, axis=1)
+        bodies = self.model.scene.bodies
+        sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
+        matrix, residual = np.zeros((self.steps, 3 * len(sites), len(self.index))), []
+        for k, (name, node) in enumerate(sites):
+            self._add_joints(name, node, matrix[:, 3 * k : 3 * k + 3])
+            residual.append(self._rigid_residual(name) if node is None else self._node_residual(name, node))
+        used = (matrix.max(axis=(0, 2)) > 0) | (matrix.min(axis=(0, 2)) < 0)  # a balance without joints says nothing
+        scale = np.tile([1.0, 1.0, self.scale], len(sites))[used]
+        return matrix[:, used] * scale[:, None], np.concatenate(residual)[used].T * scale
 
     def _nodes(self, link: str) -> list[int]:
         return [node for name, node in self.model.interfaces.displaced if name == link]
 
-    def _coefficients(self, body: str, node: int | None) -> np.ndarray:
-        """(n_times, 3, n_reactions): global force x, y and moment on the body (about its start) or on the node."""
-        total = np.zeros((self.steps, 3, len(self.index)))
+    def _add_joints(self, body: str, node: int | None, rows: np.ndarray) -> None:
+        """Fill (n_times, 3, n_reactions): global force x, y and moment on the body (about its start) or on the node."""
         for name, joint in self.model.scene.joints.items():
             for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
-                if address.body != body or (node is not None and self._node(address) != node):
-                    continue
-                total += sign * self._joint(name, joint, address, node)
-        return total
+                if address.body == body and (node is None or self._node(address) == node):
+                    self._add_joint(name, joint, address, node, sign, rows)
 
     def _node(self, address: Address) -> int | None:
         return self.deformed[address.body].link.node_at(self.model.scene.point(address)[0])
 
-    def _joint(self, name: str, joint, address: Address, node: int | None) -> np.ndarray:
-        rows = np.zeros((self.steps, 3, len(self.index)))
-        arm = np.zeros((2, self.steps)) if node is not None else self._arm(joint, address)
+    def _add_joint(
+        self, name: str, joint, address: Address, node: int | None, sign: float, rows: np.ndarray
+    ) -> None:
+        arm = (0.0, 0.0) if node is not None else self._arm(joint, address)
 
-        def push(reaction: str, direction: np.ndarray) -> None:
+        def push(reaction: str, direction: np.ndarray | tuple[float, float]) -> None:
             k = self.index[f"{name}.{reaction}"]
-            rows[:, 0, k] += direction[0]
-            rows[:, 1, k] += direction[1]
-            rows[:, 2, k] += arm[0] * direction[1] - arm[1] * direction[0]
+            rows[:, 0, k] += sign * direction[0]
+            rows[:, 1, k] += sign * direction[1]
+            rows[:, 2, k] += sign * (arm[0] * direction[1] - arm[1] * direction[0])
 
         if joint.kind == "prismatic":
             t = self._turn(joint.addresses[0].body, joint.direction)
@@ -104,14 +100,12 @@ class _Balances:
             if name in self.model.scene.drives:
                 push("drive", t)
         else:
-            ones = np.ones(self.steps)
-            push("force_x", np.array([ones, 0 * ones]))
-            push("force_y", np.array([0 * ones, ones]))
+            push("force_x", (1.0, 0.0))
+            push("force_y", (0.0, 1.0))
             if name in self.model.scene.drives:
-                rows[:, 2, self.index[f"{name}.drive"]] += 1.0
+                rows[:, 2, self.index[f"{name}.drive"]] += sign
         if joint.kind != "revolute":
-            rows[:, 2, self.index[f"{name}.moment"]] += 1.0
-        return rows
+            rows[:, 2, self.index[f"{name}.moment"]] += sign
 
     def _arm(self, joint, address: Address) -> np.ndarray:
         """Where a joint's force acts on a rigid body, from the body's start, global components (2, n_times)."""

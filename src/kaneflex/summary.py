@@ -223,16 +223,17 @@ def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
     least, most = float(values[lowest]), float(values[highest])
     largest = max(abs(least), abs(most)) or 1.0
     # scaled, because the values of an unstable run may be too large to be squared
-    rms = largest * math.sqrt(mean_over_time((values / largest) ** 2, times))
-    return Statistics(least, most, rms, mean_over_time(values, times), int(indices[lowest]), int(indices[highest]))
+    square, mean = mean_over_time(np.array([(values / largest) ** 2, values]), times)
+    rms = largest * math.sqrt(square)
+    return Statistics(least, most, rms, float(mean), int(indices[lowest]), int(indices[highest]))
 
 
-def mean_over_time(values: np.ndarray, times: np.ndarray) -> float:
-    """Mean over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
+def mean_over_time(values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Mean of series (..., n_times) over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
     if len(times) == 1:
-        return float(values[0])
-    middles = 0.5 * (values[1:] + values[:-1])
-    return float(middles @ np.diff(times) / (times[-1] - times[0]))
+        return values[..., 0]
+    middles = 0.5 * (values[..., 1:] + values[..., :-1])
+    return middles @ np.diff(times) / (times[-1] - times[0])
 
 
 def drive_degrees(solution: Solution) -> np.ndarray | None:

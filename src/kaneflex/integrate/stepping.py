@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from kaneflex.integrate.abreast import Abreast, Systems
 from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
+from kaneflex.integrate.modal import forces_only
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem
@@ -85,6 +87,11 @@ class Setup:
     feed: Feed | Stretches | Abreast
     coefficients: np.ndarray
     scales: tuple[float | np.ndarray, ...]
+
+    @cached_property
+    def packed(self) -> Packed:
+        """What the method's loop reads of the system."""
+        return forces_only(self.system.packed) if self.method.stepper == "exact_modal" else self.system.packed
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.

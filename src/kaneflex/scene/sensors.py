@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Literal
 
 from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
 from kaneflex.scene.quantities import Address, AddressField, Length
-from kaneflex.scene.table import SceneTable, first_given, the_one_given
+from kaneflex.scene.table import SceneTable, the_one_given
 
 MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
 SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
@@ -94,9 +95,9 @@ class Sensor(SceneTable):
             )
         return self
 
-    @property
+    @cached_property
     def kind(self) -> str:
-        return first_given(self, KINDS)
+        return the_one_given(self, KINDS)
 
     @property
     def target(self) -> Address | str:

@@ -100,8 +100,13 @@ def sweep(
     """
     drive = check_sweep(scene)
 
+    def loaded(speed: float, like: Model | None = None) -> Model:
+        return load(with_settings(scene, [f"drives.{drive}.speed={float(speed)!r}"]), like=like)
+
+    first = loaded(speeds[0])
+
     def at(speed: float) -> tuple[Model, Multipliers]:
-        model = load(with_settings(scene, [f"drives.{drive}.speed={float(speed)!r}"]))
+        model = loaded(speed, first)
         return model, floquet_multipliers(model)
 
     found, frozen = [], []
