@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from kaneflex.errors import Fault
 from kaneflex.scene import read_scene
-from kaneflex.tables import Table, evaluate_block, read_table
+from kaneflex.tables import Table, evaluate_block, largest_of_block, read_table
 
 
 @pytest.fixture
@@ -34,6 +34,23 @@ def test_periodic_spline_agrees_with_scipy_in_every_period(knots):
     everywhere = np.linspace(-3, 4, 501) * period
     expected = CubicSpline(x, y, bc_type="periodic")(everywhere)
     assert evaluate_block(block, everywhere) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize("periodic", [True, False])
+def test_the_largest_value_of_a_spline_is_found_between_its_knots(knots, periodic, turn):
+    x, y = knots
+    y[-1] = y[0]
+    block = Table(x, turn * y).coefficients(x[-1] - x[0] if periodic else None)
+    largest = abs(evaluate_block(block, np.linspace(x[0], x[-1], 400_001))).max()
+    assert largest > 1.01 * abs(y).max()
+    assert largest_of_block(block) == pytest.approx(largest, rel=1e-8)
+
+
+def test_the_largest_value_of_a_straight_line_and_of_zeros_is_at_a_knot():
+    x = np.arange(5.0)
+    assert largest_of_block(Table(x, -2.0 * x).coefficients()) == 8.0
+    assert largest_of_block(Table(x, 0.0 * x).coefficients(4.0)) == 0.0
 
 
 def test_periodic_spline_is_fourth_order():

@@ -6,12 +6,12 @@ import numpy as np
 
 from kaneflex.model import Model
 from kaneflex.scene.parts import Load
-from kaneflex.tables import evaluate_block
+from kaneflex.tables import largest_of_block
 
 _SAMPLES = 60_000
 """Instants that are looked at, spread over the steps."""
 _FINEST = 256
-"""Instants looked at within a step at most, and places within two rows of a table."""
+"""Instants looked at within a step at most."""
 _UNSEEN = 0.2
 """Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
 _TURN = 0.5
@@ -63,7 +63,5 @@ def unseen(model: Model) -> list[str]:
 def _overshoot(load: Load) -> float:
     """How far the curve through a table's rows goes beyond the largest of them, as a share of it."""
     table = load.read_table()
-    rows = np.interp(np.arange(_FINEST * (len(table.x) - 1)) / _FINEST, np.arange(len(table.x)), table.x)
-    values = evaluate_block(table.coefficients(load.period), rows)
     largest = abs(table.y).max()
-    return abs(values).max() / largest - 1.0 if largest else 0.0
+    return largest_of_block(table.coefficients(load.period)) / largest - 1.0 if largest else 0.0

@@ -101,11 +101,29 @@ def _solve_tridiagonal(beside: np.ndarray, diagonal: np.ndarray, right: np.ndarr
     return solveh_banded(np.vstack([np.append(0.0, beside), diagonal]), right)
 
 
+def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A block's knots, (n + 1,), and the cubics between them, (n, 4)."""
+    n = int(block[0])
+    return block[2 : n + 3], block[n + 3 :].reshape(n, 4)
+
+
+def largest_of_block(block: np.ndarray) -> float:
+    """Largest absolute value of a block: at a knot, or where the slope c1 + 2 c2 d + 3 c3 d^2 of a cubic vanishes."""
+    knots, cubics = _parts(block)
+    c0, c1, c2, c3 = cubics.T
+    width = np.diff(knots)
+    with np.errstate(all="ignore"):
+        root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
+        share = -(c2 + np.copysign(root, c2))  # without a difference of what is nearly equal
+        places = np.stack((np.zeros_like(width), width, share / (3.0 * c3), c1 / share))
+    d = np.clip(np.nan_to_num(places, posinf=0.0, neginf=0.0), 0.0, width)  # no such place: the knot
+    return float(abs(c0 + d * (c1 + d * (c2 + d * c3))).max())
+
+
 def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
     """Values of a block at x (any shape), by the arithmetic of the generated modules."""
-    n, period = int(block[0]), block[1]
-    knots = block[2 : n + 3]
-    cubics = block[n + 3 :].reshape(n, 4)
+    (knots, cubics), period = _parts(block), block[1]
+    n = len(cubics)
     x = np.asarray(x, dtype=float)
     if period > 0:
         x = knots[0] + (x - knots[0]) % period
