@@ -12,7 +12,7 @@ from kaneflex.integrate.lanes import FASTMATH, LANES, at, less, put, size, turn
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
-_SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
+SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
 compiled = njit(error_model="numpy", fastmath=FASTMATH)
 # A call costs as much as a small solve: numba hands over seven words an array.
@@ -61,7 +61,7 @@ def _handed_over(lanes, rows):
 
     def turned(lanes, rows):
         for block in range(rows.shape[1] // LANES):
-            turn(lanes, block * LANES, rows)
+            turn(lanes, block * LANES, rows, block * LANES)
 
     return turned
 
@@ -94,7 +94,7 @@ def factor(layout, lu, scale, good):
     for k in range(layout.n):
         row_k = base[k]
         pivot = at(lu, row_k + k)
-        regular *= less(_SMALLEST_PIVOT * at(scale, k), size(pivot))
+        regular *= less(SMALLEST_PIVOT * at(scale, k), size(pivot))
         reciprocal = 1.0 / pivot
         put(lu, row_k + k, reciprocal)
         for i in range(k + ONE, last[k]):

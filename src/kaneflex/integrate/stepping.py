@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate import steppers
+from kaneflex.integrate import chains, steppers
 from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.sliced import Chain, chain_of
 from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem, Packed
 
@@ -23,6 +25,7 @@ Progress = Callable[[float], None]
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
 _LARGEST = 1e150  # its square is still a number
+_LONG = 48  # coordinates from which a chain is worth a loop of its own
 
 _OUTCOMES = {
     steppers.COMPLETED: Outcome.COMPLETED,
@@ -86,6 +89,19 @@ class Setup:
     coefficients: object
     scales: tuple[float, ...]
 
+    @cached_property
+    def chain(self) -> Chain:
+        """What the loop for long chains reads in the place of `packed`."""
+        c_weight, k_weight = self.coefficients[4:6]
+        return chain_of(self.system, c_weight, k_weight)
+
+    def loop(self, state: State) -> tuple[Callable, Packed | Chain]:
+        """The compiled loop for these states, and what it reads of the system."""
+        long = self.system.n >= _LONG and self.system.half_bandwidth <= chains.BAND
+        if long and self.method.stepper == "newmark" and state.z.ndim == 2:
+            return chains.newmark_chain, self.chain
+        return getattr(steppers, self.method.stepper), self.packed
+
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
 
@@ -108,7 +124,7 @@ def advance(
     load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
     """
-    loop = getattr(steppers, setup.method.stepper)
+    loop, packed = setup.loop(state)
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup.system, state.z.shape[0], len(setup.method.nodes))
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
@@ -116,7 +132,7 @@ def advance(
     while done < end and outcome is Outcome.COMPLETED:
         scalars, period, position, steps = setup.feed.piece(done, min(most, end - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
-        at = (setup.packed, scalars, period, position)
+        at = (packed, scalars, period, position)
         rest = (setup.coefficients, load, state, done, every, limit, stored)
         if done == begin:
             loop(*at, 0, *rest)  # compiles, outside the clock
