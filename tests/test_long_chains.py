@@ -54,7 +54,7 @@ def agree(found, expected, within=1e-10):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(("n", "half_bandwidth"), [(1, 0), (7, 2), (24, 5), (47, 1), (49, 5), (73, 3)])
+@pytest.mark.parametrize(("n", "half_bandwidth"), [(15, 0), (16, 2), (48, 5), (49, 1), (53, 5), (54, 5), (101, 3)])
 def test_the_same_steps(monkeypatch, method, n, half_bandwidth):
     """Sizes on both sides of a slice; a cycle of 13 steps is read again; one step in 3 is stored."""
     system, scalars = banded(n, half_bandwidth, seed=n)
