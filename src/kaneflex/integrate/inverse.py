@@ -6,7 +6,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from kaneflex.integrate.lanes import _VECTOR, FASTMATH, LANES, _address
-from kaneflex.integrate.matrices import _SMALLEST_PIVOT
+from kaneflex.integrate.matrices import SMALLEST_PIVOT
 
 _FLAGS = sorted(FASTMATH)
 
@@ -32,7 +32,7 @@ def invert(typing, order, matrix, scale, good):
             return builder.fmul(a, b, flags=_FLAGS)
 
         m = [[builder.load(pointer(1, LANES * j + i), align=8) for j in range(n)] for i in range(n)]
-        one, smallest = ir.Constant(_VECTOR, [1.0] * LANES), ir.Constant(_VECTOR, [_SMALLEST_PIVOT] * LANES)
+        one, smallest = ir.Constant(_VECTOR, [1.0] * LANES), ir.Constant(_VECTOR, [SMALLEST_PIVOT] * LANES)
         regular = ir.Constant(ir.VectorType(ir.IntType(1), LANES), [1] * LANES)
         for k in range(n):
             others = [i for i in range(n) if i != k]

@@ -8,7 +8,7 @@ import operator
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, errors
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -190,11 +190,11 @@ def everywhere(typing, true):
 
 
 @intrinsic
-def turn(typing, lanes, start, rows):
-    """A square from `start` on of an array (slots, LANES) into its transpose (LANES, slots): three rounds of swaps."""
+def turn(typing, lanes, start, rows, place):
+    """Square of an array (slots, LANES), transposed, to a place of an array (LANES, slots): three rounds of swaps."""
 
     def lower(context, builder, sig, args):
-        source, first, target = args
+        source, first, target, to = args
         kinds = sig.args
         vectors = []
         for k in range(LANES):
@@ -210,8 +210,54 @@ def turn(typing, lanes, start, rows):
         values = context.make_array(kinds[2])(context, builder, target)
         width = builder.extract_value(values.shape, 1)
         for k, vector in enumerate(vectors):
-            place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), first)])
+            place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), to)])
             builder.store(vector, builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
         return context.get_dummy_value()
 
-    return types.void(lanes, start, rows), lower
+    return types.void(lanes, start, rows, place), lower
+
+
+@intrinsic
+def eliminate_row(typing, band, place, above, row, width):
+    """Row of a band in lanes from `place` on, A = L D U with unit triangles, without pivoting; returns the pivot.
+
+    In place: the shares of the rows above, the reciprocal pivot, and the pivot's row divided by it.
+
+    above: the rows above as they are to be used, row k from ``k * (half bandwidth + 1)`` on: the reciprocal pivot and
+    what is right of it; `row` is written, too
+    width: 2 half bandwidth + 1, a literal
+    """
+    if not isinstance(width, types.IntegerLiteral):
+        raise errors.RequireLiteralValue("width must be a literal")
+    half = width.literal_value // 2
+
+    def lower(context, builder, sig, args):
+        (lanes, first, upper, own, _), kinds = args, sig.args
+        flags = sorted(FASTMATH)
+
+        def pointer(which, start, offset):
+            kind, array = (kinds[0], lanes) if which == "band" else (kinds[2], upper)
+            return _address(context, builder, (kind, types.uint64), array, builder.add(start, start.type(offset)))
+
+        begin = builder.mul(own, own.type(half + 1))
+        numbers = [builder.load(pointer("band", first, k), align=8) for k in range(2 * half + 1)]
+        for k in range(half):
+            over = (k - half) * (half + 1)
+            share = builder.fmul(numbers[k], builder.load(pointer("above", begin, over), align=8), flags=flags)
+            numbers[k] = share
+            for right in range(1, half + 1):
+                known = builder.load(pointer("above", begin, over + right), align=8)
+                product = builder.fmul(share, known, flags=flags)
+                numbers[k + right] = builder.fsub(numbers[k + right], product, flags=flags)
+        pivot = numbers[half]
+        reciprocal = builder.fdiv(ir.Constant(_VECTOR, [1.0] * LANES), pivot, flags=flags)
+        builder.store(reciprocal, pointer("above", begin, 0), align=8)
+        for right in range(1, half + 1):
+            builder.store(numbers[half + right], pointer("above", begin, right), align=8)
+            numbers[half + right] = builder.fmul(numbers[half + right], reciprocal, flags=flags)
+        numbers[half] = reciprocal
+        for k, number in enumerate(numbers):
+            builder.store(number, pointer("band", first, k), align=8)
+        return pivot
+
+    return _lanes(band, place, above, row, width), lower

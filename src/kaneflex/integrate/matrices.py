@@ -13,7 +13,7 @@ from kaneflex.integrate.lanes import FASTMATH, LANES, at, less, put, size, turn
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
 ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2  # how a loop ended
-_SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
+SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
 # Nothing but compiled code calls them: without a way in from Python they compile in half the time.
 compiled = njit(error_model="numpy", fastmath=FASTMATH, no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -63,7 +63,7 @@ def _handed_over(lanes, rows):
 
     def turned(lanes, rows):
         for block in range(rows.shape[1] // LANES):
-            turn(lanes, block * LANES, rows)
+            turn(lanes, block * LANES, rows, block * LANES)
 
     return turned
 
@@ -104,7 +104,7 @@ def factor(layout, lu, scale, good):
     for k in range(layout.n):
         row_k = base[k]
         pivot = at(lu, row_k + k)
-        regular *= less(_SMALLEST_PIVOT * at(scale, k), size(pivot))
+        regular *= less(SMALLEST_PIVOT * at(scale, k), size(pivot))
         reciprocal = 1.0 / pivot
         put(lu, row_k + k, reciprocal)
         for i in range(k + ONE, last[k]):

@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate import matrices, small, steppers
+from kaneflex.integrate import chains, matrices, small, steppers
 from kaneflex.integrate.abreast import Abreast, Systems
 from kaneflex.integrate.feed import Feed
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
-from kaneflex.integrate.modal import forces_only
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.sliced import Chain, chain_of
+from kaneflex.integrate.strands import BAND
 from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem
 
@@ -26,6 +27,7 @@ Progress = Callable[[float], None]
 _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: about a tenth of a second
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
 _LARGEST = 1e150  # its square is still a number
+_LONG = 48  # coordinates from which a chain is worth a loop of its own
 
 _OUTCOMES = {
     matrices.COMPLETED: Outcome.COMPLETED,
@@ -89,9 +91,21 @@ class Setup:
     scales: tuple[float | np.ndarray, ...]
 
     @cached_property
-    def packed(self) -> Packed:
-        """What the method's loop reads of the system."""
-        return forces_only(self.system.packed) if self.method.stepper == "exact_modal" else self.system.packed
+    def chain(self) -> Chain:
+        """What the loop for long chains reads of the system."""
+        return chain_of(self.system, *self.coefficients[4:6])
+
+    def loop(self, state: State, coefficients: np.ndarray) -> Callable[..., tuple[int, int]]:
+        """The compiled loop that takes these states furthest in a second, with what it reads of the system."""
+        if self.method.stepper == "newmark" and state.z.ndim == 2:
+            if self.system.n <= LANES:
+                return partial(small.newmark, self.system.packed)
+            if self.system.n >= _LONG and self.system.half_bandwidth <= BAND:
+                own = coefficients is self.coefficients
+                return partial(
+                    chains.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6])
+                )
+        return partial(getattr(steppers, self.method.stepper), self.system.packed)
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -105,16 +119,10 @@ class Setup:
             scalars = np.array(np.broadcast_to(every_lane, (len(method.nodes), len(row), LANES)), order="C")
         else:
             scalars = self.feed.read(np.array((row, row)))
-        rest = (method.still(self.coefficients), load, state, 0, 1, np.inf, Stored.of(state, 2))
-        _, status = self.loop(state)(self.system.packed, scalars, 1, 0, 1, *rest)
+        still = method.still(self.coefficients)
+        rest = (still, load, state, 0, 1, np.inf, Stored.of(state, 2))
+        _, status = self.loop(state, still)(scalars, 1, 0, 1, *rest)
         return status != matrices.SINGULAR
-
-    def loop(self, state: State) -> Callable[..., tuple[int, int]]:
-        """The compiled loop that takes these states furthest in a second."""
-        one_after_the_other = state.z.ndim == 2
-        if self.method.stepper == "newmark" and one_after_the_other and self.system.n <= LANES:
-            return small.newmark
-        return getattr(steppers, self.method.stepper)
 
     def free_acceleration(self, table: np.ndarray) -> float | np.ndarray:
         """Largest of free masses under the forces of a table, as the loop reads it; of systems in lanes of each."""
@@ -134,7 +142,7 @@ def advance(
     load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
     """
-    loop = setup.loop(state)
+    loop = setup.loop(state, setup.coefficients)
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup.system, state.z.shape[0], len(setup.method.nodes))
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
@@ -142,7 +150,7 @@ def advance(
     while done < end and outcome is Outcome.COMPLETED:
         scalars, period, position, steps = setup.feed.piece(done, min(most, end - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
-        at = (setup.system.packed, scalars, period, position)
+        at = (scalars, period, position)
         rest = (setup.coefficients, load, state, done, every, limit, stored)
         if done == begin:
             loop(*at, 0, *rest)  # compiles, outside the clock
