@@ -21,7 +21,7 @@ compiled = njit(error_model="numpy", fastmath=FASTMATH, no_cpython_wrapper=True,
 inlined = njit(inline="always", error_model="numpy", fastmath=FASTMATH)
 
 
-@inlined
+@compiled
 def room(n):
     """An array of at least n times LANES numbers: whole squares of them, so that they can be transposed."""
     return np.empty(((np.intp(n) + LANES - 1) // LANES * LANES, LANES))
@@ -45,7 +45,7 @@ def rows_read(z, lanes):
     """What steps read of the array (slots, LANES): it, as (1, slots, LANES), or room for its transpose."""
 
 
-@overload(rows_read, inline="always")
+@overload(rows_read)
 def _rows_of(z, lanes):
     if z.ndim == 3:
         return lambda z, lanes: np.expand_dims(lanes, 0)
@@ -68,7 +68,7 @@ def _handed_over(lanes, rows):
     return turned
 
 
-@inlined
+@compiled
 def affine_sum(packed, scalars, row, sums):
     """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each."""
     quads, runs, data = packed.quads, packed.runs, packed.data
