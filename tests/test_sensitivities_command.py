@@ -146,7 +146,6 @@ def test_the_slopes_can_be_read_as_a_module(tmp_path):
     text = (tmp_path / "slopes.py").read_text()
     assert text == tangent_text(read_scene("spin-up"))
     assert "Made by: kaneflex derive spin-up --slopes -o FILE.py" in text and "def terms_slope(" in text
-    refused(cli("derive", "spin-up", "--slopes", "--coupled", "-o", tmp_path / "no.py"), "Leave --coupled out")
 
 
 def test_the_functions_are_public():
