@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
-from kaneflex.coupled.system import build_system, with_stretch
+from kaneflex.coupled.system import build_system, neighbour_system, with_stretch
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.model import Model, Motion, RigidMotion
@@ -102,7 +102,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
     Parameters
     ----------
     model : Model
-        Of the scene before the change, with no free joints.
+        Of the scene before the change, with no free joints unless its preset is coupled.
     frozen : bool
         Whether the new one keeps the modal bases and the modes of the damping.
     slopes : ModuleType, optional
@@ -111,9 +111,15 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
     scene = acting(scene, options)
+    system = None
+    if model.coupled is not None:
+        system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
     parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
+    if model.module.FREE:
+        parameters = at_initial_speed(scene, model.module, parameters, duration)
     near = None if slopes is None else (model, slopes)
-    return build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
+    found = build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
+    return replace(found, coupled=system)
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:

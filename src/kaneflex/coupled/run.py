@@ -74,6 +74,20 @@ class Method:
     length: float
     rho_infinity: float
 
+    @property
+    def weights(self) -> np.ndarray:
+        """alpha_m, alpha_f, beta, gamma of generalised-alpha (Chung & Hulbert 1993, eqs. (17), (18), (25))."""
+        rho = self.rho_infinity
+        alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        surplus = 1.0 - alpha_m + alpha_f
+        return np.array([alpha_m, alpha_f, 0.25 * surplus**2, surplus - 0.5])
+
+
+def started(system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method) -> np.ndarray:
+    """q, then v, where a run from them really starts: on the constraints, (2 n,)."""
+    run = _Run(system, q, v, times, method)
+    return np.concatenate([run.q[0], run.v[0]])
+
 
 def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the undeformed bodies at the first time of a rigid motion."""
@@ -105,6 +119,35 @@ def integrate(
     seconds = time.perf_counter() - started
     ended = (outcome, message, 1e9 * seconds / max(1.0, run.counts[0] + run.counts[1]))
     return run.trajectory(slice(0, run.filled + 1), *ended)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Every single step of a run: states (n_steps + 1, ...) as in its trajectory, whose instants are ``rows`` of them."""
+
+    times: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    multipliers: np.ndarray
+    rows: np.ndarray
+
+
+def every_step(system: CoupledSystem, trajectory: CoupledTrajectory, method: Method) -> Steps:
+    """The steps that a run took from each of its instants to the next one."""
+    states = (trajectory.q, trajectory.v, trajectory.a, trajectory.multipliers)
+    if method.integrator != "gauss":
+        return Steps(trajectory.times, *states, np.arange(len(trajectory.times)))
+    run = _Run(system, trajectory.q[0], trajectory.v[0], trajectory.times, method)
+    parts, rows, count = [[trajectory.times[:1], *(state[:1] for state in states)]], [0], 0
+    for row, end in enumerate(trajectory.times[1:]):
+        t, first = trajectory.times[row], [state[row] for state in states]
+        while t < end:
+            parts.append(run.singly(float(t), float(end), first))
+            count += len(parts[-1][0])
+            t, *first = (part[-1] for part in parts[-1])
+        rows.append(count)
+    return Steps(*(np.concatenate(part) for part in zip(*parts, strict=True)), np.array(rows))
 
 
 class _Run:
@@ -172,14 +215,30 @@ class _Run:
         self.step, self.filled = float(state[0]), self.filled + int(state[2])
         return ended
 
+    def singly(self, t: float, end: float, first: list[np.ndarray]) -> list[np.ndarray]:
+        """The next step from a state (q, v, a, multipliers) towards ``end``: its end as tables of one row.
+
+        Of more rows where the step was tried in vain: those of the shorter ones that were taken then.
+        """
+        pieces = math.ceil((end - t) / min(self.step, self.longest) * (1.0 - 1e-9))
+        stop, count, wanted = end if pieces == 1 else t + (end - t) / pieces, 1, self.step
+        while True:
+            tables = [np.linspace(t, stop, count + 1)]
+            tables += [np.repeat(part[None], count + 1, axis=0) for part in (*first, np.zeros(self.works.shape[1]))]
+            state, counts = np.array([wanted, self.longest, 0.0]), np.zeros(5)
+            ended = stepping.integrate(
+                *self.kernels, self.system.parameters, self.scale, state, *tables, self.powers, counts
+            )
+            assert ended == stepping.DONE, "the run has been there"
+            if counts[0] == count:
+                self.step = float(state[0])
+                return [part[1:] for part in tables[:-1]]
+            count = int(counts[0])
+            wanted = (stop - t) / count
+
     def _alpha(self, rows: slice) -> int:
-        # Chung & Hulbert 1993, eqs. (17), (18), (25)
-        rho = self.method.rho_infinity
-        alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-        surplus = 1.0 - alpha_m + alpha_f
-        weights = np.array([alpha_m, alpha_f, 0.25 * surplus**2, surplus - 0.5])
         ended, last = stepping.generalised_alpha(
-            *self.kernels, self.system.parameters, self.scale, weights, self.algorithmic,
+            *self.kernels, self.system.parameters, self.scale, self.method.weights, self.algorithmic,
             *(table[rows] for table in self.tables), self.powers, self.counts,
         )  # fmt: skip
         self.filled += last

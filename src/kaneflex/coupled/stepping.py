@@ -34,7 +34,7 @@ from kaneflex.coupled.instant import (
 )  # fmt: skip
 from kaneflex.stamp import stamp
 
-_MADE_OF = stamp(instant.__file__)
+_MADE_OF = stamp(instant.__file__, __file__)  # of kaneflex.coupled.slopes, too: numba mixes up two in one process
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE = 0, 1, 2, 3
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve."""
