@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba import njit, types
 
 import kaneflex
+from kaneflex.stamp import stamp
 
 KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
 
@@ -90,3 +92,16 @@ def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path, 
     assert text.count(before) == 1
     part.write_text(text.replace(before, after))
     assert moved() != first
+
+
+@pytest.mark.parametrize("part", [__file__, kaneflex.__file__])
+def test_loops_with_stamps_of_their_own_meet_in_one_process(part):
+    """Compiled beforehand, the later one would not be found if numba took its stamp for that of the first."""
+
+    @njit
+    def loop(x, made_of=stamp(part)):
+        return 2.0 * x
+
+    loop.compile(types.float64(types.float64, types.Omitted(stamp(part))))
+    loop.disable_compile()
+    assert loop(1.0) == 2.0
