@@ -1,4 +1,4 @@
-"""Slopes of the coupled equations: what their residuals change by along one direction of the parameters and of the time.
+"""Slopes of the coupled equations: how their residuals change along one direction of the parameters and of the time.
 
 Forward mode on the Programs of
 

@@ -16,8 +16,7 @@ STEP = 1e-4
 @pytest.mark.parametrize(
     ("scene", "settings"),
     [
-        ("slider-crank-150-coupled", ("solve.modes=1",)),
-        ("four-bar-motor", ("solve.modes=1",)),
+        ("four-bar-motor", ()),
         ("engine", ("solve.preset=coupled", "solve.modes=1")),  # its gas is a table, its bore a guide
     ],
 )

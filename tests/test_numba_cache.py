@@ -97,11 +97,12 @@ def test_what_a_cached_loop_is_made_of_is_compiled_anew_after_an_edit(tmp_path, 
 @pytest.mark.parametrize("part", [__file__, kaneflex.__file__])
 def test_loops_with_stamps_of_their_own_meet_in_one_process(part):
     """Compiled beforehand, the later one would not be found if numba took its stamp for that of the first."""
+    own = stamp(part)
 
     @njit
-    def loop(x, made_of=stamp(part)):
+    def loop(x, made_of=own):
         return 2.0 * x
 
-    loop.compile(types.float64(types.float64, types.Omitted(stamp(part))))
+    loop.compile(types.float64(types.float64, types.Omitted(own)))
     loop.disable_compile()
     assert loop(1.0) == 2.0

@@ -17,6 +17,8 @@ from kaneflex.model import RigidMotion
 
 _PIECE = 100
 """Stored instants between two reports of progress, at each of which a run can be interrupted."""
+FIRST_PASSES = 5
+"""Projections that put the first state onto the constraints: it may be undeformed, or deformed to the first order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +85,6 @@ class Method:
         return np.array([alpha_m, alpha_f, 0.25 * surplus**2, surplus - 0.5])
 
 
-def started(system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method) -> np.ndarray:
-    """q, then v, where a run from them really starts: on the constraints, (2 n,)."""
-    run = _Run(system, q, v, times, method)
-    return np.concatenate([run.q[0], run.v[0]])
-
-
 def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the undeformed bodies at the first time of a rigid motion."""
     q, v = np.zeros(system.size), np.zeros(system.size)
@@ -121,33 +117,10 @@ def integrate(
     return run.trajectory(slice(0, run.filled + 1), *ended)
 
 
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """Every single step of a run: states (n_steps + 1, ...) as in its trajectory, whose instants are ``rows`` of them."""
-
-    times: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    multipliers: np.ndarray
-    rows: np.ndarray
-
-
-def every_step(system: CoupledSystem, trajectory: CoupledTrajectory, method: Method) -> Steps:
-    """The steps that a run took from each of its instants to the next one."""
-    states = (trajectory.q, trajectory.v, trajectory.a, trajectory.multipliers)
-    if method.integrator != "gauss":
-        return Steps(trajectory.times, *states, np.arange(len(trajectory.times)))
-    run = _Run(system, trajectory.q[0], trajectory.v[0], trajectory.times, method)
-    parts, rows, count = [[trajectory.times[:1], *(state[:1] for state in states)]], [0], 0
-    for row, end in enumerate(trajectory.times[1:]):
-        t, first = trajectory.times[row], [state[row] for state in states]
-        while t < end:
-            parts.append(run.singly(float(t), float(end), first))
-            count += len(parts[-1][0])
-            t, *first = (part[-1] for part in parts[-1])
-        rows.append(count)
-    return Steps(*(np.concatenate(part) for part in zip(*parts, strict=True)), np.array(rows))
+def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
+    """A first step [s] that alone would move things by a thousand errors; the estimate takes over from there."""
+    largest = (abs(accelerations) / scale).max()
+    return min(math.sqrt(2e3 / largest) if largest > 0 else math.inf, longest)
 
 
 class _Run:
@@ -163,11 +136,9 @@ class _Run:
         self.multipliers, self.works = np.zeros((count, m)), np.zeros((count, self.powers - 2 + m))
         self.counts, self.filled = np.zeros(5), 0
         self.q[0], self.v[0] = q, v
-        self.settled = self._settle(0, 5)
-        largest = (abs(self.a[0]) / self.scale).max()
-        # A first step that alone would move things by a thousand errors; the estimate takes over from there.
-        first = math.sqrt(2e3 / largest) if largest > 0 else math.inf
-        self.step, self.longest = min(first, float(times[1] - times[0])), float(times[1] - times[0])
+        self.settled = self._settle(0, FIRST_PASSES)
+        self.longest = float(times[1] - times[0])
+        self.step = first_step(self.a[0], self.scale, self.longest)
         self.algorithmic = self.a[0].copy()
 
     @property
@@ -214,27 +185,6 @@ class _Run:
         )  # fmt: skip
         self.step, self.filled = float(state[0]), self.filled + int(state[2])
         return ended
-
-    def singly(self, t: float, end: float, first: list[np.ndarray]) -> list[np.ndarray]:
-        """The next step from a state (q, v, a, multipliers) towards ``end``: its end as tables of one row.
-
-        Of more rows where the step was tried in vain: those of the shorter ones that were taken then.
-        """
-        pieces = math.ceil((end - t) / min(self.step, self.longest) * (1.0 - 1e-9))
-        stop, count, wanted = end if pieces == 1 else t + (end - t) / pieces, 1, self.step
-        while True:
-            tables = [np.linspace(t, stop, count + 1)]
-            tables += [np.repeat(part[None], count + 1, axis=0) for part in (*first, np.zeros(self.works.shape[1]))]
-            state, counts = np.array([wanted, self.longest, 0.0]), np.zeros(5)
-            ended = stepping.integrate(
-                *self.kernels, self.system.parameters, self.scale, state, *tables, self.powers, counts
-            )
-            assert ended == stepping.DONE, "the run has been there"
-            if counts[0] == count:
-                self.step = float(state[0])
-                return [part[1:] for part in tables[:-1]]
-            count = int(counts[0])
-            wanted = (stop - t) / count
 
     def _alpha(self, rows: slice) -> int:
         ended, last = stepping.generalised_alpha(

@@ -1,11 +1,12 @@
 """Compiled loops of a coupled run's slopes: its own steps, differentiated.
 
-Every step solves R(t, q, v, a, lambda; p) = 0 at its stages. Along a direction of the parameters p in which every time t
-moves by tau t, the slopes of what it finds obey (direct differentiation; Brenan, Campbell & Petzold 1996, sec. 4.3)
+Every step solves R(t, q, v, a, lambda; p) = 0 at its stages. Along a direction of the parameters p in which every time
+t moves by tau t, the slopes of what it finds obey
 
     M a' - G^T lambda' + C v' + K q' + R' = 0,    G a' + C v' + K q' + R' = 0
 
-with the matrices of the solved step, and R' at fixed q, v, a and lambda. All directions share a step's factors.
+with the matrices of the solved step, and R' at fixed q, v, a and lambda (the staggered direct method of Caracotsios &
+Stewart 1985). All directions share a step's factors.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ import numpy as np
 from numba import njit, types
 from numba.types import FunctionType, float64, void
 
+from kaneflex.coupled import instant, stepping
 from kaneflex.coupled.instant import CONSTRAINTS, EQUATIONS, OPTIONS, TANGENT, A, V, factorise, saddle, substitute
-from kaneflex.coupled.stepping import _A1, _A2, _B2, _MADE_OF, _NODES
+from kaneflex.coupled.stepping import A_1, A_2, B_2, NODES
+from kaneflex.stamp import stamp
 
+_MADE_OF = stamp(instant.__file__, stepping.__file__)
 RESIDUAL_SLOPE = FunctionType(void(float64, float64, V, V, V, V, V, V, V))
 CLOSING_SLOPE = FunctionType(void(float64, float64, V, V, V, V, V, V))
 """Types of the kernels of a module of slopes."""
@@ -79,10 +83,46 @@ def _follow(residual_slope, p, p_slope, t, t_slope, q, v, a, multipliers, K, C, 
             x[i] -= K[i, j] * dq[j] + C[i, j] * dv[j]
 
 
+@njit(**OPTIONS)
+def _solve_stages(
+    equations, constraints, tangent, p, scale, t, h, q_0, v_0, stage_q, stage_v, stage_a, stage_l, K, C, big, pivots
+):
+    """Newton's method on the stages of a step, from their a and lambda; big keeps the factors. False without them."""
+    n, m = stage_a.shape[1], stage_l.shape[1]
+    size = n + m
+    x, left, small = np.zeros(2 * size), np.zeros(size), np.zeros((size, size))
+    for _ in range(_MOST):
+        big[:, :] = 0.0
+        for i in range(2):
+            rows = slice(i * size, (i + 1) * size)
+            stage_v[i] = v_0 + h * (A_1[i, 0] * stage_a[0] + A_1[i, 1] * stage_a[1])
+            stage_q[i] = q_0 + h * NODES[i] * v_0 + h * h * (A_2[i, 0] * stage_a[0] + A_2[i, 1] * stage_a[1])
+            _linear(
+                equations, constraints, tangent, p, t + h * NODES[i], stage_q[i], stage_v[i], stage_a[i], stage_l[i],
+                K[i], C[i], small, left,
+            )
+            x[rows] = left
+            big[rows, rows] = small
+            for j in range(2):
+                big[rows, j * size : j * size + n] += h * A_1[i, j] * C[i] + h * h * A_2[i, j] * K[i]
+        if not factorise(big, pivots):
+            return False
+        substitute(big, pivots, x)
+        change = 0.0
+        for i in range(2):
+            stage_a[i] += x[i * size : i * size + n]
+            stage_l[i] += x[i * size + n : (i + 1) * size]
+            for c in range(n):
+                change = max(change, h * h * abs(x[i * size + c]) / scale[c])
+        if change < _SOLVED:
+            break
+    return True
+
+
 @njit(cache=True, **OPTIONS)
 def gauss_slopes(
-    equations, constraints, tangent, residual_slope, closing_slope, p, p_slopes, stretches, scale, times, qs, vs, accels,
-    lambdas, slopes, made_of=_MADE_OF,
+    equations, constraints, tangent, residual_slope, closing_slope, p, p_slopes, stretches, scale, times, qs, vs,
+    accels, lambdas, slopes, made_of=_MADE_OF,
 ):
     """Fill rows 1, 2, ... of ``slopes`` from row 0, along steps of two-stage Gauss-Legendre from row to row.
 
@@ -105,39 +145,20 @@ def gauss_slopes(
             q_0, v_0 = qs[row - 1], vs[row - 1]
             for i in range(2):
                 stage_a[i], stage_l[i] = accels[row - 1], lambdas[row - 1]
-            for iteration in range(_MOST):
-                big[:, :] = 0.0
-                for i in range(2):
-                    stage_v[i] = v_0 + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
-                    stage_q[i] = q_0 + h * _NODES[i] * v_0 + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
-                    _linear(
-                        equations, constraints, tangent, p, t + h * _NODES[i], stage_q[i], stage_v[i], stage_a[i],
-                        stage_l[i], K[i], C[i], small, left,
-                    )
-                    x[i * size : (i + 1) * size] = left
-                    big[i * size : (i + 1) * size, i * size : (i + 1) * size] = small
-                    for j in range(2):
-                        d, s = h * _A1[i, j], h * h * _A2[i, j]
-                        big[i * size : (i + 1) * size, j * size : j * size + n] += d * C[i] + s * K[i]
-                if not factorise(big, big_pivots):
-                    return False
-                substitute(big, big_pivots, x)
-                change = 0.0
-                for i in range(2):
-                    stage_a[i] += x[i * size : i * size + n]
-                    stage_l[i] += x[i * size + n : (i + 1) * size]
-                    for c in range(n):
-                        change = max(change, h * h * abs(x[i * size + c]) / scale[c])
-                if change < _SOLVED:
-                    break
+            if not _solve_stages(
+                equations, constraints, tangent, p, scale, t, h, q_0, v_0, stage_q, stage_v, stage_a, stage_l, K, C,
+                big, big_pivots,
+            ):
+                return False
             for k in range(stretches.size):
                 tau, dq, dv = stretches[k], slopes[row, k, :n], slopes[row, k, n : 2 * n]
+                # of the stages with a' = 0, then a' itself
                 for i in range(2):
-                    once = _A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1]
-                    twice = _A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1]
-                    at = t + h * _NODES[i]
+                    once = A_1[i, 0] * stage_a[0] + A_1[i, 1] * stage_a[1]
+                    twice = A_2[i, 0] * stage_a[0] + A_2[i, 1] * stage_a[1]
+                    at = t + h * NODES[i]
                     stage_dv[i] = dv + tau * h * once
-                    stage_dq[i] = dq + h * _NODES[i] * (dv + tau * v_0) + 2.0 * tau * h * h * twice
+                    stage_dq[i] = dq + h * NODES[i] * (dv + tau * v_0) + 2.0 * tau * h * h * twice
                     _follow(
                         residual_slope, p, p_slopes[k], at, tau * at, stage_q[i], stage_v[i], stage_a[i], stage_l[i],
                         K[i], C[i], stage_dq[i], stage_dv[i], left,
@@ -147,7 +168,7 @@ def gauss_slopes(
                 dq += h * (dv + tau * v_0)
                 for i in range(2):
                     da = x[i * size : i * size + n]
-                    dq += h * h * _B2[i] * (da + 2.0 * tau * stage_a[i])
+                    dq += h * h * B_2[i] * (da + 2.0 * tau * stage_a[i])
                     dv += 0.5 * h * (da + tau * stage_a[i])
         at, q, v, a, multipliers = times[row], qs[row], vs[row], accels[row], lambdas[row]
         _linear(equations, constraints, tangent, p, at, q, v, a, multipliers, K[0], C[0], small, left)
@@ -165,8 +186,8 @@ def gauss_slopes(
 
 @njit(cache=True, **OPTIONS)
 def alpha_slopes(
-    equations, constraints, tangent, residual_slope, closing_slope, p, p_slopes, stretches, method, times, qs, vs, accels,
-    lambdas, slopes, made_of=_MADE_OF,
+    equations, constraints, tangent, residual_slope, closing_slope, p, p_slopes, stretches, method, times, qs, vs,
+    accels, lambdas, slopes, made_of=_MADE_OF,
 ):
     """As :func:`gauss_slopes` along the steps of generalised-alpha; method: alpha_m, alpha_f, beta, gamma."""
     n, m = qs.shape[1], lambdas.shape[1]

@@ -118,7 +118,7 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
 
 
 def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
-    """The system of a scene that differs in numbers alone; ``frozen`` where its shapes are to span what they spanned."""
+    """The system of a scene that differs in numbers alone; ``frozen`` where its shapes keep the space they span."""
     stretching = with_stretch(scene)
     links = {
         name: build_link(stretching, name, system.module, scene.bodies[name].beam.elements) for name in system.links

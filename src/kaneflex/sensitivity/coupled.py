@@ -13,9 +13,10 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.binding import Progress, find_coupled_tangent_module
-from kaneflex.coupled.run import Method, Steps, every_step, started
+from kaneflex.coupled.run import Method
 from kaneflex.coupled.simulation import as_solution, beginning, method_of
 from kaneflex.coupled.slopes import alpha_slopes, compile_slopes, gauss_slopes
+from kaneflex.coupled.steps import Steps, every_step, first_rates
 from kaneflex.coupled.system import CoupledSystem
 from kaneflex.errors import SceneError
 from kaneflex.model import Model
@@ -125,7 +126,7 @@ def coupled_slopes(path: CoupledPath, varied: Varied) -> dict[str, np.ndarray]:
     if varied.model.options.start == "periodic":
         first = _periodic_start(path, varied, p_slopes, tau)
     else:
-        first = varied.slope(_start)
+        first = _closed(path, p_slopes[0], varied.slope(_start))
     found = path.slopes(p_slopes, tau, first[None])[path.steps.rows, 0]
     parts = np.split(found, [n, 2 * n, 3 * n], axis=1)
     read = []
@@ -142,8 +143,24 @@ def coupled_slopes(path: CoupledPath, varied: Varied) -> dict[str, np.ndarray]:
 
 def _start(model: Model) -> np.ndarray:
     """q and v from which a model's run starts, (2 n,)."""
-    times = model.step * np.arange(2)
-    return started(model.coupled, *beginning(model), times, method_of(model))
+    q, v = beginning(model)
+    return np.concatenate([q, first_rates(model.coupled, q, v)])
+
+
+def _closed(path: CoupledPath, p_slope: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Slopes (2 n,) at the start, those of q put onto the constraints by the bodies' frames alone.
+
+    What the differences leave open is rounding. Shared with the deformation, it would load stiff links.
+    """
+    system, steps = path.solution.model.coupled, path.steps
+    n, m = system.size, len(system.constraints)
+    g, g_t, G, gamma, opened, rate = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m), np.zeros(m), np.zeros(m)
+    q, v, p = steps.q[0], steps.v[0], system.parameters
+    system.module.constraints(0.0, q, v, p, g, g_t, G, gamma)
+    path.tangents.closing_slope(0.0, 0.0, q, v, p, p_slope, opened, rate)
+    closed = first.copy()
+    closed[system.rigid_rows] -= np.linalg.lstsq(G[:, system.rigid_rows], opened + G @ first[:n], rcond=None)[0]
+    return closed
 
 
 def _periodic_start(path: CoupledPath, varied: Varied, p_slopes: np.ndarray, tau: np.ndarray) -> np.ndarray:

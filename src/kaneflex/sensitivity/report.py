@@ -149,14 +149,10 @@ def sensitivities(
         For a run that can't be differentiated, and for a path that is no number or changes no sensor.
     """
     model = solution.model
-    check_differentiable(model.scene)
     if solution.outcome is not Outcome.COMPLETED or solution.whole is not None:
         reason = "only a whole run that was completed can be differentiated"
         raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
-    if solution.times[0] != 0.0:
-        raise SceneError(
-            "after", None, "the state that a run continues from has no derivative", "Differentiate one from its start"
-        )
+    check_differentiable(model.scene, continued=solution.times[0] != 0.0)
     parameters = find_parameters(model.scene, names)
     differentiate, slopes = _coupled(solution, frozen) if model.coupled is not None else _linear(solution, frozen), {}
     for k, parameter in enumerate(parameters):
@@ -186,8 +182,16 @@ def _coupled(solution: Solution, frozen: bool) -> Callable[[Parameter], dict[str
     return lambda parameter: coupled_slopes(path, vary(solution.model, parameter, frozen, step=path.neighbour_step))
 
 
-def check_differentiable(scene: Scene) -> None:
-    """Raise SceneError for a scene whose run can't be differentiated, naming what stands in the way."""
+def check_differentiable(scene: Scene, continued: bool) -> None:
+    """Raise SceneError for a run that can't be differentiated, naming what stands in the way.
+
+    ``continued`` tells whether it goes on from the last state of another one.
+    """
+    if continued:
+        raise SceneError(
+            "after", None, "how the state that a run continues from follows the parameter is not known",
+            "Differentiate a run from its start",
+        )  # fmt: skip
     options = resolve_options(scene)
     if options.dynamics not in DYNAMICS:
         raise SceneError(
@@ -196,8 +200,8 @@ def check_differentiable(scene: Scene) -> None:
         )  # fmt: skip
     if options.integrator == "scipy":
         raise SceneError(
-            "solve.integrator", "scipy", "it chooses its steps, which have no derivative",
-            "Take generalised-alpha or gauss",
+            "solve.integrator", "scipy", "what it does within a step has no derivative here",
+            "Take gauss or generalised-alpha",
         )  # fmt: skip
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
     if free is not None and options.dynamics != "coupled":
