@@ -72,10 +72,10 @@ def integrate(
 ):
     """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
 
-    scale: error allowed in each coordinate. state: [next step, longest step, last row filled], then as many lengths of
-    accepted steps as there is room for. powers: entries of ``energy``. works: time integrals of the powers (dissipation,
-    loads, constraints). counts: accepted and rejected steps, Newton iterations, largest residuals of position and
-    velocity before a projection.
+    scale: error allowed in each coordinate. state: [next step, longest step, last row filled], then room for the
+    lengths of the first accepted steps. powers: entries of ``energy``. works: time integrals of the powers
+    (dissipation, loads, constraints). counts: accepted and rejected steps, Newton iterations, largest residuals of
+    position and velocity before a projection.
     """
     n, m = qs.shape[1], lambdas.shape[1]
     size = n + m
