@@ -92,7 +92,7 @@ def test_a_study_has_the_derivatives_of_each_point(tmp_path):
 @pytest.mark.parametrize(
     ("scene", "name", "words"),
     [
-        ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Take preset linear, stiffened or quasistatic")),
+        ("engine-paper", "rod.E", ("solve.preset = 'paper'", "Take preset linear, stiffened, quasistatic or coupled")),
         ("engine --integrator scipy --set solve.start=zero", "rod.E", ("solve.integrator = 'scipy'", "Take gauss")),
         ("engine", "rod.A", ("rod.A: the scene gives no such number", "--set rod.A=VALUE")),
         ("engine", "rod.elements", ("rod.elements = '4'", "not a number that can change")),

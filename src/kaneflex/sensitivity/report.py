@@ -149,10 +149,10 @@ def sensitivities(
         For a run that can't be differentiated, and for a path that is no number or changes no sensor.
     """
     model = solution.model
+    check_differentiable(model.scene, continued=solution.whole is None and solution.times[0] != 0.0)
     if solution.outcome is not Outcome.COMPLETED or solution.whole is not None:
         reason = "only a whole run that was completed can be differentiated"
         raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
-    check_differentiable(model.scene, continued=solution.times[0] != 0.0)
     parameters = find_parameters(model.scene, names)
     differentiate, slopes = _coupled(solution, frozen) if model.coupled is not None else _linear(solution, frozen), {}
     for k, parameter in enumerate(parameters):
