@@ -76,6 +76,11 @@ class CoupledEquations:
     def v(self) -> tuple[sm.Symbol, ...]:
         return tuple(symbol for body in self.bodies for symbol in body.v)
 
+    @property
+    def inputs(self) -> tuple[sm.Symbol, ...]:
+        """What every kernel reads: the time, q, v and the parameters."""
+        return (T, *self.q, *self.v, *(symbol for symbol, _ in self.parameters.values()))
+
 
 def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] = ()) -> CoupledEquations:
     """The coupled equations of a mechanism.
@@ -267,24 +272,25 @@ def _work(mechanism: Mechanism, load: LoadModel, places: Places) -> list[tuple[s
     return list(zip(direction, path, strict=True))
 
 
-def programs(equations: CoupledEquations) -> tuple[Program, ...]:
-    """The kernels' programs: ``equations``, ``constraints``, ``stiffness`` and ``energy``."""
-    q, v = equations.q, equations.v
-    n, rows = len(q), equations.rows
-    rate = dict(zip(q, v, strict=True))
-    inputs = (T, *q, *v, *(symbol for symbol, _ in equations.parameters.values()))
-    mass = sm.zeros(n, n)
-    offset = 0
-    for body in equations.bodies:
-        mass[offset : offset + len(body.q), offset : offset + len(body.q)] = body.mass
-        offset += len(body.q)
-    dynamic = _matrix("M", mass) + _vector("f", equations.forcing)
+@dataclass(frozen=True)
+class Residual:
+    """R = (M a - f - G^T lambda, G a + gamma) with the symbols of a and lambda; M, G and gamma by themselves."""
 
+    a: tuple[sm.Symbol, ...]
+    multipliers: tuple[sm.Symbol, ...]
+    entries: list[sm.Expr]
+    mass: sm.Matrix
+    jacobian: sm.Matrix
+    gamma: list[sm.Expr]
+
+
+def residual(equations: CoupledEquations) -> Residual:
+    """What vanishes at every instant of a motion."""
+    q, rows = equations.q, equations.rows
+    n, rate = len(q), dict(zip(q, equations.v, strict=True))
+    mass = sm.diag(*(body.mass for body in equations.bodies))
     jacobian = [[row.residual.diff(symbol) for symbol in q] for row in rows]
     gamma = [_rate(_rate(row.residual, rate), rate) + row.acceleration for row in rows]
-    holonomic = _vector("g", [row.residual for row in rows]) + _vector("g_t", [row.rate for row in rows])
-    holonomic += _matrix("G", sm.Matrix(len(rows), n, lambda i, j: jacobian[i][j])) + _vector("gamma", gamma)
-
     a = tuple(sm.Symbol(f"accel_{k}") for k in range(n))
     multipliers = tuple(sm.Symbol(f"multiplier_{k}") for k in range(len(rows)))
     balance = [
@@ -297,8 +303,19 @@ def programs(equations: CoupledEquations) -> tuple[Program, ...]:
         gamma[i] + sum((jacobian[i][j] * a[j] for j in range(n) if jacobian[i][j] != 0), sm.S.Zero)
         for i in range(len(rows))
     ]
-    residual = [*balance, *closing]
-    tangent = _matrix("K", _gradient(residual, q)) + _matrix("C", _gradient(residual, v))
+    G = sm.Matrix(len(rows), n, lambda i, j: jacobian[i][j])
+    return Residual(a, multipliers, [*balance, *closing], mass, G, gamma)
+
+
+def programs(equations: CoupledEquations) -> tuple[Program, ...]:
+    """The kernels' programs: ``equations``, ``constraints``, ``stiffness`` and ``energy``."""
+    q, v, rows, found = equations.q, equations.v, equations.rows, residual(equations)
+    dynamic = _matrix("M", found.mass) + _vector("f", equations.forcing)
+
+    holonomic = _vector("g", [row.residual for row in rows]) + _vector("g_t", [row.rate for row in rows])
+    holonomic += _matrix("G", found.jacobian) + _vector("gamma", found.gamma)
+
+    tangent = _matrix("K", _gradient(found.entries, q)) + _matrix("C", _gradient(found.entries, v))
 
     energies = [sum((body.weight for body in equations.bodies), sm.S.Zero)]
     energies += [sum((body.strain for body in equations.bodies), equations.springs[0])]
@@ -306,12 +323,12 @@ def programs(equations: CoupledEquations) -> tuple[Program, ...]:
     energies += [power for _, power in equations.loads]
 
     def program(name: str, outputs, more: tuple[sm.Symbol, ...] = ()) -> Program:
-        return Program(name, (*inputs, *more), equations.steps, tuple(outputs))
+        return Program(name, (*equations.inputs, *more), equations.steps, tuple(outputs))
 
     return (
         program("equations", dynamic),
         program("constraints", holonomic),
-        program("tangent", tangent, (*a, *multipliers)),
+        program("tangent", tangent, (*found.a, *found.multipliers)),
         program("energy", _vector("out", energies)),
     )
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import sympy as sm
 
 from kaneflex.contract import FORMAT
 from kaneflex.derive import emit
@@ -33,13 +35,10 @@ def generate_coupled(scene: Any, shapes: Shapes, structure: str, progress: Progr
     """Text of the coupled module of a scene with so many (axial, transverse) shapes for each elastic link."""
     progress("Kane's equations of the coupled motion")
     description = scene.structure()
-    mechanism = read_structure(description)
-    rotary = {name for name, body in description["bodies"].items() if "theory" in body}
-    rotary |= {mass["at"].partition(".")[0] for mass in description["masses"].values() if mass["inertia"] != 0}
-    equations = derive_coupled(mechanism, shapes, rotary)
+    equations = equations_of(description, shapes)
     progress("programs")
     kernels = [(_kernel(equations, raw), raw) for raw in programs(equations)]
-    element = element_of(description, mechanism.viscous) if shapes else None
+    element = element_of(description, equations.mechanism.viscous) if shapes else None
     if element is not None:
         kernels += [term_kernel(term, element) for term in element.terms]
     progress("module text")
@@ -59,10 +58,22 @@ def generate_coupled(scene: Any, shapes: Shapes, structure: str, progress: Progr
     )
 
 
-def _kernel(equations: CoupledEquations, raw) -> emit.Kernel:
+def equations_of(description: Mapping[str, Any], shapes: Shapes) -> CoupledEquations:
+    """The coupled equations of a scene's structure."""
+    rotary = {name for name, body in description["bodies"].items() if "theory" in body}
+    rotary |= {mass["at"].partition(".")[0] for mass in description["masses"].values() if mass["inertia"] != 0}
+    return derive_coupled(read_structure(description), shapes, rotary)
+
+
+def state_reads(equations: CoupledEquations) -> list[tuple[sm.Symbol, str]]:
+    """Where every kernel finds q, v and the parameters."""
     reads = [(symbol, f"q[{k}]") for k, symbol in enumerate(equations.q)]
     reads += [(symbol, f"v[{k}]") for k, symbol in enumerate(equations.v)]
-    reads += [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(equations.parameters.values())]
+    return reads + [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(equations.parameters.values())]
+
+
+def _kernel(equations: CoupledEquations, raw) -> emit.Kernel:
+    reads = state_reads(equations)
     if raw.name == "tangent":
         size = len(equations.q)
         more = raw.inputs[-size - len(equations.rows) :]

@@ -6,7 +6,7 @@ Every assignment x = f(u, v) brings x' = df/du u' + df/dv v' behind it (Griewank
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import sympy as sm
@@ -75,13 +75,21 @@ def generate_tangent(scene: Any, structure: str, progress: Progress = lambda sta
         element = required_terms(element_of(description, mechanism.viscous), motion)
         kernels += [_term_kernel(term, element) for term in element.terms]
         elements = [_dispatch(element)]
+    progress("module text")
+    return slopes_text(scene, structure, kernels, [TABULATE, *elements], "--slopes")
+
+
+def slopes_text(
+    scene: Any, structure: str, kernels: Sequence[tuple[emit.Kernel, Program]], more: Sequence[str], options: str
+) -> str:
+    """Text of a module of slopes: its kernels, the lookups that they call, and ``more`` functions behind them."""
     lookups = {**emit.TABLE_LOOKUPS, **emit.SLOPE_LOOKUPS}
     blocks = [text for name, text in lookups.items() if any(calls(raw, name) for _, raw in kernels)]
     counts = emit.operations(kernels)
     width = max(map(len, counts))
     about = [
         f"Structure {structure}, format {FORMAT}, SymPy {version()}",
-        f"Made by: kaneflex derive {scene.source} --slopes -o FILE.py",
+        f"Made by: kaneflex derive {scene.source} {options} -o FILE.py",
         "",
         "The slope of x is its derivative along one direction of the parameters and of the time.",
         "Operations of one call, written out -> with shared subexpressions:",
@@ -94,7 +102,7 @@ def generate_tangent(scene: Any, structure: str, progress: Progress = lambda sta
         structure=structure,
         scene=scene.name,
         tables=emit.literal("OPERATIONS", counts, "kernel -> operations written out, with shared subexpressions"),
-        kernels="\n\n".join([*blocks, *(emit.print_kernel(kernel) for kernel, _ in kernels), TABULATE, *elements]),
+        kernels="\n\n".join([*blocks, *(emit.print_kernel(kernel) for kernel, _ in kernels), *more]),
     )
 
 
@@ -126,7 +134,7 @@ def _motion_kernel(mechanism: Mechanism, motion: Motion) -> tuple[emit.Kernel, P
         if not scalar.name.endswith(_DIAGNOSES)
     ]
     program = Program("motion", program.inputs, program.assignments, tuple(outputs))
-    fixed = [symbol for path, symbol in parameters.items() if _is_fixed(path)]
+    fixed = [symbol for path, symbol in parameters.items() if is_fixed(path)]
     raw = slopes(program, "motion_slope", fixed)
     reads = [(symbol, f"p[{k}]") for k, symbol in enumerate(parameters.values())]
     reads += [(slope(symbol), f"p_slope[{k}]") for k, symbol in enumerate(parameters.values()) if symbol not in fixed]
@@ -139,7 +147,8 @@ def _motion_kernel(mechanism: Mechanism, motion: Motion) -> tuple[emit.Kernel, P
     return emit.Kernel(share(raw), ("t", "t_slope", "p", "p_slope", "s"), tuple(reads), doc), raw
 
 
-def _is_fixed(path: str) -> bool:
+def is_fixed(path: str) -> bool:
+    """Whether a parameter is no quantity that could have a slope."""
     last = path.rpartition(".")[2]
     return last in _FIXED or last.startswith("seed_")
 

@@ -15,12 +15,12 @@ from kaneflex.summary import sensor_summaries
 STEP = 5e-4  # not that of the package's own differences
 
 
-def differences(scene, settings, parameter, frozen=True):
+def differences(scene, settings, parameter, frozen=True, step=STEP):
     """p dy/dp of every sensor by fourth-order differences of runs with the same numbers of steps."""
     base = model(scene, *settings)
-    at = {k: simulate(neighbour(base, parameter.scaled(base.scene, 1 + k * STEP), frozen)) for k in (-2, -1, 1, 2)}
+    at = {k: simulate(neighbour(base, parameter.scaled(base.scene, 1 + k * step), frozen)) for k in (-2, -1, 1, 2)}
     y = {k: {name: series.values for name, series in solution.series.items()} for k, solution in at.items()}
-    return {name: (y[-2][name] - 8 * (y[-1][name] - y[1][name]) - y[2][name]) / (12 * STEP) for name in y[1]}
+    return {name: (y[-2][name] - 8 * (y[-1][name] - y[1][name]) - y[2][name]) / (12 * step) for name in y[1]}
 
 
 def check(scene, settings, name, frozen=True, tolerance=1e-6):

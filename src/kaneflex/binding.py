@@ -14,11 +14,18 @@ from types import MappingProxyType, ModuleType
 
 import numpy as np
 
-from kaneflex.contract import COUPLED_ATTRIBUTES, COURSES, FORMAT, REQUIRED_ATTRIBUTES, TANGENT_ATTRIBUTES
+from kaneflex.contract import (
+    COUPLED_ATTRIBUTES,
+    COUPLED_TANGENT_ATTRIBUTES,
+    COURSES,
+    FORMAT,
+    REQUIRED_ATTRIBUTES,
+    TANGENT_ATTRIBUTES,
+)
 from kaneflex.errors import SceneError
 from kaneflex.options import acting, left_out, resolve_options
 from kaneflex.scene import Scene
-from kaneflex.scene.structure import coupled_hash, pruned_hash, tangent_hash
+from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
 from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
@@ -60,6 +67,19 @@ def tangent_text(scene: Scene) -> str:
 
     with derivable(scene):
         return generate_tangent(scene, tangent_hash(scene))
+
+
+def find_coupled_tangent_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the slopes of the coupled equations; otherwise as :func:`find_module`."""
+    structure = coupled_tangent_hash(scene, shapes)
+    return _find(structure, lambda: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, progress)
+
+
+def coupled_tangent_text(scene: Scene, shapes: Counts) -> str:
+    """Text of the module of the slopes of the coupled equations with so many shapes."""
+    from kaneflex.derive import generate_coupled_tangent
+
+    return generate_coupled_tangent(scene, shapes, coupled_tangent_hash(scene, shapes))
 
 
 def _find(

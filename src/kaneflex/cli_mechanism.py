@@ -170,7 +170,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
 )
-@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
+@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead; with --slopes theirs.")
 @click.option("--slopes", is_flag=True, help="The slopes of the equations instead, that sensitivities are made of.")
 @click.option(
     "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
@@ -188,8 +188,6 @@ def derive(
     from kaneflex.terminal import Waiting
     from kaneflex.writing import refuse_existing, write_text
 
-    if coupled and slopes:
-        raise SceneError("--slopes", None, "the coupled equations have no such module", "Leave --coupled out")
     refuse_existing(output, force, "engine.py")
     refuse_with_tolerance(tolerance, {"--coupled": coupled or None, "--slopes": slopes or None})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
@@ -199,10 +197,10 @@ def derive(
         return
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
-        from kaneflex.binding import coupled_text, generate_text, tangent_text
+        from kaneflex.binding import coupled_tangent_text, coupled_text, generate_text, tangent_text
 
         if coupled:
-            text = coupled_text(scene, shape_counts(scene))
+            text = (coupled_tangent_text if slopes else coupled_text)(scene, shape_counts(scene))
         else:
             text = tangent_text(scene) if slopes else generate_text(scene, waiting.stage)
     write_text(output, text)

@@ -66,3 +66,6 @@ COUPLED_ATTRIBUTES = (
 
 TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "SCENE", "OPERATIONS", "motion_slope", "tabulate_slopes")
 """Attributes of every module of slopes; with elastic links also ``terms_slope``."""
+
+COUPLED_TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "SCENE", "OPERATIONS", "residual_slope", "closing_slope")
+"""Attributes of every module of the coupled equations' slopes."""

@@ -105,7 +105,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
     Parameters
     ----------
     model : Model
-        Of the scene before the change, with no free joints.
+        Of the scene before the change, with no free joints unless its preset is coupled.
     frozen : bool
         Whether the new one keeps the modal bases and the modes of the damping.
     slopes : ModuleType, optional
@@ -114,9 +114,17 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
     scene = acting(scene, options)
+    system = None
+    if model.coupled is not None:
+        from kaneflex.coupled.system import neighbour_system, with_stretch
+
+        system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
     parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
+    if model.module.FREE:
+        parameters = at_initial_speed(scene, model.module, parameters, duration)
     near = None if slopes is None else (model, slopes)
-    return build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
+    found = build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
+    return replace(found, coupled=system)
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:

@@ -136,7 +136,7 @@ def _solve(
         from kaneflex.sensitivity.parameters import find_parameters
         from kaneflex.sensitivity.report import check_differentiable
 
-        check_differentiable(scene)
+        check_differentiable(scene, continued=after is not None)
         find_parameters(scene, parameters)
     model = load(scene, waiting.stage)
     waiting.stage("compiling the integrator, first time only")

@@ -17,6 +17,8 @@ from kaneflex.model import RigidMotion
 
 _PIECE = 100
 """Stored instants between two reports of progress, at each of which a run can be interrupted."""
+FIRST_PASSES = 5
+"""Projections that put the first state onto the constraints: it may be undeformed, or deformed to the first order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,14 @@ class Method:
     length: float
     rho_infinity: float
 
+    @property
+    def weights(self) -> np.ndarray:
+        """alpha_m, alpha_f, beta, gamma of generalised-alpha (Chung & Hulbert 1993, eqs. (17), (18), (25))."""
+        rho = self.rho_infinity
+        alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        surplus = 1.0 - alpha_m + alpha_f
+        return np.array([alpha_m, alpha_f, 0.25 * surplus**2, surplus - 0.5])
+
 
 def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the undeformed bodies at the first time of a rigid motion."""
@@ -107,6 +117,12 @@ def integrate(
     return run.trajectory(slice(0, run.filled + 1), *ended)
 
 
+def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
+    """A first step [s] that alone would move things by a thousand errors; the estimate takes over from there."""
+    largest = (abs(accelerations) / scale).max()
+    return min(math.sqrt(2e3 / largest) if largest > 0 else math.inf, longest)
+
+
 class _Run:
     """Tables of one integration, filled piece by piece."""
 
@@ -120,11 +136,9 @@ class _Run:
         self.multipliers, self.works = np.zeros((count, m)), np.zeros((count, self.powers - 2 + m))
         self.counts, self.filled = np.zeros(5), 0
         self.q[0], self.v[0] = q, v
-        self.settled = self._settle(0, 5)
-        largest = (abs(self.a[0]) / self.scale).max()
-        # A first step that alone would move things by a thousand errors; the estimate takes over from there.
-        first = math.sqrt(2e3 / largest) if largest > 0 else math.inf
-        self.step, self.longest = min(first, float(times[1] - times[0])), float(times[1] - times[0])
+        self.settled = self._settle(0, FIRST_PASSES)
+        self.longest = float(times[1] - times[0])
+        self.step = first_step(self.a[0], self.scale, self.longest)
         self.algorithmic = self.a[0].copy()
 
     @property
@@ -173,13 +187,8 @@ class _Run:
         return ended
 
     def _alpha(self, rows: slice) -> int:
-        # Chung & Hulbert 1993, eqs. (17), (18), (25)
-        rho = self.method.rho_infinity
-        alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-        surplus = 1.0 - alpha_m + alpha_f
-        weights = np.array([alpha_m, alpha_f, 0.25 * surplus**2, surplus - 0.5])
         ended, last = stepping.generalised_alpha(
-            *self.kernels, self.system.parameters, self.scale, weights, self.algorithmic,
+            *self.kernels, self.system.parameters, self.scale, self.method.weights, self.algorithmic,
             *(table[rows] for table in self.tables), self.powers, self.counts,
         )  # fmt: skip
         self.filled += last

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
@@ -68,6 +68,25 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
     return Shapes(axial, transverse[:, turns:], rows.frame, (0, *fixed))
 
 
+def spanned(shapes: Shapes, link: Link) -> Shapes:
+    """The space that some shapes span, by the modes of a link within it.
+
+    The equations take shapes that are orthogonal; the motion knows their space alone.
+    """
+    stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
+    turn = np.zeros((len(mass), 1 if shapes.frame == "mean" else 0))
+    turn[1::3], turn[2::3] = link.nodes[:, None], 1.0
+    transverse = _orthogonal(np.hstack([turn, shapes.transverse]), stiffness, mass)[:, turn.shape[1] :]
+    return replace(shapes, axial=_orthogonal(shapes.axial, stiffness, mass), transverse=transverse)
+
+
+def alike(shapes: Shapes, others: Shapes) -> Shapes:
+    """The shapes with the size and sign of others where those are largest."""
+    return replace(
+        shapes, axial=_scaled(shapes.axial, others.axial), transverse=_scaled(shapes.transverse, others.transverse)
+    )
+
+
 @dataclass(frozen=True)
 class _Rows:
     """Rows of a link's nodes: u that something can pull at, transverse ones that a reduction keeps, the other ones."""
@@ -111,7 +130,12 @@ def _orthogonal(basis: np.ndarray, stiffness: np.ndarray, mass: np.ndarray) -> n
     if not basis.shape[1]:
         return basis
     _, mixed = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis)
-    shapes = basis @ mixed
-    displacements = np.where((np.arange(len(shapes)) % 3 == 2)[:, None], 0.0, shapes)
-    largest = displacements[abs(displacements).argmax(axis=0), np.arange(shapes.shape[1])]
-    return shapes / largest
+    return _scaled(basis @ mixed)
+
+
+def _scaled(shapes: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
+    """Each with +1 where its displacement, or that of the other one, is largest."""
+    looked_at = shapes if others is None else others
+    displacements = np.where((np.arange(len(shapes)) % 3 == 2)[:, None], 0.0, looked_at)
+    largest = abs(displacements).argmax(axis=0) if shapes.shape[1] else []
+    return shapes / shapes[largest, np.arange(shapes.shape[1])]

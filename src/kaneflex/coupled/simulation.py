@@ -35,10 +35,9 @@ def simulate_coupled(
     """Integrate the coupled equations over the model's horizon, from a state where one is given."""
     started = time.perf_counter()
     system, options = model.coupled, model.options
-    length = longest(model.scene)
-    method = Method(options.integrator, options.tolerance, length, options.rho_infinity)
+    method = method_of(model)
     times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
-    q, v = _beginning(model) if after is None else after.fitted(system, length)
+    q, v = beginning(model) if after is None else after.fitted(system, method.length)
     stops = [event for event in model.scene.events.values() if event.stop]
 
     def stop(part: CoupledTrajectory) -> bool:
@@ -51,7 +50,13 @@ def simulate_coupled(
     return as_solution(model, trajectory, time.perf_counter() - started)
 
 
-def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
+def method_of(model: Model) -> Method:
+    """How a model asks to be integrated."""
+    options = model.options
+    return Method(options.integrator, options.tolerance, longest(model.scene), options.rho_infinity)
+
+
+def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the rigid mechanism, deformed where the scene starts from equilibrium."""
     system, first = model.coupled, model.motion.at(0.0)
     q, v = rigid_state(system, first)

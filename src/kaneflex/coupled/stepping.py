@@ -40,22 +40,23 @@ DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE = 0, 1, 2, 3
 equations Newton's method does not solve."""
 
 _ROOT = math.sqrt(3.0)
-_NODES = np.array([0.5 - _ROOT / 6, 0.5 + _ROOT / 6])
-_A1 = np.array([[0.25, 0.25 - _ROOT / 6], [0.25 + _ROOT / 6, 0.25]])
-_A2 = _A1 @ _A1
-_B2 = 0.5 * (_A1[0] + _A1[1])
+NODES = np.array([0.5 - _ROOT / 6, 0.5 + _ROOT / 6])
+A_1 = np.array([[0.25, 0.25 - _ROOT / 6], [0.25 + _ROOT / 6, 0.25]])
+A_2 = A_1 @ A_1
+B_2 = 0.5 * (A_1[0] + A_1[1])
+"""Nodes of the two stages, their weights for rates and, twice, for places; weights of a whole step's places."""
 
 
 def _estimate_weights() -> np.ndarray:
     """Of a_n, a_1, a_2, a_n+1 in q^ - q = h^2 sum w a: the cubic through all four against the stages' line."""
-    nodes = np.array([0.0, _NODES[0], _NODES[1], 1.0])
+    nodes = np.array([0.0, NODES[0], NODES[1], 1.0])
     weights = np.zeros(4)
     for k in range(4):
         others = np.delete(nodes, k)
         lagrange = np.poly(others) / np.prod(nodes[k] - others)
         integrand = np.polyint(np.polymul(lagrange, [-1.0, 1.0]))
         weights[k] = np.polyval(integrand, 1.0)
-    weights[1:3] -= _B2
+    weights[1:3] -= B_2
     return weights
 
 
@@ -71,9 +72,10 @@ def integrate(
 ):
     """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
 
-    scale: error allowed in each coordinate. state: [next step, longest step, last row filled]. powers: entries of
-    ``energy``. works: time integrals of the powers (dissipation, loads, constraints). counts: accepted and rejected
-    steps, Newton iterations, largest residuals of position and velocity before a projection.
+    scale: error allowed in each coordinate. state: [next step, longest step, last row filled], then room for the
+    lengths of the first accepted steps. powers: entries of ``energy``. works: time integrals of the powers
+    (dissipation, loads, constraints). counts: accepted and rejected steps, Newton iterations, largest residuals of
+    position and velocity before a projection.
     """
     n, m = qs.shape[1], lambdas.shape[1]
     size = n + m
@@ -89,7 +91,7 @@ def integrate(
     q_0, v_0, a_0, multipliers_0 = qs[0].copy(), vs[0].copy(), accels[0].copy(), lambdas[0].copy()
     work = works[0].copy()
     drift, rates = np.zeros(2), np.zeros(powers)
-    wanted, t, row = state[0], times[0], 0
+    wanted, t, row, taken = state[0], times[0], 0, 3
     while row + 1 < times.size:
         state[0], state[2] = wanted, row
         left = times[row + 1] - t
@@ -108,7 +110,7 @@ def integrate(
         tangent(t, q_0, v_0, a_0, multipliers_0, p, K, C)
         for i in range(2):
             for j in range(2):
-                d, s = h * _A1[i, j], h * h * _A2[i, j]
+                d, s = h * A_1[i, j], h * h * A_2[i, j]
                 for r in range(size):
                     for c in range(n):
                         big[i * size + r, j * size + c] = d * C[r, c] + s * K[r, c]
@@ -131,13 +133,13 @@ def integrate(
         for iteration in range(10):
             counts[2] += 1
             for i in range(2):
-                stage_v[i] = v_0 + h * (_A1[i, 0] * stage_a[0] + _A1[i, 1] * stage_a[1])
-                stage_q[i] = q_0 + h * _NODES[i] * v_0 + h * h * (_A2[i, 0] * stage_a[0] + _A2[i, 1] * stage_a[1])
+                stage_v[i] = v_0 + h * (A_1[i, 0] * stage_a[0] + A_1[i, 1] * stage_a[1])
+                stage_q[i] = q_0 + h * NODES[i] * v_0 + h * h * (A_2[i, 0] * stage_a[0] + A_2[i, 1] * stage_a[1])
                 M[:, :] = 0.0
                 f[:] = 0.0
                 G[:, :] = 0.0
                 gamma[:] = 0.0
-                at = t + h * _NODES[i]
+                at = t + h * NODES[i]
                 equations(at, stage_q[i], stage_v[i], p, M, f)
                 constraints(at, stage_q[i], stage_v[i], p, g, g_t, G, gamma)
                 for r in range(n):
@@ -177,7 +179,7 @@ def integrate(
             counts[1] += 1
             wanted = 0.4 * h
             continue
-        q[:] = q_0 + h * v_0 + h * h * (_B2[0] * stage_a[0] + _B2[1] * stage_a[1])
+        q[:] = q_0 + h * v_0 + h * h * (B_2[0] * stage_a[0] + B_2[1] * stage_a[1])
         v[:] = v_0 + 0.5 * h * (stage_a[0] + stage_a[1])
         if not settle(equations, constraints, p, t + h, q, v, a, multipliers, 1, drift):
             return SINGULAR
@@ -208,7 +210,7 @@ def integrate(
             wanted = h * min(growth, 0.9)
             continue
         for i in range(2):
-            at = t + h * _NODES[i]
+            at = t + h * NODES[i]
             rates[:] = 0.0
             energy(at, stage_q[i], stage_v[i], p, rates)
             for k in range(powers - 2):
@@ -218,6 +220,9 @@ def integrate(
                 work[powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
         q_0[:], v_0[:], a_0[:], multipliers_0[:] = q, v, a, multipliers
         counts[0] += 1
+        if taken < state.size:
+            state[taken] = h
+            taken += 1
         counts[3], counts[4] = max(counts[3], drift[0]), max(counts[4], drift[1])
         wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
         if h >= left * (1.0 - 1e-9):

@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_coupled_module
 from kaneflex.coupled.families import check_family
 from kaneflex.coupled.moments import body_numbers
-from kaneflex.coupled.shapes import Shapes, link_shapes
+from kaneflex.coupled.shapes import Shapes, alike, link_shapes, spanned
 from kaneflex.errors import SceneError
 from kaneflex.links import Link, build_link, mesh
 from kaneflex.scene import Scene
@@ -115,6 +115,20 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
     shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
     numbers = body_numbers(scene, module, links, shapes)
     return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds
+
+
+def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
+    """The system of a scene that differs in numbers alone; ``frozen`` where its shapes keep the space they span."""
+    stretching = with_stretch(scene)
+    links = {
+        name: build_link(stretching, name, system.module, scene.bodies[name].beam.elements) for name in system.links
+    }
+    shapes = {}
+    for name, link in links.items():
+        found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, modes_of(scene))
+        shapes[name] = alike(found, system.shapes[name])
+    numbers = body_numbers(scene, system.module, links, shapes)
+    return CoupledSystem(system.module, bind_parameters(scene, system.module, numbers), links, shapes)
 
 
 def check_modes(scene: Scene, name: str) -> None:

@@ -55,6 +55,12 @@ def tangent_hash(scene: Scene) -> str:
     return _digits({"format": FORMAT, "tangent": True, **structure(scene)})
 
 
+def coupled_tangent_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
+    """The same of the module of the coupled equations' slopes."""
+    counts = {name: list(numbers) for name, numbers in shapes.items()}
+    return _digits({"format": FORMAT, "tangent": True, "shapes": counts, **structure(scene)})
+
+
 def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
     """The same of the structure without some groups of terms."""
     return _digits({"format": FORMAT, "without": sorted(without), **structure(scene)})

@@ -25,7 +25,7 @@ from kaneflex.summary import mean_over_time
 if TYPE_CHECKING:
     import xarray
 
-DYNAMICS = ("dynamic", "quasistatic")
+DYNAMICS = ("dynamic", "quasistatic", "coupled")
 """What can be differentiated; so named in kaneflex.options."""
 _NOTHING = 1e-9
 """Share of a sensor's largest value that a slope must reach somewhere, or the sensors don't depend on the parameter."""
@@ -138,7 +138,7 @@ def sensitivities(
     Parameters
     ----------
     solution : Solution
-        From :func:`kaneflex.simulate`, under preset linear, stiffened or quasistatic.
+        From :func:`kaneflex.simulate`, under preset linear, stiffened, quasistatic or coupled.
     names : sequence of str
         Paths of the scene like "rod.E" or "drives.main.speed".
     frozen : bool
@@ -152,39 +152,65 @@ def sensitivities(
         For a run that can't be differentiated, and for a path that is no number or changes no sensor.
     """
     model = solution.model
-    check_differentiable(model.scene)
+    check_differentiable(model.scene, continued=solution.whole is None and solution.times[0] != 0.0)
     if solution.outcome is not Outcome.COMPLETED or solution.whole is not None:
         reason = "only a whole run that was completed can be differentiated"
         raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
     parameters = find_parameters(model.scene, names)
-    cycle, slopes = own_cycle(model), {}
+    differentiate, slopes = _coupled(solution, frozen) if model.coupled is not None else _linear(solution, frozen), {}
     for k, parameter in enumerate(parameters):
-        varied = vary(model, parameter, frozen)
-        slopes[parameter.name] = _sensor_slopes(solution, varied, tangent(solution, varied, cycle))
+        slopes[parameter.name] = differentiate(parameter)
         _demand_some(solution, parameter, slopes[parameter.name])
         if progress is not None:
             progress((k + 1) / len(parameters))
     return Sensitivities(solution, parameters, frozen, slopes)
 
 
-def check_differentiable(scene: Scene) -> None:
-    """Raise SceneError for a scene whose run can't be differentiated, naming what stands in the way."""
+def _linear(solution: Solution, frozen: bool) -> Callable[[Parameter], dict[str, np.ndarray]]:
+    """Parameter -> p dy/dp of every sensor, in a run of the elastic equations."""
+    cycle = own_cycle(solution.model)
+
+    def differentiate(parameter: Parameter) -> dict[str, np.ndarray]:
+        varied = vary(solution.model, parameter, frozen)
+        return _sensor_slopes(solution, varied, tangent(solution, varied, cycle))
+
+    return differentiate
+
+
+def _coupled(solution: Solution, frozen: bool) -> Callable[[Parameter], dict[str, np.ndarray]]:
+    """The same in a run of the coupled ones."""
+    from kaneflex.sensitivity.coupled import coupled_path, coupled_slopes
+
+    path = coupled_path(solution)
+    return lambda parameter: coupled_slopes(path, vary(solution.model, parameter, frozen, step=path.neighbour_step))
+
+
+def check_differentiable(scene: Scene, continued: bool) -> None:
+    """Raise SceneError for a run that can't be differentiated, naming what stands in the way.
+
+    ``continued`` tells whether it goes on from the last state of another one.
+    """
+    if continued:
+        raise SceneError(
+            "after", None, "how the state that a run continues from follows the parameter is not known",
+            "Differentiate a run from its start",
+        )  # fmt: skip
     options = resolve_options(scene)
     if options.dynamics not in DYNAMICS:
         raise SceneError(
             "solve.preset", options.preset, "its sensors can't be differentiated",
-            "Take preset linear, stiffened or quasistatic, with a body that has a beam",
+            "Take preset linear, stiffened, quasistatic or coupled, with a body that has a beam",
         )  # fmt: skip
     if options.integrator == "scipy":
         raise SceneError(
-            "solve.integrator", "scipy", "it chooses its steps, which have no derivative",
-            "Take newmark, generalised-alpha or gauss",
+            "solve.integrator", "scipy", "what it does within a step has no derivative here",
+            "Take gauss or generalised-alpha",
         )  # fmt: skip
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
-    if free is not None:
+    if free is not None and options.dynamics != "coupled":
         raise SceneError(
-            f"drives.{free}.free", True, "a motion that follows the forces can't be differentiated",
-            "Give the drive a speed, a law or a table",
+            f"drives.{free}.free", True, "a motion that follows the forces is differentiated with the links it moves",
+            "Take preset coupled, or give the drive a speed, a law or a table",
         )  # fmt: skip
     stopping = next((name for name, event in scene.events.items() if event.stop), None)
     if stopping is not None:

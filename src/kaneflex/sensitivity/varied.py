@@ -25,26 +25,30 @@ from kaneflex.sensitivity.parameters import Parameter
 STEP = 2e-4
 """Relative step from neighbour to neighbour: what is left out is of its fourth power."""
 SHARES = (-2, -1, 1, 2)
-_WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / (12.0 * STEP)
+_WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 
 
-def slope_of(values: list[np.ndarray]) -> np.ndarray:
-    """p dx/dp from the values at 1 + share * STEP times the parameter, for the shares of SHARES."""
-    return sum(weight * value for weight, value in zip(_WEIGHTS, values, strict=True))
+def slope_of(values: list[np.ndarray], step: float = STEP) -> np.ndarray:
+    """p dx/dp from the values at 1 + share * step times the parameter, for the shares of SHARES."""
+    return sum(weight / step * value for weight, value in zip(_WEIGHTS, values, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Varied:
-    """A model with neighbours whose parameter is 1 + share * STEP times as large, for the shares of SHARES."""
+    """A model with neighbours whose parameter is 1 + share * step times as large, for the shares of SHARES.
+
+    ``tangents`` is the module of the motion's slopes, which a coupled model does without.
+    """
 
     model: Model
     parameter: Parameter
     neighbours: tuple[Model, ...]
-    tangents: ModuleType
+    tangents: ModuleType | None
+    step: float = STEP
 
     def slope(self, of: Callable[[Model], float | np.ndarray]) -> np.ndarray:
         """p dx/dp of what a function gives of a model."""
-        return slope_of([of(model) for model in self.neighbours])
+        return slope_of([of(model) for model in self.neighbours], self.step)
 
     @cached_property
     def stretch(self) -> float:
@@ -63,7 +67,7 @@ class Varied:
         for key, kept in self.model.kept.items():
             found[key] = Affine.zero(*kept.shape)
             for weight, model in zip(_WEIGHTS, self.neighbours, strict=True):
-                found[key] += float(weight) * model.kept[key]
+                found[key] += float(weight / self.step) * model.kept[key]
         return found
 
     @cached_property
@@ -79,13 +83,17 @@ class Varied:
         return motion.table(times), slopes
 
 
-def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = lambda stage: None) -> Varied:
+def vary(
+    model: Model, parameter: Parameter, frozen: bool, progress: Progress = lambda stage: None, step: float = STEP
+) -> Varied:
     """The neighbours of a model along a parameter.
 
     Parameters
     ----------
     frozen : bool
         Whether they keep its modal bases.
+    step : float
+        Relative step from one to the next.
 
     Raises
     ------
@@ -94,10 +102,10 @@ def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = 
     """
     # the module is that of the scene as it is written, also of what the options leave out
     written = parameter.scaled(model.scene, 1.0)
-    tangents, _ = find_tangent_module(written, progress)
+    tangents = find_tangent_module(written, progress)[0] if model.coupled is None else None
     neighbours = []
     for share in SHARES:
-        scene = parameter.scaled(model.scene, 1.0 + share * STEP)
+        scene = parameter.scaled(model.scene, 1.0 + share * step)
         if scene.structure_hash() != written.structure_hash():
             raise SceneError(
                 parameter.name, parameter.value, "a small change of it makes other equations",
@@ -109,7 +117,7 @@ def vary(model: Model, parameter: Parameter, frozen: bool, progress: Progress = 
                 "Move it off the value at which the numbers of elements change",
             )  # fmt: skip
         neighbours.append(neighbour(model, scene, frozen, tangents))
-    return Varied(model, parameter, tuple(neighbours), tangents)
+    return Varied(model, parameter, tuple(neighbours), tangents, step)
 
 
 def _elements(model: Model, link: str) -> int:

@@ -1,0 +1,125 @@
+"""Derivatives of coupled runs against central differences of whole runs, and what commands and studies make of them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray
+from command_line import cli, refused
+from runs import run
+from test_sensitivities import differences
+
+from kaneflex.coupled import simulation
+from kaneflex.coupled.simulation import method_of
+from kaneflex.coupled.steps import every_step
+from kaneflex.sensitivity.coupled import coupled_path
+from kaneflex.sensitivity.report import sensitivities
+from kaneflex.sensitivity.varied import STEP
+
+PENDULUM = ("elastic-pendulum", "solve.duration=0.03", "solve.steps=100", "solve.tolerance=1e-10")
+RINGING = ("elastic-pendulum", "solve.duration=0.5", "solve.steps=40", "solve.tolerance=1e-10")
+FOUR_BAR = (
+    "four-bar-motor", "solve.duration=0.01", "solve.steps=50", "solve.integrator=generalised-alpha",
+    "solve.tolerance=1e-11", "masses.flywheel.inertia=1e-4 kg m^2",
+)  # fmt: skip
+ENGINE = ("engine", "solve.preset=coupled", "solve.modes=1", "solve.tolerance=1e-10")
+FIXED = ("solve.integrator=generalised-alpha", "solve.steps=180")
+
+
+def check(scene, names, frozen=True, step=5e-4):
+    """As for the other presets, to 1e-6; small steps are for what rings on, large ones for what rounding hides."""
+    solution = run(*scene)
+    found = sensitivities(solution, names, frozen)
+    for parameter in found.parameters:
+        expected = differences(scene[0], scene[1:], parameter, frozen, step)
+        assert found.slopes[parameter.name].keys() == solution.series.keys()
+        for sensor, slope in found.slopes[parameter.name].items():
+            size = max(abs(expected[sensor]).max(), 1e-2 * abs(solution.series[sensor].values).max())
+            where = f"{sensor}, {parameter.name}"
+            np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=1e-6 * size, err_msg=where)
+
+
+def test_pendulum_that_swings_freely():
+    names = ["strip.E", "strip.length", "strip.rho", "hinge.angle", "gravity.1", "strip.section.rectangle.0"]
+    check(PENDULUM, names, step=1e-4)
+
+
+def test_closed_loop_that_a_motor_turns():
+    names = ["coupler.length", "crank.length", "masses.flywheel.inertia", "ground.right.0"]
+    check(FOUR_BAR, names, step=2e-3)
+    check(FOUR_BAR, ["coupler.E", "damping.rayleigh.ratio"], step=3e-3)
+
+
+@pytest.mark.parametrize("frozen", [True, False])
+def test_driven_engine_from_equilibrium(frozen):
+    engine = (*ENGINE, *FIXED, "solve.start=quasistatic")
+    check(engine, ["rod.length", "main.speed"], frozen, step=1e-4)
+    check(engine, ["rod.E", "rod.mass", "crank.length"], frozen, step=1e-3)
+
+
+def test_the_basis_moves():
+    solution = run(*ENGINE, *FIXED, "solve.start=quasistatic")
+    kept, moved = (sensitivities(solution, ["rod.length"], frozen).slopes["rod.length"] for frozen in (True, False))
+    assert max(abs(kept[name] - moved[name]).max() / abs(kept[name]).max() for name in kept) > 1e-4
+
+
+@pytest.mark.parametrize("integrator", ["gauss", "generalised-alpha"])
+def test_periodic_engine(monkeypatch, integrator):
+    monkeypatch.setattr(simulation, "_REPEATS", 1e-12)
+    check((*ENGINE, "solve.steps=360", f"solve.integrator={integrator}", "solve.start=periodic"), ["main.speed"])
+
+
+def test_a_heavier_and_stiffer_pendulum_moves_alike():
+    """E and rho together scale all forces and no motion, however long it rings and whatever steps are taken."""
+    solution = run(*RINGING)
+    found = sensitivities(solution, ["strip.E", "strip.rho"]).slopes
+    for sensor, series in solution.series.items():
+        whole = found["strip.E"][sensor] + found["strip.rho"][sensor]
+        size = max(abs(found["strip.E"][sensor]).max(), abs(series.values).max())
+        expected = 0.0 if sensor in ("angle", "tip_bend") else series.values
+        np.testing.assert_allclose(whole, expected, rtol=0, atol=1e-7 * size, err_msg=sensor)
+
+
+def test_the_steps_are_those_of_the_run():
+    solution = run(*RINGING)
+    trajectory = solution.coupled.trajectory
+    steps = every_step(solution.model.coupled, trajectory, method_of(solution.model))
+    assert len(steps.times) == trajectory.steps + 1 > 4 * len(trajectory.times)
+    np.testing.assert_allclose(steps.times[steps.rows], trajectory.times, rtol=1e-14)
+    for own, whole in zip((steps.q, steps.v, steps.a), (trajectory.q, trajectory.v, trajectory.a), strict=True):
+        np.testing.assert_allclose(own[steps.rows], whole, rtol=0, atol=1e-9 * abs(whole).max())
+
+
+def test_neighbours_of_what_turns_often_are_nearer():
+    path = coupled_path(run(*PENDULUM))
+    assert path.neighbour_step == STEP
+    turned = replace(path.steps, q=path.steps.q + 200 * np.pi * np.linspace(0, 1, len(path.steps.q))[:, None])
+    assert replace(path, steps=turned).neighbour_step == pytest.approx(STEP / 100, rel=1e-2)
+
+
+def test_command_study_and_refusals(tmp_path):
+    settings = ["--set", "solve.duration=0.03", "--set", "solve.steps=100"]
+    command = ("run", "elastic-pendulum", *settings, "--no-plots", "--sensitivities", "strip.E")
+    shown = cli(*command, "-o", tmp_path / "out")
+    assert shown.exit_code == 0 and "% of the peak by 1 % of" in shown.stdout
+    solution = run("elastic-pendulum", "solve.duration=0.03", "solve.steps=100")
+    expected = sensitivities(solution, ["strip.E"])
+    (parameter,) = expected.parameters
+    with xarray.open_dataset(tmp_path / "out" / "sensitivities.nc", engine="scipy") as found:
+        derivative = found["d_tip_bend_d_strip.E"]
+        assert (derivative.units, found.modal_basis) == ("m/Pa", "frozen")
+        np.testing.assert_allclose(derivative, expected.series(parameter, "tip_bend"), rtol=1e-9)
+    about = json.loads((tmp_path / "out" / "summary.json").read_text())["sensitivities"]["strip.E"]
+    assert about["sensors"]["tip_bend"]["min"] == pytest.approx(expected.of(parameter, "tip_bend").min)
+    (tmp_path / "study.toml").write_text(
+        'scene = "elastic-pendulum"\nsettings = ["solve.duration=0.03", "solve.steps=100"]\n'
+        'sensitivities = ["strip.E"]\n[parameters]\n"drives.hinge.angle" = ["-30 deg"]\n'
+    )
+    assert cli("sweep", tmp_path / "study.toml", "-o", tmp_path / "swept").exit_code == 0
+    with xarray.open_dataset(tmp_path / "swept" / "sweep.nc", engine="scipy") as found:
+        column = found["d_tip_bend_d_strip.E"].sel(point=0, statistic="min")
+        assert float(column) == pytest.approx(expected.of(parameter, "tip_bend").min)
+    refused(cli(*command, "--after", tmp_path / "out", "-o", tmp_path / "no"), "after", "from its start")
+    refused(cli(*command, "--integrator", "scipy", "-o", tmp_path / "no"), "solve.integrator = 'scipy'", "Take gauss")
+    assert not (tmp_path / "no").exists()
