@@ -2,7 +2,7 @@
 
 run, together       integrate one system; several of them side by side
 methods, outcome    which methods there are; how a run ended
-system              what is integrated, and as the loops read it; `abreast` one system in each lane, `sliced` long chains
+system              what is integrated, and how the loops read it; `abreast`: one in each lane; `sliced`: long chains
 feed, stretches     the table, in pieces; a cycle in eight stretches side by side
 stepping, periodic  drive the loops over a run, and to the motion that repeats itself
 steppers            the compiled loops; `small` and `chains` where Newmark's steps go faster
