@@ -141,3 +141,12 @@ def test_runs_of_other_lengths_methods_and_sizes_share_no_lanes_and_are_all_inte
     runs.append(Run(one, table, 0.0, 0.1, STEPS, "gauss"))
     for run, trajectory in zip(runs, integrate_together(runs), strict=True):
         assert_same(run, trajectory)
+
+
+def test_a_long_run_and_one_of_many_coordinates_are_left_to_integrate():
+    n = 60
+    system, table = constant(np.eye(n), 0.1 * np.eye(n), np.diag(np.arange(1.0, n + 1.0)), np.ones(n))
+    wide = Run(system, table, 0.0, 0.1, STEPS, "newmark", "periodic", STEPS)
+    long = case(1, start="zero", period_steps=None, n_steps=10**6)
+    found = integrate_together([wide, long, replace(wide, start="zero"), replace(long, n_steps=10)])
+    assert [trajectory is None for trajectory in found] == [True, True, False, False]

@@ -39,6 +39,8 @@ Ready = tuple[Run, Setup]
 
 _MOST_NUMBERS = 2e7
 """In the table of all lanes, and in what is stored of them: 160 MB."""
+_MOST_WORK = 3e7
+"""Multiplications of a run: some 10 ms. A longer one would gain little, and lose much where lanes stay empty."""
 
 
 def integrate_together(runs: Sequence[Run]) -> list[Trajectory | None]:
@@ -46,7 +48,7 @@ def integrate_together(runs: Sequence[Run]) -> list[Trajectory | None]:
 
     Runs share the lanes where they have as many coordinates, the same method, as many steps and the same kind of start.
     What a run gives depends on nothing beside it, to the last bit. None stands for a run that `integrate` is to take
-    by itself: its method has no lanes, its arguments can't be used, or it does not complete.
+    by itself: it is long, its method has no lanes, its arguments can't be used, or it does not complete.
     """
     found: list[Trajectory | None] = [None] * len(runs)
     kinds: dict[tuple[object, ...], list[tuple[int, Ready]]] = {}
@@ -82,10 +84,15 @@ def _set_up(run: Run) -> Setup | None:
 
 
 def _fits(run: Run, nodes: int) -> bool:
-    """Whether table and results of LANES such runs fit the memory."""
-    stored = run.period_steps if run.start == "periodic" else run.n_steps // run.every
-    in_table = nodes * (run.period_steps or 0) * run.system.n_scalars
-    return LANES * max(in_table, len(Stored._fields) * stored * run.system.n) <= _MOST_NUMBERS
+    """Whether the run is short, and table and results of LANES such runs fit the memory."""
+    system, periodic = run.system, run.start == "periodic"
+    steps, columns = (run.period_steps, 2 * system.n + 1) if periodic else (run.n_steps, 1)
+    slots = system.n * (2 * system.half_bandwidth + 1)
+    sums = system.M.nnz + system.C.nnz + system.K.nnz + system.F.nnz
+    work = steps * nodes * (sums + slots * (system.half_bandwidth + 1 + columns))
+    in_table = nodes * (run.period_steps or 0) * system.n_scalars
+    stored = len(Stored._fields) * (steps if periodic else steps // run.every) * system.n
+    return work <= _MOST_WORK and LANES * max(in_table, stored) <= _MOST_NUMBERS
 
 
 def _side_by_side(group: Sequence[Ready]) -> list[Trajectory | None]:
