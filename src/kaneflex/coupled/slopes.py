@@ -92,27 +92,35 @@ def _solve_stages(
     size = n + m
     x, left, small = np.zeros(2 * size), np.zeros(size), np.zeros((size, size))
     for _ in range(_MOST):
-        big[:, :] = 0.0
         for i in range(2):
-            rows = slice(i * size, (i + 1) * size)
-            stage_v[i] = v_0 + h * (A_1[i, 0] * stage_a[0] + A_1[i, 1] * stage_a[1])
-            stage_q[i] = q_0 + h * NODES[i] * v_0 + h * h * (A_2[i, 0] * stage_a[0] + A_2[i, 1] * stage_a[1])
+            for c in range(n):
+                twice = A_2[i, 0] * stage_a[0, c] + A_2[i, 1] * stage_a[1, c]
+                stage_v[i, c] = v_0[c] + h * (A_1[i, 0] * stage_a[0, c] + A_1[i, 1] * stage_a[1, c])
+                stage_q[i, c] = q_0[c] + h * NODES[i] * v_0[c] + h * h * twice
             _linear(
                 equations, constraints, tangent, p, t + h * NODES[i], stage_q[i], stage_v[i], stage_a[i], stage_l[i],
                 K[i], C[i], small, left,
             )
-            x[rows] = left
-            big[rows, rows] = small
+            x[i * size : (i + 1) * size] = left
             for j in range(2):
-                big[rows, j * size : j * size + n] += h * A_1[i, j] * C[i] + h * h * A_2[i, j] * K[i]
+                d, s = h * A_1[i, j], h * h * A_2[i, j]
+                for r in range(size):
+                    for c in range(n):
+                        big[i * size + r, j * size + c] = d * C[i, r, c] + s * K[i, r, c]
+                    for c in range(n, size):
+                        big[i * size + r, j * size + c] = 0.0
+            for r in range(size):
+                for c in range(size):
+                    big[i * size + r, i * size + c] += small[r, c]
         if not factorise(big, pivots):
             return False
         substitute(big, pivots, x)
         change = 0.0
         for i in range(2):
-            stage_a[i] += x[i * size : i * size + n]
-            stage_l[i] += x[i * size + n : (i + 1) * size]
+            for c in range(m):
+                stage_l[i, c] += x[i * size + n + c]
             for c in range(n):
+                stage_a[i, c] += x[i * size + c]
                 change = max(change, h * h * abs(x[i * size + c]) / scale[c])
         if change < _SOLVED:
             break
@@ -155,22 +163,24 @@ def gauss_slopes(
                 tau, dq, dv = stretches[k], slopes[row, k, :n], slopes[row, k, n : 2 * n]
                 # of the stages with a' = 0, then a' itself
                 for i in range(2):
-                    once = A_1[i, 0] * stage_a[0] + A_1[i, 1] * stage_a[1]
-                    twice = A_2[i, 0] * stage_a[0] + A_2[i, 1] * stage_a[1]
+                    for c in range(n):
+                        once = A_1[i, 0] * stage_a[0, c] + A_1[i, 1] * stage_a[1, c]
+                        twice = A_2[i, 0] * stage_a[0, c] + A_2[i, 1] * stage_a[1, c]
+                        stage_dv[i, c] = dv[c] + tau * h * once
+                        stage_dq[i, c] = dq[c] + h * NODES[i] * (dv[c] + tau * v_0[c]) + 2.0 * tau * h * h * twice
                     at = t + h * NODES[i]
-                    stage_dv[i] = dv + tau * h * once
-                    stage_dq[i] = dq + h * NODES[i] * (dv + tau * v_0) + 2.0 * tau * h * h * twice
                     _follow(
                         residual_slope, p, p_slopes[k], at, tau * at, stage_q[i], stage_v[i], stage_a[i], stage_l[i],
                         K[i], C[i], stage_dq[i], stage_dv[i], left,
                     )
                     x[i * size : (i + 1) * size] = left
                 substitute(big, big_pivots, x)
-                dq += h * (dv + tau * v_0)
-                for i in range(2):
-                    da = x[i * size : i * size + n]
-                    dq += h * h * B_2[i] * (da + 2.0 * tau * stage_a[i])
-                    dv += 0.5 * h * (da + tau * stage_a[i])
+                for c in range(n):
+                    dq[c] += h * (dv[c] + tau * v_0[c])
+                    for i in range(2):
+                        da = x[i * size + c]
+                        dq[c] += h * h * B_2[i] * (da + 2.0 * tau * stage_a[i, c])
+                        dv[c] += 0.5 * h * (da + tau * stage_a[i, c])
         at, q, v, a, multipliers = times[row], qs[row], vs[row], accels[row], lambdas[row]
         _linear(equations, constraints, tangent, p, at, q, v, a, multipliers, K[0], C[0], small, left)
         G[:, :] = small[n:, :n]
