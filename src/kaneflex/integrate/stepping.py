@@ -16,7 +16,6 @@ from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.sliced import Chain, chain_of
-from kaneflex.integrate.strands import BAND
 from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem, Packed
 
@@ -98,7 +97,7 @@ class Setup:
 
     def loop(self, state: State) -> tuple[Callable, Packed | Chain]:
         """The compiled loop for these states, and what it reads of the system."""
-        long = self.system.n >= _LONG and self.system.half_bandwidth <= BAND
+        long = self.system.n >= _LONG and self.system.half_bandwidth <= chains.BAND
         if long and self.method.stepper == "newmark" and state.z.ndim == 2:
             return chains.newmark_chain, self.chain
         return getattr(steppers, self.method.stepper), self.packed

@@ -98,7 +98,7 @@ class AffineSystem:
     @cached_property
     def packed(self) -> Packed:
         """The same numbers, in the layout of the compiled steppers."""
-        layout = band_layout(self.n, self.half_bandwidth)
+        layout = _layout(self.n, self.half_bandwidth, 1)
         columns = {name: csc_array(getattr(self, name)) for name in (*_MATRICES, "F")}
         runs, data, offset = [], [], 0
         for block, (name, matrix) in enumerate(columns.items()):
@@ -114,7 +114,7 @@ class AffineSystem:
                     data.append(run)
         return Packed(
             layout=layout,
-            pairs=band_layout(self.n, self.half_bandwidth, 2),
+            pairs=_layout(self.n, self.half_bandwidth, 2),
             runs=np.array(runs, dtype=np.uint64).reshape(-1, 4),
             data=np.concatenate(data) if data else np.zeros(0),
         )
@@ -128,7 +128,7 @@ class AffineSystem:
         return rows, slots % width + rows - self.half_bandwidth
 
 
-def band_layout(n: int, half_bandwidth: int, copies: int = 1) -> Layout:
+def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
     """Layout of a band with every coordinate `copies` times, side by side; nothing beyond the matrix."""
     blocks = np.repeat(np.arange(n, dtype=np.int64), copies)
     first = np.maximum(blocks - half_bandwidth, 0) * copies
