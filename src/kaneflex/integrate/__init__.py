@@ -6,7 +6,7 @@ system              what is integrated, and how the loops read it; `abreast`: on
 feed, stretches     the table, in pieces; a cycle in eight stretches side by side
 stepping, periodic  drive the loops over a run, and to the motion that repeats itself
 steppers            the compiled loops; `small` and `chains` where Newmark's steps go faster
-lanes               eight numbers in a register; `matrices`, `inverse` and `strands` are compiled parts made of them
+lanes               eight numbers in a register; `matrices` and `inverse` are compiled parts made of them
 modal, crosscheck   decoupled modes exactly; scipy's solve_ivp
 
 Import from these modules: a list of the methods needs no numba.

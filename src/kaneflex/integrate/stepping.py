@@ -17,7 +17,6 @@ from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.sliced import Chain, chain_of
-from kaneflex.integrate.strands import BAND
 from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem
 
@@ -100,7 +99,7 @@ class Setup:
         if self.method.stepper == "newmark" and state.z.ndim == 2:
             if self.system.n <= LANES:
                 return partial(small.newmark, self.system.packed)
-            if self.system.n >= _LONG and self.system.half_bandwidth <= BAND:
+            if self.system.n >= _LONG and self.system.half_bandwidth <= chains.BAND:
                 own = coefficients is self.coefficients
                 return partial(
                     chains.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6])
