@@ -68,7 +68,7 @@ def _handed_over(lanes, rows):
     return turned
 
 
-@compiled
+@inlined
 def affine_sum(packed, scalars, row, sums):
     """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each."""
     quads, runs, data = packed.quads, packed.runs, packed.data
