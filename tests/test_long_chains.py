@@ -6,8 +6,9 @@ from integrate_cases import affine
 from runs import model
 
 from kaneflex.integrate import chains, stepping
+from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import cycle_map, integrate
+from kaneflex.integrate.run import cycle_map, integrate, set_up
 
 ALWAYS, NEVER = 1, 10**9
 METHODS = ("newmark", "generalised-alpha")
@@ -38,6 +39,7 @@ def table(times):
 def both(monkeypatch, solve):
     """What `solve` makes of the loop for chains, and of the one for any matrices."""
     found = []
+    monkeypatch.setattr(stepping, "_FULL", np.inf)
     for shortest in (ALWAYS, NEVER):
         monkeypatch.setattr(stepping, "_LONG", shortest)
         found.append(solve())
@@ -122,3 +124,12 @@ def test_who_takes_the_loop_for_chains(monkeypatch, n, half_bandwidth, method, o
     monkeypatch.setattr(chains, "newmark_chain", lambda *args: taken.append(args) or loop(*args))
     integrate(*banded(n, half_bandwidth), 0.0, 0.1, 2, method)
     assert bool(taken) == own
+
+
+def test_many_scalars_with_few_rows_each_go_faster_in_the_loop_for_any_matrices():
+    """As those of open chains of links: runs of eight rows would hold zeros mostly."""
+    own = [np.diag(np.arange(60) // 3 == k).astype(float) for k in range(20)]
+    system = affine(60, 5, {"M": own, "C": own, "K": own}, np.ones((60, 20)))
+    newmark = method_named("newmark")
+    setup = set_up(system, lambda times: np.ones((len(times), 20)), 0.0, 0.1, newmark, None, 0.8)
+    assert setup.chain is None

@@ -50,6 +50,11 @@ class Chain(NamedTuple):
     displacements: np.ndarray
     products: np.uint64
 
+    @property
+    def numbers(self) -> int:
+        """In all its runs, zeros that fill them up included: its work."""
+        return self.effective.values.size + self.unbalanced.values.size + int(self.products)
+
 
 class _Entries(NamedTuple):
     """Entries (i, i + d) of the matrices that belong to scalars."""

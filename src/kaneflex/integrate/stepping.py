@@ -27,6 +27,7 @@ _WORK_OF_A_CALL = 1e8  # multiplications between two looks at the keyboard: abou
 _RUNAWAY = 1e12  # times the largest displacement that the forces could cause on the free masses
 _LARGEST = 1e150  # its square is still a number
 _LONG = 48  # coordinates from which a chain is worth a loop of its own
+_FULL = 1.0  # numbers that its runs may hold for one of the matrices: links with scalars of their own leave them empty
 
 _OUTCOMES = {
     matrices.COMPLETED: Outcome.COMPLETED,
@@ -90,20 +91,21 @@ class Setup:
     scales: tuple[float | np.ndarray, ...]
 
     @cached_property
-    def chain(self) -> Chain:
-        """What the loop for long chains reads of the system."""
-        return chain_of(self.system, *self.coefficients[4:6])
+    def chain(self) -> Chain | None:
+        """What the loop for long chains reads of the system; None where that loop does not take it, or not faster."""
+        if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > chains.BAND:
+            return None
+        chain = chain_of(self.system, *self.coefficients[4:6])
+        return chain if chain.numbers < _FULL * self.system.packed.data.size else None
 
     def loop(self, state: State, coefficients: np.ndarray) -> Callable[..., tuple[int, int]]:
         """The compiled loop that takes these states furthest in a second, with what it reads of the system."""
-        if self.method.stepper == "newmark" and state.z.ndim == 2:
-            if self.system.n <= LANES:
-                return partial(small.newmark, self.system.packed)
-            if self.system.n >= _LONG and self.system.half_bandwidth <= chains.BAND:
-                own = coefficients is self.coefficients
-                return partial(
-                    chains.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6])
-                )
+        one_after_the_other = state.z.ndim == 2
+        if one_after_the_other and self.method.stepper == "newmark" and self.system.n <= LANES:
+            return partial(small.newmark, self.system.packed)
+        if one_after_the_other and self.chain is not None:
+            own = coefficients is self.coefficients
+            return partial(chains.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6]))
         return partial(getattr(steppers, self.method.stepper), self.system.packed)
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
