@@ -6,22 +6,25 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 
 from bench import cycles
 from bench.interleave import interleave
-from bench.rows import Row
+from bench.rows import Row, Target
 from kaneflex.loading import load
 from kaneflex.simulation import simulate
+from kaneflex.study.cluster import on_cluster
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.processes import in_processes
 from kaneflex.study.sweep import Solver, in_this_process
 
 TITLE = "Sweeps"
 ABOUT = f"""Time a point of a sweep of the engine over its speed, 6 coordinates, 720 steps a cycle by `gauss`: reading
-the settings, building the model, the periodic motion and the statistics of every sensor. Counted from the second result
-on, without the start of the processes. *Solving alone* is `simulate` of a model that is there. The ratio is to one
-process.
+the settings, building the model, the periodic motion and the statistics of every sensor. Counted from a quarter of the
+points on, without the start of the processes; Dask's workers are on the same machine, their chunks last a second.
+*Solving alone* is `simulate` of a model that is there. The ratio is to one process.
 
 {cycles.ABOUT}"""
 STUDY = """scene = "engine"
@@ -30,12 +33,17 @@ settings = ["solve.modes=5", "solve.steps=720"]
 [parameters]
 "drives.main.speed" = {{from = "2000 rpm", to = "6000 rpm", count = {count}}}
 """
-POINTS, ROUNDS, BUDGET = 120, 5, 30.0
+POINTS, ROUNDS, BUDGET = 480, 5, 60.0
+WARM = POINTS // 4
+"""Points before the clock starts."""
+TWO_CORES, DASK = Target(1 / 1.8, 0.5), Target(1.1, 1.0)
+_AT_ONCE = 2e-3
+"""Seconds between results of one chunk, at most."""
 
 
 def rows() -> Iterator[Row]:
     cores = os.cpu_count() or 1
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         path = Path(folder) / "speeds.toml"
         path.write_text(STUDY.format(count=POINTS))
         plan = make_plan(path)
@@ -43,16 +51,28 @@ def rows() -> Iterator[Row]:
         timed = {"one process": lambda: seconds_a_point(plan, in_this_process)}
         if cores > 1:
             timed[f"{cores} processes"] = lambda: seconds_a_point(plan, in_processes(cores))
+        if cores > 1 and find_spec("distributed"):
+            from distributed import LocalCluster
+
+            cluster = stack.enter_context(LocalCluster(n_workers=cores, threads_per_worker=1, dashboard_address=None))
+            address = cluster.scheduler_address
+            timed[f"{cores} Dask workers"] = lambda: seconds_a_point(plan, on_cluster(address))
         timed["solving alone"] = lambda: simulate(model).seconds
         race = interleave(timed, ROUNDS, BUDGET)
     for name in race:
         rate = f"{1.0 / race[name].median:.0f} a second"
-        yield Row("a point", name, race[name], race.ratio(name, "one process"), differs=rate)
+        target = TWO_CORES if name == "2 processes" else None
+        yield Row("a point", name, race[name], race.ratio(name, "one process"), target, differs=rate)
+    dask, about = f"{cores} Dask workers", "ratio to as many processes"
+    if dask in timed:
+        yield Row("a point", dask, race[dask], race.ratio(dask, f"{cores} processes"), DASK, differs=about)
+    elif cores > 1:
+        yield Row("a point", dask, None, missing="distributed is not installed")
     yield from cycles.rows()
 
 
 def seconds_a_point(plan: Plan, solver: Solver) -> float:
-    """From the second result on.
+    """After those that warm up the processes, from the end of a chunk on.
 
     Raises
     ------
@@ -64,4 +84,7 @@ def seconds_a_point(plan: Plan, solver: Solver) -> float:
         if record.outcome != "completed":
             raise ValueError(f"point {record.point}: {record.outcome}, {record.reason}")
         instants.append(time.perf_counter())
-    return (instants[-1] - instants[1]) / (len(instants) - 2)
+    begun = WARM
+    while begun < len(instants) - 2 and instants[begun + 1] - instants[begun] < _AT_ONCE:
+        begun += 1
+    return (instants[-1] - instants[begun]) / (len(instants) - 1 - begun)

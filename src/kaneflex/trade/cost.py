@@ -36,8 +36,8 @@ class Timing:
     read : float
         The sensors, from the motion.
     operations : int or None
-        Multiply-adds by which M, C, K and F follow from the scalars of the motion, once; None where no equations of
-        this form are integrated.
+        Multiply-adds by which M, C, K and F follow from the scalars of the motion, once: one for each number that is
+        not zero. None where no equations of this form are integrated.
     """
 
     once: float
@@ -104,7 +104,9 @@ def timed_run(scene: Scene) -> tuple[Curves, Timing]:
 
 
 def _operations(model: Model) -> int | None:
-    return int(model.system.packed.data.size) if model.options.dynamics == "dynamic" else None
+    if model.options.dynamics != "dynamic":
+        return None
+    return sum(int(getattr(model.system, name).count_nonzero()) for name in "MCKF")
 
 
 def timed_in_turns(
