@@ -21,6 +21,7 @@ from kaneflex.integrate.matrices import (
     compiled,
     inlined,
     room,
+    weights,
 )  # fmt: skip
 from kaneflex.stamp import made_of
 
@@ -168,12 +169,7 @@ def _gather(chain, wide, column, narrow, row):
 @made_of(lanes.__file__, matrices.__file__)
 def newmark_chain(chain, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     """The steps of `kaneflex.integrate.steppers.newmark`, where they are explained."""
-    step, from_q, from_a, kappa, c_weight = (
-        at(coefficients, 0), at(coefficients, 1), at(coefficients, 2), at(coefficients, 3), at(coefficients, 4)
-    )  # fmt: skip
-    k_weight, v_start, v_known, z_start, z_known = (
-        at(coefficients, 5), at(coefficients, 6), at(coefficients, 7), at(coefficients, 8), at(coefficients, 9)
-    )  # fmt: skip
+    step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
     slices, stride, (ends, what, values) = chain.slices, chain.stride, chain.unbalanced
     loads, speeds, displacements = chain.loads, chain.speeds, chain.displacements
     z, v, a, q = _spread(chain, state[0]), _spread(chain, state[1]), _spread(chain, state[2]), _spread(chain, state[3])

@@ -5,7 +5,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from kaneflex.integrate.lanes import _VECTOR, FASTMATH, LANES, _address
+from kaneflex.integrate.lanes import FASTMATH, LANES, VECTOR, address
 from kaneflex.integrate.matrices import SMALLEST_PIVOT
 
 _FLAGS = sorted(FASTMATH)
@@ -23,16 +23,17 @@ def invert(typing, order, matrix, scale, good):
     n = len(order)
 
     def lower(context, builder, sig, args):
-        size = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
+        shape = ir.FunctionType(VECTOR, [VECTOR])
+        size = cgutils.get_or_insert_function(builder.module, shape, f"llvm.fabs.v{LANES}f64")
 
         def pointer(which, slot):
-            return _address(context, builder, (sig.args[which], types.intp), args[which], ir.IntType(64)(slot))
+            return address(context, builder, (sig.args[which], types.intp), args[which], ir.IntType(64)(slot))
 
         def times(a, b):
             return builder.fmul(a, b, flags=_FLAGS)
 
         m = [[builder.load(pointer(1, LANES * j + i), align=8) for j in range(n)] for i in range(n)]
-        one, smallest = ir.Constant(_VECTOR, [1.0] * LANES), ir.Constant(_VECTOR, [SMALLEST_PIVOT] * LANES)
+        one, smallest = ir.Constant(VECTOR, [1.0] * LANES), ir.Constant(VECTOR, [SMALLEST_PIVOT] * LANES)
         regular = ir.Constant(ir.VectorType(ir.IntType(1), LANES), [1] * LANES)
         for k in range(n):
             others = [i for i in range(n) if i != k]
@@ -49,7 +50,7 @@ def invert(typing, order, matrix, scale, good):
         for i in range(n):
             for j in range(n):
                 builder.store(m[i][j], pointer(1, LANES * j + i), align=8)
-        builder.store(builder.uitofp(regular, _VECTOR), pointer(3, 0), align=8)
+        builder.store(builder.uitofp(regular, VECTOR), pointer(3, 0), align=8)
         return context.get_dummy_value()
 
     return types.void(order, matrix, scale, good), lower

@@ -16,7 +16,7 @@ LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
-_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _INT = ir.IntType(32)
 
 
@@ -30,14 +30,14 @@ _lanes = _Lanes("Lanes")
 @register_model(_Lanes)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager, kind):
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, VECTOR)
 
 
 def _spread(context, builder, kind, value):
     """A number in every lane."""
     if kind == _lanes:
         return value
-    undefined = ir.Constant(_VECTOR, ir.Undefined)
+    undefined = ir.Constant(VECTOR, ir.Undefined)
     first = builder.insert_element(undefined, context.cast(builder, value, kind, types.float64), _INT(0))
     return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_INT, LANES), [0] * LANES))
 
@@ -71,7 +71,7 @@ def _has_lanes(array, place):
     return array.ndim > (place.count if isinstance(place, types.BaseTuple) else 1)
 
 
-def _address(context, builder, kinds, array, place):
+def address(context, builder, kinds, array, place):
     """Where the number, or the lanes, of a contiguous array lie at a place: an index, or (row, index)."""
     kind, where = kinds
     values = context.make_array(kind)(context, builder, array)
@@ -81,7 +81,7 @@ def _address(context, builder, kinds, array, place):
     if not _has_lanes(kind, where):
         return builder.gep(values.data, [place])
     start = builder.gep(values.data, [builder.mul(place, place.type(LANES))])
-    return builder.bitcast(start, ir.PointerType(_VECTOR))
+    return builder.bitcast(start, ir.PointerType(VECTOR))
 
 
 @intrinsic
@@ -89,7 +89,7 @@ def at(typing, array, place):
     """``array[place]``, of arrays with one axis more the lanes there."""
 
     def lower(context, builder, sig, args):
-        return builder.load(_address(context, builder, sig.args, *args), align=8)
+        return builder.load(address(context, builder, sig.args, *args), align=8)
 
     return (_lanes if _has_lanes(array, place) else types.float64)(array, place), lower
 
@@ -105,7 +105,7 @@ def put(typing, array, place, value):
             number = _spread(context, builder, kind, number)
         else:
             number = context.cast(builder, number, kind, types.float64)
-        builder.store(number, _address(context, builder, kinds, *where), align=8)
+        builder.store(number, address(context, builder, kinds, *where), align=8)
         return context.get_dummy_value()
 
     return types.void(array, place, value), lower
@@ -116,8 +116,8 @@ def run_at(typing, array, start):
     """LANES numbers of a contiguous array from a place on: an index, or (row, index)."""
 
     def lower(context, builder, sig, args):
-        place = _address(context, builder, sig.args, *args)
-        return builder.load(builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+        place = address(context, builder, sig.args, *args)
+        return builder.load(builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
 
     return _lanes(array, start), lower
 
@@ -129,9 +129,9 @@ def put_run(typing, array, start, value):
     def lower(context, builder, sig, args):
         *where, number = args
         *kinds, kind = sig.args
-        place = _address(context, builder, kinds, *where)
+        place = address(context, builder, kinds, *where)
         number = _spread(context, builder, kind, number)
-        builder.store(number, builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+        builder.store(number, builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
         return context.get_dummy_value()
 
     return types.void(array, start, value), lower
@@ -143,7 +143,7 @@ def total(typing, lanes):
 
     def lower(context, builder, sig, args):
         number = ir.DoubleType()
-        shape = ir.FunctionType(number, [number, _VECTOR])
+        shape = ir.FunctionType(number, [number, VECTOR])
         add = cgutils.get_or_insert_function(builder.module, shape, f"llvm.vector.reduce.fadd.v{LANES}f64")
         return builder.call(add, [number(-0.0), *args], fastmath=sorted(FASTMATH))
 
@@ -170,7 +170,7 @@ def less(typing, small, large):
         if sig.return_type == types.boolean:
             return builder.fcmp_ordered("<", *args)
         pair = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
-        return builder.uitofp(builder.fcmp_ordered("<", *pair), _VECTOR)
+        return builder.uitofp(builder.fcmp_ordered("<", *pair), VECTOR)
 
     return (_lanes if _lanes in (small, large) else types.boolean)(small, large), lower
 
@@ -182,7 +182,7 @@ def everywhere(typing, true):
     def lower(context, builder, sig, args):
         if sig.args[0] == types.boolean:
             return args[0]
-        zero = ir.Constant(_VECTOR, [0.0] * LANES)
+        zero = ir.Constant(VECTOR, [0.0] * LANES)
         mask = builder.bitcast(builder.fcmp_ordered("!=", args[0], zero), ir.IntType(LANES))
         return builder.icmp_unsigned("==", mask, mask.type(2**LANES - 1))
 
@@ -199,7 +199,7 @@ def turn(typing, lanes, start, rows, place):
         vectors = []
         for k in range(LANES):
             place = builder.add(first, first.type(k))
-            vectors.append(builder.load(_address(context, builder, kinds[:2], source, place), align=8))
+            vectors.append(builder.load(address(context, builder, kinds[:2], source, place), align=8))
         for half in (4, 2, 1):  # swap the off-diagonal blocks of this size
             low = [k if not k & half else LANES + k - half for k in range(LANES)]
             high = [k + half if not k & half else LANES + k for k in range(LANES)]
@@ -211,7 +211,7 @@ def turn(typing, lanes, start, rows, place):
         width = builder.extract_value(values.shape, 1)
         for k, vector in enumerate(vectors):
             place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), to)])
-            builder.store(vector, builder.bitcast(place, ir.PointerType(_VECTOR)), align=8)
+            builder.store(vector, builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
         return context.get_dummy_value()
 
     return types.void(lanes, start, rows, place), lower
@@ -237,7 +237,7 @@ def eliminate_row(typing, band, place, above, row, width):
 
         def pointer(which, start, offset):
             kind, array = (kinds[0], lanes) if which == "band" else (kinds[2], upper)
-            return _address(context, builder, (kind, types.uint64), array, builder.add(start, start.type(offset)))
+            return address(context, builder, (kind, types.uint64), array, builder.add(start, start.type(offset)))
 
         begin = builder.mul(own, own.type(half + 1))
         numbers = [builder.load(pointer("band", first, k), align=8) for k in range(2 * half + 1)]
@@ -250,7 +250,7 @@ def eliminate_row(typing, band, place, above, row, width):
                 product = builder.fmul(share, known, flags=flags)
                 numbers[k + right] = builder.fsub(numbers[k + right], product, flags=flags)
         pivot = numbers[half]
-        reciprocal = builder.fdiv(ir.Constant(_VECTOR, [1.0] * LANES), pivot, flags=flags)
+        reciprocal = builder.fdiv(ir.Constant(VECTOR, [1.0] * LANES), pivot, flags=flags)
         builder.store(reciprocal, pointer("above", begin, 0), align=8)
         for right in range(1, half + 1):
             builder.store(numbers[half + right], pointer("above", begin, right), align=8)

@@ -91,6 +91,12 @@ def affine_sum(packed, scalars, row, sums):
             put(sums, start + i, before + more)
 
 
+@inlined
+def weights(c):
+    """Those of `kaneflex.integrate.methods.newmark_weights`, in their order."""
+    return at(c, 0), at(c, 1), at(c, 2), at(c, 3), at(c, 4), at(c, 5), at(c, 6), at(c, 7), at(c, 8), at(c, 9)
+
+
 @compiled
 def factor(layout, lu, scale, good):
     """A = L U in place, without pivoting, reciprocal pivots on the diagonal.

@@ -21,6 +21,7 @@ from kaneflex.integrate.matrices import (
     hand_over,
     room,
     rows_read,
+    weights,
 )
 from kaneflex.integrate.system import Packed
 from kaneflex.stamp import made_of
@@ -71,12 +72,7 @@ def _wide(part):
 @made_of(inverse.__file__, lanes.__file__, matrices.__file__)
 def _newmark(order, packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
     n, n_columns = np.uint64(len(order)), state[0].shape[0]
-    step, from_q, from_a, kappa, c_weight = (
-        at(coefficients, 0), at(coefficients, 1), at(coefficients, 2), at(coefficients, 3), at(coefficients, 4)
-    )  # fmt: skip
-    k_weight, v_start, v_known, z_start, z_known = (
-        at(coefficients, 5), at(coefficients, 6), at(coefficients, 7), at(coefficients, 8), at(coefficients, 9)
-    )  # fmt: skip
+    step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
     sums, scale, good = room(THREE * packed.layout.n_slots + n), room(n), room(1)
     columns = np.zeros((_WIDTH * (THREE * n + ONE), LANES))  # zeros where there is no coordinate
     z, v, a, q = _wide(state[0]), _wide(state[1]), _wide(state[2]), _wide(state[3])

@@ -54,6 +54,7 @@ from kaneflex.integrate.matrices import (
     step_place,
     true_accelerations,
     unbalanced,
+    weights,
 )  # fmt: skip
 from kaneflex.stamp import made_of
 
@@ -105,12 +106,7 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load, stat
     """
     layout, (z, v, a, q) = packed.layout, state
     n, n_slots = layout.n, layout.n_slots
-    step, from_q, from_a, kappa, c_weight = (
-        at(coefficients, 0), at(coefficients, 1), at(coefficients, 2), at(coefficients, 3), at(coefficients, 4)
-    )  # fmt: skip
-    k_weight, v_start, v_known, z_start, z_known = (
-        at(coefficients, 5), at(coefficients, 6), at(coefficients, 7), at(coefficients, 8), at(coefficients, 9)
-    )  # fmt: skip
+    step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
     sums, lu, scale, good = room(THREE * n_slots + n), room(n_slots), room(n), room(1)
     sums_at, lu_at, good_at = rows_read(z, sums), rows_read(z, lu), rows_read(z, good)
     due = every - done % every
