@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,6 +87,34 @@ def test_a_ratio_is_one_of_rounds_not_of_medians():
     """A machine that is ten times as slow in every second round leaves it alone."""
     race = Race({"a": (1.0, 10.0, 1.0, 10.0, 10.0), "b": (2.0, 2.0, 2.0, 20.0, 20.0)})
     assert race.ratio("b", "a") == 2.0
+
+
+def test_the_fastest_rounds_are_compared_where_a_machine_is_busy():
+    """Nine of ten rounds of the second are interrupted."""
+    race = Race({"a": (1.0,) * 10, "b": (7.0, 7.0, 9.0, 7.0, 1.5, 7.0, 8.0, 7.0, 7.0, 7.0)})
+    assert race.ratio("b", "a") == 7.0
+    assert race.ratio_of_best("b", "a") == 1.5 and race.ratio_of_best("a", "a") is None
+
+
+def test_an_interruption_does_not_cut_the_repetitions_short():
+    """The first go of 16 calls takes long since something else ran: the next one shows that it was not the calls."""
+    calls = []
+
+    def many(n):
+        calls.append(n)
+        time.sleep(5e-3 if calls.count(16) == 1 else n * 1e-5)
+
+    repeated(many, at_least=2e-3)()
+    assert calls[-1] >= 128
+
+
+def test_quick_judges_the_fastest_rounds(monkeypatch, compiler):
+    """Interrupted in two of three rounds, kernels that are as fast as C pass."""
+    seconds = {"hand-written C": (1.0, 1.0, 1.0), "kaneflex": (7.0, 1.0, 7.0)}
+    busy = {"lambdify": (40.0, 60.0, 40.0), "lambdify, cse": (40.0, 60.0, 40.0)}
+    monkeypatch.setattr(kernels, "interleave", lambda timed, *_: Race({name: (seconds | busy)[name] for name in timed}))
+    monkeypatch.setattr(kernels, "repeated", lambda many, go: many)
+    assert quick.broken(quick.rows()) == []
 
 
 def test_a_call_is_repeated_until_the_clock_sees_it():

@@ -24,6 +24,7 @@ from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
 FOLDER = Path(kaneflex.generated.__file__).parent
 NAMES = sorted(set(kaneflex.generated.SCENES.values()))
+EVERY = sorted(kaneflex.generated.STRUCTURES.values())  # those of preset coupled, too
 KERNELS = {"M": M, "K_s": K_s, "K_d": K_d, "K_g": K_g, "C": C, "F": F}
 
 # Operations of one call on the engine. Fewer is welcome: then lower the number here.
@@ -43,7 +44,7 @@ def module(name: str):
 # ---- what is committed ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*NAMES, "__init__"])
+@pytest.mark.parametrize("name", [*EVERY, "__init__"])
 def test_committed_text_is_the_derived_text(derived, name):
     assert (FOLDER / f"{name}.py").read_text(encoding="utf-8") == derived[f"{name}.py"]
 

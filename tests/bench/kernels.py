@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -34,6 +35,24 @@ BUDGET = 6.0
 """Seconds of rounds for one task."""
 
 
+Ratio = Callable[[Race, str, str], float | None]
+"""How a race compares a candidate with the reference: `Race.ratio` or `Race.ratio_of_best`."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How long a race is and how it is judged: rounds at most, seconds of them, seconds of one go at least."""
+
+    rounds: int
+    budget: float
+    go: float = 2e-3
+    ratio: Ratio = Race.ratio
+
+    @property
+    def length(self) -> tuple[int, float]:
+        return self.rounds, self.budget
+
+
 def rows(rounds: int = ROUNDS, budget: float = BUDGET) -> Iterator[Row]:
     compiler = demand_compiler()
     with tempfile.TemporaryDirectory() as name:
@@ -42,8 +61,8 @@ def rows(rounds: int = ROUNDS, budget: float = BUDGET) -> Iterator[Row]:
         for task in (element_task(), motion_task()):
             candidates, missing = candidates_of(task, folder, compiler, hand)
             check_agreement(task, candidates)
-            yield from in_a_loop(task, candidates, rounds, budget)
-            yield from called(task, candidates, rounds, budget)
+            yield from in_a_loop(task, candidates, Pace(rounds, budget))
+            yield from called(task, candidates, Pace(rounds, budget))
             yield from missing
         yield from single_kernels(hand, rounds, budget)
 
@@ -98,27 +117,31 @@ def check_agreement(task: Task, candidates: list[Candidate]) -> None:
             raise ValueError(f"{task.name}: {other.name} differs from {first.name} by {found:.1e} of the largest entry")
 
 
-def in_a_loop(task: Task, candidates: list[Candidate], rounds: int, budget: float) -> Iterator[Row]:
-    race = interleave({one.name: repeated(one.many) for one in candidates if one.many}, rounds, budget)
+def in_a_loop(task: Task, candidates: list[Candidate], pace: Pace) -> Iterator[Row]:
+    race = interleave({one.name: repeated(one.many, pace.go) for one in candidates if one.many}, *pace.length)
     notes = {one.name: one.differs for one in candidates}
-    yield from compared(f"{task.name}, in a loop", race, notes, {"kaneflex": TARGET})
+    yield from compared(f"{task.name}, in a loop", race, notes, {"kaneflex": TARGET}, pace.ratio)
 
 
-def called(task: Task, candidates: list[Candidate], rounds: int, budget: float) -> Iterator[Row]:
+def called(task: Task, candidates: list[Candidate], pace: Pace) -> Iterator[Row]:
     hand, ours, *others = candidates
-    timed = {one.name: repeated(from_python(one.once)) for one in (ours, hand, *others)}
+    timed = {one.name: repeated(from_python(one.once), pace.go) for one in (ours, hand, *others)}
     notes = {one.name: one.differs for one in candidates}
-    yield from compared(f"{task.name}, from Python", interleave(timed, rounds, budget), notes)
+    yield from compared(f"{task.name}, from Python", interleave(timed, *pace.length), notes, ratio=pace.ratio)
 
 
 def compared(
-    task: str, race: Race, notes: Mapping[str, str], targets: Mapping[str, Target] | None = None
+    task: str,
+    race: Race,
+    notes: Mapping[str, str],
+    targets: Mapping[str, Target] | None = None,
+    ratio: Ratio = Race.ratio,
 ) -> Iterator[Row]:
     """A row each, the ratios to the first."""
     reference, *_ = race
     for name in race:
-        ratio = race.ratio(name, reference)
-        yield Row(task, name, race[name], ratio, (targets or {}).get(name), differs=notes.get(name, ""))
+        found = ratio(race, name, reference)
+        yield Row(task, name, race[name], found, (targets or {}).get(name), differs=notes.get(name, ""))
 
 
 def single_kernels(hand: ctypes.CDLL, rounds: int, budget: float) -> Iterator[Row]:
