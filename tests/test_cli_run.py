@@ -222,6 +222,8 @@ def test_a_run_that_becomes_unstable_keeps_what_came_before_and_exits_with_3():
     assert summary.outcome == "unstable" and 0 < summary.stored < summary.steps
     assert f"Stopped early: {summary.message}" in result.stderr and "at t = " in summary.message
     assert Path("r/results.nc").is_file()
+    assert summary.warnings and "ValidityWarning" not in result.stderr
+    assert all(result.stderr.count(f"Warning: {warning}\n") == 1 for warning in summary.warnings)
 
 
 def test_a_run_without_a_periodic_state_has_a_summary_without_sensors():

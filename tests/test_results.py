@@ -4,6 +4,7 @@ import math
 import re
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -161,6 +162,28 @@ def test_summary_of_a_solution(solution):
     assert entry.rms == pytest.approx(np.sqrt((force[:-1] ** 2).mean()), rel=1e-4)
     assert summary.timing.integrate_s == solution.seconds > 0
     assert Summary.model_validate_json(summary.model_dump_json()) == summary
+
+
+def test_a_run_from_python_warns_of_what_the_terminal_and_the_summary_say():
+    """Without K_g the spin takes a blade's stiffness away above 1.01 of its critical speed; 1e17 m come out."""
+    from kaneflex.loading import load
+    from kaneflex.simulation import simulate, solve
+
+    model = load(kaneflex.with_settings(kaneflex.read_scene("spin-up"), ["solve.preset=linear"]))
+    with pytest.warns(kaneflex.ValidityWarning) as said:
+        found = simulate(model)
+    assert [str(each.message) for each in said] == [found.message, *found.warnings]
+    assert all(Path(each.filename) == Path(__file__) for each in said)
+    assert found.message.startswith("unstable: the motion grows beyond all bounds, at t = ")
+    assert any("the spin takes away all stiffness" in text for text in found.warnings)
+    assert summarise(found).warnings == list(found.warnings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # for those who pass them on themselves, like the terminal
+        assert solve(model).warnings == found.warnings
+
+
+def test_a_part_of_a_run_has_the_warnings_of_the_whole(solution):
+    assert solution.at(solution.times[:2]).warnings == solution.warnings
 
 
 def test_frequencies_are_those_of_the_modes(solution):

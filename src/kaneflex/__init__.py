@@ -24,6 +24,7 @@ _HOMES = {
     "Stability": "kaneflex.stability.report",
     "StateSpace": "kaneflex.statespace",
     "UserError": "kaneflex.errors",
+    "ValidityWarning": "kaneflex.errors",
     "compare": "kaneflex.comparison",
     "judge": "kaneflex.stability.report",
     "linearise": "kaneflex.statespace",

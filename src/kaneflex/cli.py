@@ -258,7 +258,7 @@ def _export(scene: Scene, folder: Path, force: bool) -> None:
 
 
 def _mode_count(size: int, model: Model, count: int | None) -> int:
-    from kaneflex.summary import MOST_FREQUENCIES
+    from kaneflex.solution import MOST_FREQUENCIES
 
     if size == 0:
         cure = "Give a body a beam, or choose another preset"

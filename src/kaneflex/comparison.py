@@ -40,7 +40,7 @@ class Curves:
     missing : mapping of str to str
         Sensors that the model can't give, with the reason.
     notes : tuple of str
-        How the model differs from the scene as it is written.
+        How the model differs from the scene as it is written, and what to know before trusting it.
     seconds : float
         Wall time of solving; compiling and building come before it.
     """
@@ -254,11 +254,12 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
 def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
     from kaneflex.loading import load
     from kaneflex.scene import with_settings
-    from kaneflex.simulation import simulate
+    from kaneflex.simulation import solve
 
     model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
     progress(f"solving, preset {preset}")
-    return curves_of(simulate(model))
+    solution = solve(model)
+    return replace(curves_of(solution), notes=solution.warnings)
 
 
 def curves_of(solution: Solution) -> Curves:
@@ -266,7 +267,7 @@ def curves_of(solution: Solution) -> Curves:
     model = solution.model
     if solution.outcome.name != "COMPLETED":
         cure = "Compare the others, or shorten solve.duration"
-        raise StoppedEarly("solve.preset", model.options.preset, solution.trajectory.message.rstrip("."), cure)
+        raise StoppedEarly("solve.preset", model.options.preset, solution.message.rstrip("."), cure)
     values = {name: solution.series[name].values for name in model.scene.sensors}
     return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
 

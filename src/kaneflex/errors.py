@@ -73,6 +73,10 @@ class OutputError(UserError):
     """A folder or file cannot be written."""
 
 
+class ValidityWarning(UserWarning):
+    """What to know before trusting the numbers of a run that came out without an error."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """What to say to someone who wrote `name` where one of `known` was wanted: the nearest, or the list."""
     known = sorted(known)

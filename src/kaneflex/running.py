@@ -124,7 +124,7 @@ def _solve(
     choice: Choice | None,
 ) -> tuple[Solution, Summary]:
     from kaneflex.loading import load
-    from kaneflex.simulation import simulate
+    from kaneflex.simulation import solve
     from kaneflex.summary import summarise
 
     state = None
@@ -140,7 +140,7 @@ def _solve(
         find_parameters(scene, parameters)
     model = load(scene, waiting.stage)
     waiting.stage("compiling the integrator, first time only")
-    solution = simulate(model, waiting.share_of("solving"), state)
+    solution = solve(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")
     return solution, summarise(solution, settings, choice)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.errors import SceneError
+from kaneflex.errors import SceneError, ValidityWarning
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model
 from kaneflex.quasistatic import quasistatic
@@ -43,11 +44,25 @@ def simulate(model: Model, progress: Progress | None = None, after: Solution | S
     Solution
         Also where the run stopped early: its ``outcome`` and ``message`` then say when and why.
 
+    Warns
+    -----
+    ValidityWarning
+        Each of the solution's ``warnings``, and the ``message`` of a run that stopped early.
+
     Raises
     ------
     SceneError
         If the model can't be started as it asks for, or can't continue from ``after``.
     """
+    solution = solve(model, progress, after)
+    stopped = () if solution.outcome is Outcome.COMPLETED else (solution.message,)
+    for text in (*stopped, *solution.warnings):
+        warnings.warn(text, ValidityWarning, stacklevel=2)
+    return solution
+
+
+def solve(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
+    """:func:`simulate` for those who pass the solution's warnings on themselves."""
     if not isinstance(model, Model):
         raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
     if model.options.dynamics == "coupled":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from kaneflex.coupled.motion import CoupledMotion
     from kaneflex.labelled import Labelled
     from kaneflex.sensors import Series
+
+MOST_FREQUENCIES = 50
+"""Natural frequencies of a run at most: those of hundreds of elements take longer than the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +64,29 @@ class Solution:
     def outcome(self) -> Outcome:
         """How the run ended."""
         return self.trajectory.outcome
+
+    @property
+    def message(self) -> str:
+        """How the run ended in words, with the time and the reason where it stopped early."""
+        return self.trajectory.message
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before trusting the numbers: of the model, then of the run; of all of it for a part of it."""
+        if self.whole is not None:
+            return self.whole.warnings
+        from kaneflex.doubts import doubts
+
+        return (*self.model.warnings, *doubts(self, self.frequencies))
+
+    @cached_property
+    def frequencies(self) -> tuple[float, ...]:
+        """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
+        from kaneflex.building import reference_modes
+
+        count = min(self.model.equations.size, MOST_FREQUENCIES)
+        omega = reference_modes(self.model, count)[0] if count else ()
+        return tuple(float(value) / (2.0 * math.pi) for value in omega)
 
     @cached_property
     def rigid(self) -> RigidMotion:

@@ -27,12 +27,12 @@ def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = N
         Sensor -> (smallest, largest) of max |y| over ANGLES mode angles, in the sensor's SI unit.
     """
     from kaneflex.building import build_model
-    from kaneflex.simulation import simulate
+    from kaneflex.simulation import solve
 
     peaks: dict[str, list[float]] = {}
     for k in range(ANGLES):
         options = replace(model.options, mode_angle=2 * np.pi * k / ANGLES)
-        solution = simulate(build_model(model.scene, options, model.motion))
+        solution = solve(build_model(model.scene, options, model.motion))
         for name, sensor in model.scene.sensors.items():
             if sensor.kind not in _RIGID_KINDS:
                 peaks.setdefault(name, []).append(float(abs(solution.series[name].values).max()))

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
+from kaneflex.solution import MOST_FREQUENCIES
 from kaneflex.trade.evidence import Attempt, Choice
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from kaneflex.solution import Solution
 
 SCHEMA_VERSION = 1
-MOST_FREQUENCIES = 50
-"""Natural frequencies listed at most: those of hundreds of elements take longer than the run."""
 
 
 class _Table(BaseModel):
@@ -133,12 +132,10 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
     A run that stopped before its first step has no sensors.
     """
     import kaneflex
-    from kaneflex.doubts import doubts
 
     model, trajectory = solution.model, solution.trajectory
     seconds, times = model.seconds, solution.times
     multipliers = trajectory.multipliers
-    frequencies = _frequencies(solution)
     return Summary(
         schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,
@@ -150,14 +147,14 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         elements={name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links},
         outcome=trajectory.outcome.name.lower(),
         message=trajectory.message,
-        warnings=[*model.warnings, *doubts(solution, frequencies)],
+        warnings=list(solution.warnings),
         duration_s=float(times[-1] - times[0]) if len(times) else 0.0,
         step_s=model.step,
         steps=model.options.steps,
         stored=len(times),
         sensors=sensor_summaries(solution) if len(times) else {},
         mode_angle_spread=_spread(solution),
-        frequencies_hz=frequencies,
+        frequencies_hz=list(solution.frequencies),
         degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
         modes_kept=model.reduced.size,
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
@@ -269,16 +266,6 @@ def _energy(solution: Solution) -> EnergyBalance | None:
         gap=abs(energy.gap).max(),
         drift=energy.drift,
     )
-
-
-def _frequencies(solution: Solution) -> list[float]:
-    from kaneflex.building import reference_modes
-
-    count = min(solution.model.equations.size, MOST_FREQUENCIES)
-    if count == 0:
-        return []
-    omega, _ = reference_modes(solution.model, count)
-    return [float(value) for value in omega / (2.0 * math.pi)]
 
 
 def json_schema() -> dict[str, Any]:

@@ -69,13 +69,13 @@ def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
 
 def _solved(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
     from kaneflex.loading import load
-    from kaneflex.simulation import simulate, simulate_together
+    from kaneflex.simulation import simulate_together, solve
 
     def begin(point: int) -> Model:
         return load(plan.at(point), like=next(reversed(models.values()), None))
 
     def finish(point: int, model: Model) -> Record:
-        return _record(plan, point, solutions.get(point) or simulate(model))
+        return _record(plan, point, solutions.get(point) or solve(model))
 
     models: dict[int, Model] = {}
     failed: dict[int, Record] = {}

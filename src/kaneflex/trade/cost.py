@@ -13,7 +13,7 @@ from kaneflex.comparison import Curves, curves_of
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import Scene
-from kaneflex.simulation import simulate
+from kaneflex.simulation import solve
 
 Name = TypeVar("Name", bound=Hashable)
 Progress = Callable[[str], None]
@@ -94,7 +94,7 @@ def timed_run(scene: Scene) -> tuple[Curves, Timing]:
     started = time.perf_counter()
     model = load(scene)
     loaded = time.perf_counter()
-    solution = simulate(model)
+    solution = solve(model)
     solved = time.perf_counter()
     curves = curves_of(solution)
     once = model.seconds["derive"] + model.seconds["compile"]
