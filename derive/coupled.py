@@ -256,7 +256,7 @@ def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps:
         names = {"t": T}
         for name in mechanism.drives:
             names[name], names[f"{name}_speed"] = coordinate(name)
-        size = law_expression(load.law, names)
+        size = law_expression(load.law, names, f"loads.{load.name}.law")
     if size.free_symbols & ({*rate} | {*rate.values()}):
         return size
     return steps.assign(sm.Symbol(f"size_{load.name}"), size)

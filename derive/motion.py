@@ -199,7 +199,7 @@ def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.
     """theta(t), theta'(t), theta''(t) of a drive."""
     drive = mechanism.drives[name]
     if drive.kind == "law":
-        angle = law_expression(drive.law, {"t": T})
+        angle = law_expression(drive.law, {"t": T}, f"drives.{name}.law")
         return angle, angle.diff(T), angle.diff(T, 2)
     if drive.kind == "free":
         starts = [mechanism.symbol(f"{name}.{course}") for course in COURSES]
@@ -233,7 +233,7 @@ def _loads(mechanism: Mechanism, drives: dict[str, Drive], steps: Steps) -> dict
         else:
             names = {"t": T, **{d: drive.angle for d, drive in drives.items()}}
             names |= {f"{d}_speed": drive.speed for d, drive in drives.items()}
-            value = law_expression(load.law, names)
+            value = law_expression(load.law, names, f"loads.{name}.law")
         magnitude[name] = steps.assign(sm.Symbol(name), value)
     return magnitude
 

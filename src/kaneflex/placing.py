@@ -16,7 +16,7 @@ import numpy as np
 
 from kaneflex.errors import SceneError
 from kaneflex.joint_rows import Poses, Rows, constraint_count, place_of, turned
-from kaneflex.laws import FUNCTIONS, parse_law
+from kaneflex.laws import parse_law
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
 
@@ -81,8 +81,7 @@ def start_coordinate(scene: Scene, name: str) -> float:
     """Coordinate of a drive at t = 0 [rad or m]."""
     drive = scene.drives[name]
     if drive.kind == "law":
-        functions = {key: getattr(math, key) for key in FUNCTIONS if key != "abs"} | {"abs": abs}
-        return float(parse_law(drive.law, ("t",)).to(functions, {"t": 0.0, "pi": math.pi}, float))
+        return float(parse_law(drive.law, ("t",)).on_arrays({"t": 0.0}))
     if drive.kind == "table":
         from kaneflex.tables import evaluate_block
 

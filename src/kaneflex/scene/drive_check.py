@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kaneflex.errors import Fault, Problem, nearest
-from kaneflex.laws import parse_law
+from kaneflex.scene.law_check import check_drive_law
 from kaneflex.scene.scene import Scene, written
 from kaneflex.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
@@ -27,7 +27,7 @@ def drive_problems(scene: Scene) -> Iterator[Problem]:
         drive = scene.drives[name]
         try:
             if drive.kind == "law":
-                parse_law(drive.law, ("t",))
+                check_drive_law(scene, drive)
             elif drive.kind == "table":
                 drive.read_table()
         except Fault as fault:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kaneflex.errors import Fault, Problem, nearest
-from kaneflex.laws import parse_law
+from kaneflex.scene.law_check import check_load_law
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 
@@ -58,7 +58,7 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
             if load.kind == "table":
                 load.read_table()
             elif load.kind == "law":
-                parse_law(load.law, scene.law_names())
+                check_load_law(scene, load)
         except Fault as fault:
             field = fault.below or load.kind
             yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
