@@ -92,7 +92,7 @@ def _beside_brute_force(
     laid = len(neutral_settings(scene))
     chosen = {tolerance: Candidate(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
     until = time.perf_counter() + SECONDS / 2
-    errors, scenes = {}, {}
+    errors, scenes, unseen = {}, {}, {}
     for candidate in dict.fromkeys((*chosen.values(), *ladder(basis))):
         if time.perf_counter() > until and candidate not in chosen.values():
             print(f"  no time for {candidate.name}", file=sys.stderr)
@@ -102,12 +102,12 @@ def _beside_brute_force(
         except SceneError:
             continue
         errors[candidate] = differences(basis, sensors, candidate.name, curves, reference.curves, reference.period)
-        scenes[candidate] = candidate.of(basis)
+        scenes[candidate], unseen[candidate] = candidate.of(basis), curves.unseen
     repeats = timed_in_turns(scenes, time.perf_counter() + SECONDS / 2, lambda stage: None)
     total = {each: sorted(timing.total for timing in found)[len(found) // 2] for each, found in repeats.items()}
     rows = {}
     for tolerance, candidate in chosen.items():
-        good = [each for each in total if reference.within(errors[each], tolerance)]
+        good = [each for each in total if reference.within(errors[each], tolerance, unseen[each])]
         best = min(good, key=total.__getitem__, default=candidate)
         rows[tolerance] = _row(
             case, tolerance, candidate.name, f"{100 * worst(errors[candidate]).peak_share:.2g} %", best.name,

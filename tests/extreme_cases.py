@@ -231,11 +231,31 @@ def spiked(table: Path, rows: np.ndarray, at: float) -> tuple[str, ...]:
     return f"gas.table={table}", "gas.column=F"
 
 
+def press(folder: Path) -> tuple[str, ...]:
+    """Settings of the engine as a slow press: a turn a second, 50 kN at 103 degrees, none beyond 0.95 degrees of it."""
+    rows = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 106.01, 0.05), np.arange(110, 361, 5.0)])
+    force = 2.5e4 * (1 + np.cos(np.pi * np.clip((rows - 103) / 0.95, -1, 1)))
+    table = folder / "press.csv"
+    table.write_text("deg,F\n" + "".join(f"{row:.2f},{F:.6g}\n" for row, F in zip(rows, force, strict=True)))
+    return (
+        "main.speed=60 rpm", "main.cycle=360 deg", f"gas.table={table}", "gas.column=F", "gas.period=360 deg",
+        "solve.start=zero",
+    )  # fmt: skip
+
+
 def spike_cases(folder: Path) -> list[Case]:
-    """Gas that pushes for 0.2 degrees, in steps of half a degree and of a fortieth; its table goes to `folder`."""
+    """Forces shorter than a step and longer, of gas for 0.2 and of a press for 1.9 degrees; tables go to `folder`."""
     rows = np.concatenate([np.arange(0, 366, 5.0), np.arange(365.05, 374.99, 0.05), np.arange(375, 721, 5.0)])
     table = spiked(folder / "spike.csv", rows, 370.25)
-    return [
+    pulses = [
+        Case(
+            "spike", f"1.9 deg of a press's force, {steps} steps a turn: peak against F l / (E A)", "engine",
+            (*press(folder), f"solve.steps={steps}"), peak_of_spike(103, 5e4), 1e-3,
+            accurate=("quasistatic",) if steps > 180 else (), also=() if steps > 180 else ELASTIC,
+        )
+        for steps in (180, 2880)
+    ]  # fmt: skip
+    return pulses + [
         Case(
             "spike", f"0.2 deg of gas force, {steps} steps a cycle: peak against F l / (E A)", "engine",
             (*table, "main.speed=60 rpm", f"solve.steps={steps}", "solve.start=zero"), peak_of_spike(370.25), 1e-3,

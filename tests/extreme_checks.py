@@ -32,9 +32,9 @@ def gas_alone(solution: Solution) -> float:
     return relative(solution.series["tip_axial"].values, expected)
 
 
-def peak_of_spike(degrees: float) -> Callable[[Solution], float]:
-    """The shortest rod under 100 kN at one angle."""
-    expected = 1e5 * ROD / (STEEL * ROD_AREA * math.cos(math.asin(CRANK / ROD * math.sin(math.radians(degrees)))))
+def peak_of_spike(degrees: float, force: float = 1e5) -> Callable[[Solution], float]:
+    """The shortest rod under a force [N] at one angle."""
+    expected = force * ROD / (STEEL * ROD_AREA * math.cos(math.asin(CRANK / ROD * math.sin(math.radians(degrees)))))
     return lambda solution: abs(-solution.series["tip_axial"].values.min() / expected - 1.0)
 
 

@@ -14,9 +14,8 @@ import numpy as np
 import kaneflex
 from kaneflex.errors import UserError
 from kaneflex.scene import with_settings
-from kaneflex.simulation import simulate
+from kaneflex.simulation import solve
 from kaneflex.solution import Solution
-from kaneflex.summary import summarise
 
 METHODS = {
     "rigid": ("solve.preset=rigid",),
@@ -79,15 +78,15 @@ def attempt(case: Case, method: str) -> Ending:
     """Load, run and measure; raises AssertionError where a number of any sensor is none."""
     try:
         found = kaneflex.load(with_settings(kaneflex.read_scene(case.scene), [*METHODS[method], *case.settings]))
-        solution = simulate(found)
+        solution = solve(found)
         values = {name: series.values for name, series in solution.series.items()}
     except UserError as error:
         return Ending("refused", None, str(error), ())
     assert all(np.isfinite(series).all() for series in values.values()), f"{case}, {method}: not a number"
     if solution.outcome.name != "COMPLETED":
         return Ending(solution.outcome.name.lower(), None, solution.trajectory.message, ())
-    warnings = summarise(solution).warnings[len(found.warnings) :]  # what the run says, not what its preset leaves out
-    return Ending("completed", float(case.error(solution)), "", tuple(warnings))
+    warnings = solution.warnings[len(found.warnings) :]  # what the run says, not what its preset leaves out
+    return Ending("completed", float(case.error(solution)), "", warnings)
 
 
 def judge(case: Case, method: str, ending: Ending) -> str:

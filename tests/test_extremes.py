@@ -12,7 +12,7 @@ from runs import derived_on_the_fly, model, run
 
 from kaneflex.doubts import doubts
 from kaneflex.errors import SceneError
-from kaneflex.sampling import unseen
+from kaneflex.sampling import between_steps, unseen
 from kaneflex.simulation import simulate
 
 PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
@@ -76,6 +76,17 @@ def test_a_spike_between_two_steps_is_named(tmp_path):
     (said,) = unseen(model("engine", *spike))
     assert said.startswith("loads.gas comes and goes between two steps, by 100% of its") and "t = 0.01028 s" in said
     assert unseen(model("engine", *spike, "solve.steps=28800")) == []
+
+
+def test_a_spike_between_all_instants_that_are_looked_at_is_named(tmp_path):
+    """0.004 degrees of it, a third of the distance of the instants that a step is looked at."""
+    table = tmp_path / "spike.csv"
+    beside = 0.002 * 2.0 ** np.arange(11)
+    near = [370.2537 - beside, [370.2537], 370.2537 + beside]
+    rows = np.sort(np.concatenate([range(0, 370, 5), *near, range(375, 725, 5)]))
+    table.write_text("deg,F\n" + "".join(f"{row:.4f},{1e5 * (row == 370.2537):g}\n" for row in rows))
+    (said,) = between_steps(model("engine", f"gas.table={table}", "gas.column=F"))
+    assert said.startswith("loads.gas comes and goes between two steps, by 100% of its largest value at t = 0.01028 s")
 
 
 def test_a_table_whose_curve_overshoots_is_named(tmp_path):

@@ -111,8 +111,11 @@ def test_a_reference_that_does_not_converge_is_refused():
         find_reference(scene, ["mid_transverse", "rod_force"], 1e-4)
 
 
-def test_errors_are_taken_at_the_models_instants_over_its_last_cycle():
-    """y_ref = 3 on a cycle of 1 s; the model is 1, then in its last cycle 3, 4, 3: peak 1/3, mean square 1/3."""
+def test_errors_are_taken_at_the_instants_of_both_over_the_models_last_cycle():
+    """y_ref = 3 on a cycle of 1 s; the model is 1, then in its last cycle 3, 4, 3: peak 1/3, mean square 1/3.
+
+    A reference that is 9 within 0.02 s around 0.75 s has a peak that no instant of the model meets.
+    """
     scene = with_settings(read_scene("spin-up"), ["sensors.hub_torque=none"])
     names = list(scene.sensors)
     flat = Curves(np.array([0.0, 1.0]), {name: np.array([3.0, 3.0]) for name in names}, {})
@@ -122,6 +125,13 @@ def test_errors_are_taken_at_the_models_instants_over_its_last_cycle():
     assert found.peak_share == pytest.approx(1 / 3) and found.rms_share == pytest.approx(0.5**0.5 / 3)
     started, *_ = differences(scene, names, "ours", curves, flat, None)
     assert started.peak_difference == 2.0
+    pulse_times, pulse = np.array([0.0, 0.74, 0.75, 0.76, 1.0]), np.array([3.0, 3.0, 9.0, 3.0, 3.0])
+    pulsed = Curves(pulse_times, {name: pulse for name in names}, {})
+    missed, *_ = differences(scene, names, "ours", curves, pulsed, 1.0)
+    assert (missed.peak, missed.reference_peak) == (4.0, 9.0)
+    assert missed.peak_difference == pytest.approx(9.0 - 3.5)
+    own, *_ = differences(scene, names, "ours", curves, pulsed, 1.0, between=False)
+    assert own.peak_difference == 1.0
     nothing = Curves(flat.times, {name: np.array([0.0, 0.0]) for name in names}, {})
     assert differences(scene, names, "ours", curves, nothing, 1.0) == ()
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from kaneflex.trade.terms import Effect, Terms
 
 
+_UNKNOWN = "What is not known of it"
+
+
 def _options(command: Callable[..., None]) -> Callable[..., None]:
     """What both commands take."""
     options = (
@@ -143,7 +146,7 @@ def reference_lines(found: Trade) -> str:
         sensor = max(reference.coupling, key=reference.coupling.get)
         lines.append(f"Preset coupled differs from it by up to {_percent(reference.coupling[sensor])}, in {sensor}")
     if reference.note:
-        lines.append(f"What it neglects is not known: {reference.note}")
+        lines.append(f"{_UNKNOWN}: {reference.note}")
     return "\n".join(lines)
 
 
@@ -182,10 +185,11 @@ def chosen_lines(choice: Choice) -> str:
     sensor = max(choice.errors, key=choice.errors.__getitem__)
     again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
     settings = " ".join(f"--set {setting}" for setting in choice.settings)
+    note = f"\n  {_UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
     return (
         f"Chosen within {_percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
         f"  {sensor} is {_percent(choice.errors[sensor])} off {choice.reference}, "
-        f"which itself is known to {_percent(max(choice.doubt.values()))}"
+        f"which itself is known to {_percent(max(choice.doubt.values()))}{note}"
     )
 
 

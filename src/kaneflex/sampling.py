@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.model import Model
+from kaneflex.model import Model, RigidMotion
+from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.tables import largest_of_block
 
@@ -19,30 +20,46 @@ _TURN = 0.5
 
 
 def unseen(model: Model) -> list[str]:
+    """Warnings of :func:`between_steps`, and of tables whose curve goes where no row is."""
+    found = between_steps(model)
+    for name, load in model.scene.loads.items():
+        if load.kind == "table" and (beyond := _overshoot(load)) > _UNSEEN:
+            found.append(
+                f"loads.{name}: the smooth curve through its rows overshoots them by {beyond:.0%} of the largest; give "
+                "more rows where they change from flat to steep"
+            )
+    return found
+
+
+def between_steps(model: Model) -> list[str]:
     """Warnings where loads or speeds of links come and go between two steps, or drives turn far within one.
 
-    Preset coupled chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
+    Looked at are the rows of the loads' tables, however close, and instants spread over the steps. Preset coupled
+    chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
     """
     options, scene = model.options, model.scene
     if options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values()):
         return []  # the motion of the rigid mechanism is not theirs
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)
-    rigid = model.motion.at(model.step / within * np.arange(within * steps + 1))
+    seen = model.motion.at(model.step * np.arange(steps + 1))
+    spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
+    rigid = model.motion.at(np.union1d(spread, _instants_of_rows(scene, seen)))
     found = []
     for name, drive in scene.drives.items():
-        turned = abs(np.diff(rigid[f"{name}.angle"][::within])).max()
+        turned = abs(np.diff(seen[f"{name}.angle"])).max()
         if turned > _TURN and not scene.slides(name) and not drive.free:
             wanted = int(np.ceil(options.steps * turned / _TURN))
             found.append(
                 f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; give "
                 f"solve.steps = {wanted} or more"
             )
-    varying = {f"loads.{name}": rigid[name] for name, load in scene.loads.items() if load.kind != "constant"}
-    speeds = {f"the speed of {name}": rigid[f"{name}.omega"] for name in scene.bodies if f"{name}.omega" in rigid}
-    fastest = max((abs(values).max() for values in speeds.values()), default=0.0)  # beside it the rest may be rounding
-    for thing, values in (varying | speeds).items():
-        straight = np.interp(rigid.times, rigid.times[::within], values[::within])
+    varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "constant"}
+    speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in rigid}
+    fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # the rest may be rounding
+    for thing, name in (varying | speeds).items():
+        values = rigid[name]
+        straight = np.interp(rigid.times, seen.times, seen[name])
         largest = fastest if thing in speeds else abs(values).max()
         share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
         if share > _UNSEEN:
@@ -51,13 +68,24 @@ def unseen(model: Model) -> list[str]:
                 f"{thing} comes and goes between two steps, by {share:.0%} of its largest value at t = {t:.4g} s: "
                 f"give more than solve.steps = {options.steps}"
             )
-    for name, load in scene.loads.items():
-        if load.kind == "table" and (beyond := _overshoot(load)) > _UNSEEN:
-            found.append(
-                f"loads.{name}: the smooth curve through its rows overshoots them by {beyond:.0%} of the largest; give "
-                "more rows where they change from flat to steep"
-            )
     return found
+
+
+def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
+    """Instants [s] at which the loads' tables are read at their rows, where what they are read against goes one way."""
+    found = [np.zeros(0)]
+    for load in (load for load in scene.loads.values() if load.kind == "table"):
+        x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
+        way = np.sign(x[-1] - x[0])
+        if not (np.diff(x) * way > 0).all():
+            continue
+        rows, times = load.read_table().x, seen.times
+        if load.period is not None:
+            rounds = np.arange(np.floor((x.min() - rows[0]) / load.period), (x.max() - rows[0]) / load.period)
+            rows = np.add.outer(load.period * rounds[:_SAMPLES // len(rows)], rows).ravel()
+        rows = rows[(rows >= x.min()) & (rows <= x.max())]
+        found.append(np.interp(way * rows, way * x, times))
+    return np.concatenate(found)
 
 
 def _overshoot(load: Load) -> float:

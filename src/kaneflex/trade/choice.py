@@ -88,12 +88,13 @@ class Trials:
     progress: Progress
     attempts: list[Attempt] = field(default_factory=list)
     errors: dict[Candidate, tuple[Difference, ...]] = field(default_factory=dict)
+    kept: set[Candidate] = field(default_factory=set)
 
     def within(self, candidate: Candidate) -> bool:
         """Whether it is within the tolerance, by a run; one that can't be run is not."""
         if candidate not in self.errors:
             self._run(candidate)
-        return self.reference.within(self.errors[candidate], self.tolerance)
+        return candidate in self.kept
 
     def _run(self, candidate: Candidate) -> None:
         self.progress(f"trying {candidate.name}")
@@ -108,11 +109,13 @@ class Trials:
             self.scene, self.sensors, candidate.name, curves, reference.curves, reference.period
         )
         self.errors[candidate] = found
-        most = worst(found)
+        most, within = worst(found), reference.within(found, self.tolerance, curves.unseen)
+        if within:
+            self.kept.add(candidate)
         self.attempts.append(
             Attempt(
                 model=candidate.name, error=most.peak_share, worst_sensor=most.sensor,
-                within=reference.within(found, self.tolerance), reason="",
+                within=within, reason="; ".join(curves.unseen),
             )
         )  # fmt: skip
 

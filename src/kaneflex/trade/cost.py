@@ -6,12 +6,13 @@ import gc
 import statistics
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from kaneflex.comparison import Curves, curves_of
 from kaneflex.loading import load
 from kaneflex.model import Model
+from kaneflex.sampling import between_steps
 from kaneflex.scene import Scene
 from kaneflex.simulation import solve
 
@@ -83,8 +84,13 @@ class Cost:
     first: float
 
 
-def timed_run(scene: Scene) -> tuple[Curves, Timing]:
+def timed_run(scene: Scene, judged: bool = False) -> tuple[Curves, Timing]:
     """Load, solve and read all sensors once, with the time of each.
+
+    Parameters
+    ----------
+    judged : bool
+        Whether the curves' notes hold all that the run warns of, which takes a moment.
 
     Raises
     ------
@@ -100,6 +106,8 @@ def timed_run(scene: Scene) -> tuple[Curves, Timing]:
     once = model.seconds["derive"] + model.seconds["compile"]
     ended = time.perf_counter()
     steps, operations = model.options.steps, _operations(model)
+    notes = solution.warnings if judged else curves.notes
+    curves = replace(curves, notes=notes, unseen=tuple(between_steps(model)))
     return curves, Timing(once, loaded - started - once, solved - loaded, ended - solved, steps, operations)
 
 

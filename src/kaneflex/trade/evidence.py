@@ -16,7 +16,7 @@ class Attempt(_Table):
     error: float | None = Field(description="largest error of a sensor as a share of its peak; null if it was not run")
     worst_sensor: str | None = Field(description="the sensor with that error")
     within: bool = Field(description="whether every sensor is within the tolerance, with the reference's doubt on top")
-    reason: str = Field(description="why it was not run to the end; empty if it was")
+    reason: str = Field(description="why it was not run to the end, or what it stepped over; empty if neither")
 
 
 class Choice(_Table):

@@ -34,13 +34,8 @@ class Candidate:
 
 
 def neutral_settings(scene: Scene) -> tuple[str, ...]:
-    """Settings that take the scene's own choice of a model away and start it as models can be compared.
-
-    Where it has a cycle and damping that is the periodic state, which no longer knows how a run began.
-    """
-    chosen = [f"solve.{key}=none" for key in _CHOICES if key in scene.raw.get("solve", {})]
-    repeats = scene.period is not None and scene.solve.duration is None and scene.damping is not None
-    return (*chosen, *(["solve.start=periodic"] if repeats and scene.solve.start != "periodic" else []))
+    """Settings that take the scene's own choice of a model away. How it starts and how long it runs is none."""
+    return tuple(f"solve.{key}=none" for key in _CHOICES if key in scene.raw.get("solve", {}))
 
 
 def neutral(scene: Scene) -> Scene:

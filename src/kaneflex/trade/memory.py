@@ -18,6 +18,8 @@ from kaneflex.trade.ranking import check_request
 from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
+_RULE = 2
+"""Number of the way in which models are weighed: what was chosen in another way is chosen anew."""
 
 
 def remembered_choice(
@@ -41,11 +43,11 @@ def remembered_choice(
 def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str]) -> Path:
     """Where the choice for a scene is kept: by its structure, and by all else that it depends on.
 
-    That is every entry of the scene, the contents of its tables, the sensors, the tolerance and the version.
+    That is every entry of the scene, the contents of its tables, the sensors, the tolerance, the version and the rule.
     """
     import kaneflex
 
     tables = {place: hashlib.sha256(Path(file).read_bytes()).hexdigest() for place, file in file_places(scene).items()}
-    about = [kaneflex.__version__, scene.raw, tables, sorted(sensors), tolerance]
+    about = [kaneflex.__version__, _RULE, scene.raw, tables, sorted(sensors), tolerance]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()[:16]
     return cache_folder() / "choices" / f"{scene.structure_hash()}-{digest}.json"

@@ -23,11 +23,12 @@ _FIRST_RUNS = 0.6
 
 @dataclass(frozen=True)
 class Ranked:
-    """One candidate: its errors by sensor and its cost."""
+    """One candidate: its errors by sensor, its cost, and what comes and goes between two of its steps."""
 
     candidate: Candidate
     differences: tuple[Difference, ...]
     cost: Cost
+    unseen: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -75,7 +76,7 @@ class Trade:
 
     def good_enough(self, entry: Ranked) -> bool:
         """Whether every sensor stays within the tolerance, with the reference's own doubt on top."""
-        return self.reference.within(entry.differences, self.tolerance)
+        return self.reference.within(entry.differences, self.tolerance, entry.unseen)
 
     def settings_of(self, entry: Ranked) -> tuple[str, ...]:
         """What makes the scene this model, of the form path=value."""
@@ -109,8 +110,8 @@ def trade(
     Parameters
     ----------
     scene : Scene
-        Its preset, integrator, modes, reduction and terms are chosen anew; where it has a cycle and damping, the
-        periodic state is compared, else the run from its start.
+        Its preset, integrator, modes, reduction and terms are chosen anew; what is compared is its own run, from its
+        start or on its periodic state.
     tolerance : float
         Error allowed of each sensor, as a share of the largest absolute value of the reference.
     budget : float
@@ -143,6 +144,7 @@ def trade(
             candidate,
             differences(basis, sensors, candidate.name, curves, reference.curves, reference.period),
             cost(first, repeats[candidate]),
+            curves.unseen,
         )
         for candidate, (curves, first) in runs.items()
     ]

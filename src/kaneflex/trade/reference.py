@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from kaneflex.comparison import Curves, Difference
 from kaneflex.errors import SceneError
@@ -26,6 +26,8 @@ _FINE_ENOUGH, _KNOWN = 0.1, 0.25
 
 Preset coupled, which is derived for each number of modes, is refined no further than that.
 """
+_LEFT_BETWEEN = 0.5
+"""Share of a change between a model's instants that is left between those of one with twice as many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +44,12 @@ class Reference:
     period : float or None
         Cycle that it repeats [s].
     refinement : mapping of str to float
-        By sensor: largest change by the last refinement, as a share of the peak.
+        By sensor: largest change by the last refinement, as a share of the peak; see :func:`find_reference`.
     coupling : mapping of str to float
         By sensor: the same of the step from ``stiffened`` to ``coupled``; empty where ``coupled`` is the reference
         or can't be run.
     note : str
-        Why ``coupled`` is not known of, if so.
+        What is not known of it: why ``coupled`` can't be run, and what its own run warns of; empty if nothing.
     """
 
     name: str
@@ -62,15 +64,22 @@ class Reference:
         """How far the reference itself may be off, as a share of the sensor's peak."""
         return self.refinement.get(sensor, 0.0) + self.coupling.get(sensor, 0.0)
 
-    def within(self, found: Sequence[Difference], tolerance: float) -> bool:
-        """Whether every error, with the doubt about the reference on top, is within a tolerance; no errors are not."""
-        return bool(found) and all(each.peak_share + self.doubt(each.sensor) <= tolerance for each in found)
+    def within(self, found: Sequence[Difference], tolerance: float, unseen: Sequence[str] = ()) -> bool:
+        """Whether every error, with the doubt about the reference on top, is within a tolerance; no errors are not.
+
+        A model is not that steps over what its loads do: how much of it its instants meet is luck.
+        """
+        close = all(each.peak_share + self.doubt(each.sensor) <= tolerance for each in found)
+        return bool(found) and close and not unseen
 
 
 def find_reference(
     scene: Scene, sensors: Sequence[str], tolerance: float, progress: Progress = lambda stage: None
 ) -> Reference:
     """Preset ``stiffened``, refined until it stands; ``coupled`` where that changes a sensor by too much.
+
+    The change by a refinement is taken at the coarser model's instants. Between them, where the finer one has twice as
+    many, half of it counts: so much is left between the finer one's at a corner; where a curve is smooth, a quarter.
 
     Parameters
     ----------
@@ -85,24 +94,20 @@ def find_reference(
     Raises
     ------
     SceneError
-        Where refining still changes a sensor by more than a quarter of the tolerance: nothing can be ranked against
-        that.
+        Where refining still changes a sensor by more than a quarter of the tolerance, or a load comes and goes between
+        two steps of the finest model: nothing can be ranked against that.
     """
     stiffened = _refined(scene, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, progress)
     try:
         progress("solving, preset coupled")
         coupled, _ = timed_run(with_settings(scene, ["solve.preset=coupled"]))
     except SceneError as error:
-        return Reference(**_known(stiffened), coupling={}, note=f"preset coupled can't be run: {error}")
-    gaps = _shares(differences(scene, sensors, "coupled", coupled, stiffened.curves, stiffened.period))
-    if max(gaps.values()) <= _KNOWN * tolerance:
-        return Reference(**_known(stiffened), coupling=gaps)
+        unknown = f"preset coupled can't be run: {error}"
+        return replace(stiffened, note="; ".join(filter(None, (unknown, stiffened.note))))
+    gaps = differences(scene, sensors, "coupled", coupled, stiffened.curves, stiffened.period, between=False)
+    if worst(gaps).peak_share <= _KNOWN * tolerance:
+        return replace(stiffened, coupling={each.sensor: each.peak_share for each in gaps})
     return _refined(scene, sensors, tolerance, _coupled_levels(scene), _KNOWN, progress)
-
-
-def _known(reference: Reference) -> dict[str, object]:
-    names = ("name", "settings", "curves", "period", "refinement")
-    return {name: getattr(reference, name) for name in names}
 
 
 def _stiffened_levels(scene: Scene) -> Levels:
@@ -137,29 +142,44 @@ def _refined(
     coarse: Curves | None = None
     for name, settings in levels:
         progress(f"the reference: {name}")
-        curves, _ = timed_run(with_settings(scene, list(settings)))
+        curves, _ = timed_run(with_settings(scene, list(settings)), judged=True)
         if coarse is not None:
-            change = differences(scene, sensors, name, coarse, curves, period)
-            if not change:
-                raise SceneError("sensors", ", ".join(sensors), "they all show zero", "Name others")
-            if worst(change).peak_share <= enough * tolerance:
+            changes = _changes(scene, sensors, coarse, curves, period)
+            if max(changes.values()) <= enough * tolerance:
                 break
         coarse = curves
-    _check(name, worst(change), tolerance)
-    return Reference(name, settings, curves, period, _shares(change), {})
+    _check(scene, name, curves, changes, tolerance)
+    return Reference(name, settings, curves, period, changes, {}, "; ".join(curves.notes))
 
 
-def _check(name: str, change: Difference, tolerance: float) -> None:
-    if change.peak_share > _KNOWN * tolerance:
-        enough = change.peak_share / _KNOWN
+def _changes(
+    scene: Scene, sensors: Sequence[str], coarse: Curves, fine: Curves, period: float | None
+) -> dict[str, float]:
+    """By sensor: largest change from a coarse model to a fine one, and what of it is left between its instants."""
+    there, everywhere = (
+        differences(scene, sensors, "coarse", coarse, fine, period, between) for between in (False, True)
+    )
+    if not there:
+        raise SceneError("sensors", ", ".join(sensors), "they all show zero", "Name others")
+    pairs = zip(there, everywhere, strict=True)
+    return {own.sensor: max(own.peak_share, _LEFT_BETWEEN * between.peak_share) for own, between in pairs}
+
+
+def _check(scene: Scene, name: str, curves: Curves, changes: Mapping[str, float], tolerance: float) -> None:
+    if curves.unseen:
+        raise SceneError(
+            "--tolerance", f"{100 * tolerance:.3g}%",
+            f"in the finest model ({name}) {curves.unseen[0]}; nothing can be ranked against it",
+            "Give the scene more solve.steps, or a load that changes more slowly",
+        )  # fmt: skip
+    sensor = max(changes, key=changes.__getitem__)
+    if changes[sensor] > _KNOWN * tolerance:
+        enough = changes[sensor] / _KNOWN
         looser = f"Ask for {100 * enough:.2g}% or more, refine" if enough < 1 else "Refine"
         raise SceneError(
             "--tolerance", f"{100 * tolerance:.3g}%",
-            f"the finest model ({name}) still changes {change.sensor} by {100 * change.peak_share:.2g} % when it is "
+            f"the finest model ({name}) still changes {sensor} by {100 * changes[sensor]:.2g} % when it is "
             "refined, so nothing can be ranked against it",
-            f"{looser} the scene's solve.steps and elements, choose other sensors, or give the scene damping",
+            f"{looser} the scene's solve.steps and elements, choose other sensors, or give the scene damping"
+            + (", or solve.start = periodic" if scene.period and scene.solve.start != "periodic" else ""),
         )  # fmt: skip
-
-
-def _shares(found: Sequence[Difference]) -> dict[str, float]:
-    return {difference.sensor: difference.peak_share for difference in found}
