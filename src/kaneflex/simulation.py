@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 _REPEATS = 1e-6
 """Relative change over a cycle that rounding and tables may leave."""
+_ROUNDING = 1e-12
+"""Change over a cycle, as a share of all that has the same unit, that rounding leaves of what is zero."""
 _MAX_STORED = 40_000
 """Steps stored at most; longer runs keep every second, third, ... step."""
 
@@ -115,9 +117,14 @@ def not_repeated(model: Model) -> str | None:
     """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
     period = model.scene.period
     cycle = model.motion.at(np.linspace(0.0, period, 65))
+    unit_of = {name: unit for name, unit, *_ in model.module.SCALARS}
+    largest = dict.fromkeys(unit_of.values(), 0.0)
+    for name, unit in unit_of.items():
+        largest[unit] = max(largest[unit], abs(cycle[name]).max())
     for name in sorted({name for monomial in model.monomials for name in monomial}):
         values = cycle[name]
-        if abs(values[-1] - values[0]) > _REPEATS * abs(values).max():
+        rounding = _ROUNDING * largest.get(unit_of.get(name), 0.0)
+        if abs(values[-1] - values[0]) > _REPEATS * abs(values).max() + rounding:
             return f"{name} is {values[0]:.6g} at first and {values[-1]:.6g} a cycle later"
     return None
 
