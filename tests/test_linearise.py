@@ -251,7 +251,7 @@ def test_command_line(tmp_path, monkeypatch):
     refused(cli("linearise", "engine", "-o", "engine.npz"), "the file exists", "--force")
     refused(cli("linearise", "engine", "-o", "engine.txt"), "engine.txt", ".npz or .mat")
     refused(cli("linearise", "engine", "--at", "pin=0", "-o", "other.npz"), "--at = 'pin=0'")
-    refused(cli("linearise", "spin-up", "--at", "hub=1000 rad", "-o", "other.npz"), "hub never stands there")
+    refused(cli("linearise", "two-link-arm", "--at", "shoulder=90deg", "-o", "other.npz"), "shoulder never stands")
     paper = cli("linearise", "engine-paper", "-o", "paper.mat")
     assert paper.exit_code == 0 and "left out" in paper.stderr and "crank_torque" in paper.stderr
     assert sorted(path.name for path in Path().iterdir()) == ["engine.npz", "paper.mat"]

@@ -8,7 +8,9 @@ from scipy.sparse import csr_array
 
 from kaneflex.affine import as_array
 from kaneflex.building import reference_modes
+from kaneflex.errors import SceneError
 from kaneflex.modes import lowest_modes
+from kaneflex.presentation import at_drive
 from kaneflex.spread import mode_angle_spread
 
 SPEED = 2 * np.pi * 100
@@ -46,6 +48,45 @@ def test_reference_modes_are_those_of_the_angle_asked_for(degrees):
     M, K = engine.M(engine.reference_time), engine.K_s(engine.reference_time)
     assert shapes.T @ M @ shapes == pytest.approx(np.eye(6), abs=1e-9)
     assert shapes.T @ K @ shapes == pytest.approx(np.diag(omega**2), abs=1e-9 * omega[-1] ** 2)
+
+
+LOCKED = ("four-bar", "main.speed=0", "solve.duration=1", "solve.start=zero")
+
+
+def test_modes_of_a_locked_linkage_are_those_of_where_it_stands():
+    """The third frequency of the four-bar falls by 45 % from 0 to 53 degrees; one that turns passes both."""
+    at = "solve.mode_angle=53 deg"
+    with pytest.raises(SceneError, match=r"= '53 deg': main stands still at 0 deg\. Place .* main\.angle = 53"):
+        model(*LOCKED, at)
+    both = model(*LOCKED, "main.angle=53 deg", at), model("four-bar", at)
+    placed, turning = (reference_modes(found, 3)[0] for found in both)
+    assert placed == pytest.approx(turning, rel=1e-9)
+    elsewhere = model(*LOCKED, "main.angle=413 deg")
+    assert at_drive(elsewhere) == "main = 413 deg"
+    assert reference_modes(elsewhere, 3)[0] == pytest.approx(placed, rel=1e-9)
+    assert not np.allclose(reference_modes(model(*LOCKED), 3)[0], placed, rtol=0.2)
+
+
+def test_modes_of_a_linkage_with_a_motor_are_those_of_where_it_comes_by():
+    """From 90 degrees on it is at 30 after a third of a turn less; preset coupled knows its start alone."""
+    motor = ("four-bar-motor", "solve.preset=stiffened")
+    found = [model(*motor, "solve.mode_angle=30 deg"), model(*motor, "main.angle=30 deg", "solve.mode_angle=30 deg")]
+    assert found[0].reference_time > 0.0 == found[1].reference_time
+    first, second = (reference_modes(each, 5)[0] for each in found)
+    assert first == pytest.approx(second, rel=1e-6)
+    with pytest.raises(SceneError, match="preset coupled computes where main goes: before, only its start at 90 deg"):
+        model("four-bar-motor", "solve.mode_angle=30 deg")
+
+
+def test_damping_of_a_place_where_the_drive_never_stands_is_named():
+    damping = ("damping.rayleigh=none", "damping.modal={ratio=0.02}", "main.angle=53 deg")
+    (said,) = model(*LOCKED, *damping).warnings
+    assert said == "main never stands at solve.mode_angle = 0 deg: the modes that it is for are those of 53 deg"
+
+
+def test_the_place_is_named_by_every_drive():
+    said = at_drive(model("two-link-arm", "solve.mode_angle=45 deg"))
+    assert said.startswith("shoulder = 45 deg, elbow = ")
 
 
 def test_frequencies_of_the_released_and_of_the_welded_pin_interlace():

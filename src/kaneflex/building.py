@@ -17,7 +17,7 @@ from kaneflex.errors import SceneError
 from kaneflex.frame import Frame, build_frame
 from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
-from kaneflex.model import Model, Motion, RigidMotion, keep_terms
+from kaneflex.model import REACHED, Model, Motion, RigidMotion, keep_terms
 from kaneflex.modes import damping_ratios, lowest_modes
 from kaneflex.options import Options
 from kaneflex.scene import Scene
@@ -25,6 +25,8 @@ from kaneflex.springs import place_springs
 
 _IN_EQUATIONS = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "damping")
 """Tables of a scene that its equations depend on, beside the drives."""
+_SAMPLES = 4001
+"""Instants of a run among which the one is looked for at which the first drive stands somewhere."""
 _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
@@ -42,7 +44,7 @@ def build_model(
     ``near`` gives the order of the coordinates, and the elements that this model's differ from to first order;
     ``frozen`` the bases and the modes of damping; ``like`` the equations, where they are the same.
     """
-    reference = _reference_time(scene, options, motion)
+    reference, warnings = _reference(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
         mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
         return replace(like, **mine, energy=None, warnings=(), seconds={})
@@ -83,7 +85,7 @@ def build_model(
         if options.dynamics == "frozen":
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
-    return model
+    return replace(model, warnings=warnings)
 
 
 def _same_equations(scene: Scene, options: Options, motion: Motion, like: Model) -> bool:
@@ -91,15 +93,19 @@ def _same_equations(scene: Scene, options: Options, motion: Motion, like: Model)
 
     A speed enters the scalars of the motion alone, unless the equations are those of one instant.
     """
-    of_an_instant = options.reduction == "modal" or (scene.damping is not None and scene.damping.kind == "modal")
     as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
-    if motion.module is not like.module or as_before != like.options or of_an_instant:
+    if motion.module is not like.module or as_before != like.options or _of_an_instant(scene, options):
         return False
     if options.dynamics == "coupled" or scene.drives.keys() != like.scene.drives.keys():
         return False
     drives = {name: drive.model_copy(update={"speed": scene.drives[name].speed})
               for name, drive in like.scene.drives.items()}  # fmt: skip
     return drives == scene.drives and all(getattr(scene, name) == getattr(like.scene, name) for name in _IN_EQUATIONS)
+
+
+def _of_an_instant(scene: Scene, options: Options) -> bool:
+    """Whether the equations hold modes of the reference configuration, by reduction, freezing or damping."""
+    return options.reduction == "modal" or (scene.damping is not None and scene.damping.kind == "modal")
 
 
 def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
@@ -165,23 +171,69 @@ def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
     return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
-def _reference_time(scene: Scene, options: Options, motion: Motion) -> float:
-    """The first instant [s] at which the first drive stands at the mode angle; 0 where it never does."""
+def _reference(scene: Scene, options: Options, motion: Motion) -> tuple[float, tuple[str, ...]]:
+    """The instant [s] whose configuration reference modes are of, :func:`stands_at` or the first; what to warn of it.
+
+    Raises SceneError where a place was asked for at which the first drive never stands.
+    """
+    instant = stands_at(scene, options.mode_angle, motion)
+    if instant is not None or options.dynamics == "rigid":
+        return instant or 0.0, ()
+    name, drive = next(iter(scene.drives.items()))
+    angles = motion.at(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
+    wanted, start, lowest, highest = (
+        scene.written_coordinate(name, x) for x in (options.mode_angle, angles[0], min(angles), max(angles))
+    )
+    if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
+        said = f"{name} never stands at solve.mode_angle = {wanted}: the modes that it is for are those of {start}"
+        return 0.0, (said,) if _of_an_instant(scene, options) else ()
+    reason = f"{name} never stands there, but goes from {lowest} to {highest}"
+    if drive.kind == "free" and options.dynamics == "coupled":
+        reason = f"preset coupled computes where {name} goes: before, only its start at {start} is known"
+    elif lowest == highest:
+        reason = f"{name} stands still at {start}"
+    place = f"{name}.{'position' if scene.slides(name) else 'angle'}"
+    placed = f"Place it there by {place} = {wanted}, or c" if drive.kind in ("constant speed", "free") else "C"
+    raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a place within its range")
+
+
+def stands_at(scene: Scene, coordinate: float, motion: Motion) -> float | None:
+    """The first instant [s] at which the first drive stands at a coordinate [rad or m]; None where it never does.
+
+    After its cycle a drive stands where it stood before; one that turns without a cycle after a whole turn. One that
+    turns at a constant speed is followed beyond the run.
+    """
     name, drive = next(iter(scene.drives.items()), (None, None))
-    if drive is None or drive.speed == 0:
+    if drive is None:
         return 0.0
-    if drive.kind == "constant speed":
-        time = (options.mode_angle - drive.start) / drive.speed
-        # a turn comes round again at any time, but beyond the run a guide's linkage may not even close
-        return time if not scene.slides(name) or 0.0 <= time <= scene.horizon else 0.0
-    times = np.linspace(0.0, scene.horizon, 4001)
-    ahead = motion.at(times)[f"{name}.angle"] - options.mode_angle
-    crossings = np.flatnonzero(ahead[:-1] * ahead[1:] <= 0.0)
-    if not len(crossings):
-        return 0.0
-    k = int(crossings[0])
-    rise = ahead[k + 1] - ahead[k]
-    return float(times[k] - (times[k + 1] - times[k]) * ahead[k] / rise) if rise else float(times[k])
+    turn = math.inf if scene.slides(name) else drive.cycle or 2.0 * math.pi
+    if drive.kind == "constant speed" and drive.speed and not scene.slides(name):
+        instant = (coordinate - drive.start) / drive.speed
+        return instant if 0.0 <= instant <= scene.horizon else instant % (turn / abs(drive.speed))
+    times = np.linspace(0.0, scene.horizon, _SAMPLES)
+    ahead = motion.at(times)[f"{name}.angle"] - coordinate
+    around = ahead if math.isinf(turn) else ahead - turn * np.round(ahead / turn)
+    reached = REACHED["m" if math.isinf(turn) else "rad"]
+    for gap in (ahead, around):
+        if abs(gap[0]) < reached:
+            return 0.0
+        # from half a turn ahead to half a turn behind is no passing
+        passed = (gap[:-1] * gap[1:] <= 0.0) & (abs(np.diff(gap)) < turn / 2)
+        if passed.any():
+            k = int(passed.argmax())
+            level = float(coordinate + ahead[k] - gap[k])
+            return _passing(motion, name, level, times[k], times[k + 1])
+    return None
+
+
+def _passing(motion: Motion, drive: str, coordinate: float, start: float, end: float) -> float:
+    """When a drive passes a coordinate between two instants [s]: by ever finer samples, then a straight line."""
+    for _ in range(3):
+        times = np.linspace(start, end, 101)
+        gap = motion.at(times)[f"{drive}.angle"] - coordinate
+        k = int((gap[:-1] * gap[1:] <= 0.0).argmax())
+        start, end, before, rise = times[k], times[k + 1], gap[k], gap[k + 1] - gap[k]
+    return float(start - (end - start) * before / rise) if rise else float(start)
 
 
 def _parts(

@@ -271,15 +271,13 @@ def _mode_count(size: int, model: Model, count: int | None) -> int:
 def _modes_as_data(
     model: Model, names: tuple[str, ...], hertz: np.ndarray, shapes: np.ndarray
 ) -> dict[str, object]:
-    drive = next(iter(model.scene.drives), None)
-    at = {"at_deg": {}}
-    if drive is not None and model.scene.slides(drive):
-        at = {"at_m": {drive: model.reference_coordinate}}
-    elif drive is not None:
-        at = {"at_deg": {drive: round(math.degrees(model.options.mode_angle), 12)}}
+    stands, slides = model.reference_coordinates, model.scene.slides
+    lengths = {drive: value for drive, value in stands.items() if slides(drive)}
+    angles = {drive: round(math.degrees(value), 12) for drive, value in stands.items() if not slides(drive)}
     return {
         "scene": model.scene.name,
-        **at,
+        **({"at_m": lengths} if lengths else {}),
+        **({"at_deg": angles} if angles or not lengths else {}),
         "coordinates": list(names),
         "frequencies_hz": hertz.tolist(),
         "mode_shapes": shapes.tolist(),

@@ -109,7 +109,7 @@ def linearise(
     """
     from kaneflex.loading import load
     from kaneflex.presentation import poles_table
-    from kaneflex.statespace import available_sensors, check_file_kind, check_reached
+    from kaneflex.statespace import available_sensors, check_file_kind
     from kaneflex.statespace import linearise as state_space
     from kaneflex.terminal import Waiting
     from kaneflex.writing import refuse_existing
@@ -122,8 +122,6 @@ def linearise(
         scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
-        if at is not None:
-            check_reached(model)
         system = state_space(model, sensors=sensors or None)
     system.save(output)
     click.echo(poles_table(system))

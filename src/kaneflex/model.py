@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -123,7 +124,7 @@ class Model:
     modal_basis : ndarray or None
         Modes of the whole mechanism that the motion is sought in, one a column.
     reference_time : float
-        Instant [s] at which the first drive stands at ``options.mode_angle``.
+        Instant [s] at which the first drive stands at ``options.mode_angle``; 0 where it never does.
     coupled : CoupledSystem or None
         The coupled equations, under preset ``coupled``.
     energy : Energy or None
@@ -158,13 +159,16 @@ class Model:
         return f"{self.scene.name}, {self.options.preset}, {self.equations.size} degrees of freedom"
 
     @property
-    def reference_coordinate(self) -> float:
-        """Coordinate of the first drive at ``reference_time`` [rad or m]: a guide may never stand where it is asked."""
-        asked, drive = self.options.mode_angle, next(iter(self.scene.drives))
-        if not self.scene.slides(drive):
-            return asked
-        stands = float(self.motion.at(self.reference_time)[f"{drive}.angle"][0])
-        return asked if abs(stands - asked) < REACHED["m"] else stands
+    def reference_coordinates(self) -> dict[str, float]:
+        """Coordinate of each drive at ``reference_time`` [rad or m]; the first as asked for, if it is there."""
+        rigid, asked = self.motion.at(self.reference_time), self.options.mode_angle
+        found = {name: float(rigid[f"{name}.angle"][0]) for name in self.scene.drives}
+        for name in list(found)[:1]:
+            slides = self.scene.slides(name)
+            away = found[name] - asked if slides else math.remainder(found[name] - asked, 2.0 * math.pi)
+            if abs(away) < REACHED["m" if slides else "rad"]:
+                found[name] = asked
+        return found
 
     @property
     def module(self) -> ModuleType:

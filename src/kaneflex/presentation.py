@@ -184,11 +184,9 @@ def _time(seconds: float) -> str:
 
 
 def at_drive(model: Model) -> str:
-    """The configuration of the reference modes, "main = 90 deg"; empty without a drive."""
-    drive = next(iter(model.scene.drives), None)
-    if drive is None:
-        return ""
-    return f"{drive} = {model.scene.written_coordinate(drive, model.reference_coordinate)}"
+    """The configuration of the reference modes, "main = 90 deg", by every drive; empty without one."""
+    stands = model.reference_coordinates.items()
+    return ", ".join(f"{drive} = {model.scene.written_coordinate(drive, value)}" for drive, value in stands)
 
 
 def parts(scene: Scene) -> str:

@@ -24,14 +24,18 @@ def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = N
     Returns
     -------
     dict
-        Sensor -> (smallest, largest) of max |y| over ANGLES mode angles, in the sensor's SI unit.
+        Sensor -> (smallest, largest) of max |y| over those of ANGLES mode angles at which the first drive ever stands,
+        in the sensor's SI unit.
     """
-    from kaneflex.building import build_model
+    from kaneflex.building import build_model, stands_at
     from kaneflex.simulation import solve
 
     peaks: dict[str, list[float]] = {}
     for k in range(ANGLES):
-        options = replace(model.options, mode_angle=2 * np.pi * k / ANGLES)
+        angle = 2 * np.pi * k / ANGLES
+        if stands_at(model.scene, angle, model.motion) is None:  # a drive may not go all the way round
+            continue
+        options = replace(model.options, mode_angle=angle)
         solution = solve(build_model(model.scene, options, model.motion))
         for name, sensor in model.scene.sensors.items():
             if sensor.kind not in _RIGID_KINDS:

@@ -19,7 +19,7 @@ import numpy as np
 
 from kaneflex.affine import Affine
 from kaneflex.errors import OutputError, SceneError, nearest
-from kaneflex.model import REACHED, Model, RigidMotion
+from kaneflex.model import Model, RigidMotion
 from kaneflex.placing import Placement, drive_rates
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.writing import write_bytes
@@ -98,16 +98,6 @@ def check_file_kind(path: Path) -> None:
     """Raise OutputError for a file that is neither .npz nor .mat."""
     if path.suffix not in (".npz", ".mat"):
         raise OutputError(str(path), None, "not a kind of file for matrices", "End the name in .npz or .mat")
-
-
-def check_reached(model: Model) -> None:
-    """Raise SceneError if the first drive never stands at ``solve.mode_angle``: then there is no such instant."""
-    drive = next(iter(model.scene.drives))
-    angle = float(model.motion.at(model.reference_time)[f"{drive}.angle"][0])
-    slides = model.scene.slides(drive)
-    if abs(angle - model.options.mode_angle) > REACHED["m" if slides else "rad"]:
-        wanted = model.scene.written_coordinate(drive, model.options.mode_angle)
-        raise SceneError("--at", wanted, f"{drive} never stands there", "Choose a place within the drive's range")
 
 
 def _undated(mat: bytes) -> bytes:

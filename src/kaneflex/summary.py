@@ -108,8 +108,8 @@ class Summary(_Table):
         "empty for equations that are not frozen"
     )
     frequencies_hz: list[float] = Field(
-        description=f"natural frequencies at options.mode_angle, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; "
-        "empty where nothing is elastic"
+        description="natural frequencies at options.mode_angle, or at the start where the first drive never stands "
+        f"there, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; empty where nothing is elastic"
     )
     degrees_of_freedom: int = Field(description="elastic degrees of freedom before reduction")
     modes_kept: int = Field(description="coordinates solved for: the degrees of freedom where nothing is reduced")

@@ -84,11 +84,11 @@ def _panels(count: int, size: float, outlines: tuple[Outline, ...], fixed) -> tu
 
 def _title(solution: Solution) -> str:
     model = solution.model
-    drive = next(iter(model.scene.drives), None)
-    at = ""
-    if drive:
-        at = f" at {angle_name(solution, drive)} {model.scene.written_coordinate(drive, model.reference_coordinate)}"
-    return f"Mode shapes{at}, undamped"
+    places = [
+        f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, value)}"
+        for drive, value in model.reference_coordinates.items()
+    ]
+    return f"Mode shapes{' at ' if places else ''}{', '.join(places)}, undamped"
 
 
 def _hertz(omega: float) -> str:
