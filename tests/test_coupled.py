@@ -76,11 +76,11 @@ def test_joint_forces_balance_the_piston():
     assert abs(gap).max() < 1e-6 * abs(mass * a_x).max()
 
 
-@pytest.mark.parametrize("tolerance", [None, 1e-7])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-7])
 def test_an_undamped_pendulum_keeps_its_energy(tolerance):
-    """A hundred swings and more."""
-    settings = ["solve.duration=180 s", "solve.steps=18000"]
-    solution = run("elastic-pendulum", *settings, *([f"solve.tolerance={tolerance}"] if tolerance else []))
+    """A hundred swings and more, at looser tolerances than the default."""
+    settings = ["solve.duration=180 s", "solve.steps=18000", f"solve.tolerance={tolerance}"]
+    solution = run("elastic-pendulum", *settings)
     crossings = np.diff(np.sign(solution.series["angle"].values + np.pi / 2)) != 0
     assert crossings.sum() >= 199
     assert solution.coupled.trajectory.energy.drift <= 1e-7

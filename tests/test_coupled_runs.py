@@ -124,7 +124,7 @@ def test_an_event_ends_the_run(tmp_path):
     assert found.series["angle"].values[-1] == pytest.approx(-math.pi / 2, abs=1e-9)
     assert found.outcome.name == "COMPLETED"
     assert found.trajectory.message.startswith("completed; the event it ended the run at t = 0.4")
-    assert found.coupled.trajectory.steps < 200
+    assert len(found.times) < 50
 
 
 def test_an_event_of_a_driven_mechanism(tmp_path):

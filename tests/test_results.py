@@ -25,6 +25,7 @@ from kaneflex.summary import (
     SensorSummary,
     Summary,
     Timing,
+    UnresolvedMode,
     _sensor,
     documentation,
     drive_degrees,
@@ -243,7 +244,7 @@ def test_documentation_is_that_of_the_code():
 
 def test_every_field_of_the_summary_is_described():
     tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations)
-    tables += (ParameterSensitivity, SensorDerivative)
+    tables += (ParameterSensitivity, SensorDerivative, UnresolvedMode)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []
     assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}

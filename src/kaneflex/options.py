@@ -58,7 +58,8 @@ class Options:
     rho_infinity : float
         Spectral radius of generalised-alpha at infinite frequency.
     tolerance : float
-        Error of a step of the coupled equations, as a share of the longest body, and in rad.
+        Of the coupled equations: error that ten periods of a vibration accumulate, as a share of the longest body, and
+        in rad.
     forward_method : str
         Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
     forward_tolerance : float

@@ -74,6 +74,18 @@ class PeakSpread(_Table):
     largest: float = Field(description="largest peak")
 
 
+class UnresolvedMode(_Table):
+    """A mode at the reference configuration that the steps of a coupled run are too long for.
+
+    Steps under control of their error leave out only vibrations that are smaller than the error allowed; what such a
+    mode bears of forces is then its static share.
+    """
+
+    frequency_hz: float = Field(description="natural frequency, Hz")
+    shape: str = Field(description="what moves most in it: stretch or bending of a link")
+    steps_per_period: float = Field(description="mean steps in its period, below 3")
+
+
 class EnergyBalance(_Table):
     """Where the energy went, in J, from start to end; but for preset coupled that of the rigid mechanism."""
 
@@ -118,6 +130,9 @@ class Summary(_Table):
     )
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
+    unresolved_modes: list[UnresolvedMode] = Field(
+        description="under preset coupled: the modes that its steps do not follow; empty for others"
+    )
     choice: Choice | None = Field(description="the model that --tolerance chose, with its evidence; null without")
     timing: Timing = Field(description="wall time")
     operations: dict[str, Operations] = Field(description="by kernel of the generated module")
@@ -160,6 +175,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
+        unresolved_modes=_unresolved(solution),
         choice=choice,
         timing=Timing(
             derive_s=seconds["derive"],
@@ -268,6 +284,17 @@ def _energy(solution: Solution) -> EnergyBalance | None:
     )
 
 
+def _unresolved(solution: Solution) -> list[UnresolvedMode]:
+    if solution.coupled is None:
+        return []
+    from kaneflex.coupled.unresolved import unresolved
+
+    return [
+        UnresolvedMode(frequency_hz=mode.frequency, shape=mode.shape, steps_per_period=mode.steps)
+        for mode in unresolved(solution)
+    ]
+
+
 def json_schema() -> dict[str, Any]:
     """JSON Schema of ``summary.json``."""
     schema = Summary.model_json_schema(mode="serialization")
@@ -299,7 +326,7 @@ Made by `python -m kaneflex.summary`; do not edit.
 
 
 _TABLES = (
-    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations,
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, UnresolvedMode, Choice, Attempt, Timing, Operations,
     ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
 

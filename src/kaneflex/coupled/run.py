@@ -66,7 +66,8 @@ class Method:
     integrator : str
         "gauss" (steps by error control), "generalised-alpha" (one step from instant to instant) or "scipy" (Radau).
     tolerance : float
-        Error allowed in a step, as a share of ``length`` [m] for displacements and in rad for angles.
+        Error allowed of what ten periods of a vibration accumulate, as a share of ``length`` [m] for displacements and
+        in rad for angles; a vibration smaller than that is not resolved. See :mod:`kaneflex.coupled.stepping`.
     rho_infinity : float
         Spectral radius of generalised-alpha at infinite frequency.
     """
@@ -118,9 +119,9 @@ def integrate(
 
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
-    """A first step [s] that alone would move things by a thousand errors; the estimate takes over from there."""
+    """A first step [s] that alone would move things by ten errors; the estimate takes over from there."""
     largest = (abs(accelerations) / scale).max()
-    return min(math.sqrt(2e3 / largest) if largest > 0 else math.inf, longest)
+    return min(math.sqrt(20.0 / largest) if largest > 0 else math.inf, longest)
 
 
 class _Run:

@@ -237,7 +237,8 @@ class Solve(SceneTable):
     mode_angle: DriveCoordinate = 0.0
     terms: dict[str, bool] = Field(default={})
     tolerance: PositiveRatio = Field(
-        default=1e-8, description="preset coupled: error of a step, as a share of the longest body, and in rad"
+        default=1e-8,
+        description="preset coupled: error that ten periods of a vibration accumulate, as a share of the longest body",
     )
     forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
     rho_infinity: NonNegativeRatio = Field(
