@@ -66,7 +66,7 @@ def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
     """A coupled trajectory with the rigid mechanism beside it, whose free drives follow the coupled motion."""
-    scene, system = model.scene, model.coupled
+    system = model.coupled
     free = model.module.FREE  # its order, which need not be the scene's
     if free and len(trajectory.times) > 3:
         bare = CoupledMotion(model, system, trajectory, model.motion.at(trajectory.times))
