@@ -85,6 +85,36 @@ def test_engine_has_the_sensors_of_its_interface():
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_settings_go_over_what_was_changed_of_a_scene(name):
+    """By `model_copy` of every table, and within one: what is set, shown and solved is one scene."""
+    scene = read_scene(name)
+    tables = ("bodies", "joints", "masses", "drives", "loads", "springs", "sensors")
+    changed = {table: {key: entry.model_copy() for key, entry in getattr(scene, table).items()} for table in tables}
+    body = next(iter(scene.bodies))
+    points = {**scene.bodies[body].points, "mark": (0.01, 0.0)}
+    changed["bodies"][body] = scene.bodies[body].model_copy(update={"points": points})
+    changed |= {"gravity": (0.0, -1.5), "solve": scene.solve.model_copy(update={"steps": 77})}
+    changed["sensors"] = dict(list(changed["sensors"].items())[:1])
+    copy = scene.model_copy(update=changed | {"events": {}})
+    found = with_settings(copy, ["solve.rho_infinity=0.5"])
+    assert (found.bodies[body].points["mark"], found.gravity, found.solve.steps) == ((0.01, 0.0), (0.0, -1.5), 77)
+    assert found.solve.rho_infinity == 0.5 and scene.raw.get("gravity") != (0.0, -1.5)
+    expected = copy.model_copy(update={"solve": copy.solve.model_copy(update={"rho_infinity": 0.5})})
+    assert found.model_dump() == expected.model_dump()
+    assert pickle.loads(pickle.dumps(copy)).raw == copy.raw
+    assert with_settings(found, []).raw == found.raw
+
+
+def test_what_a_copy_has_no_longer_stays_away():
+    scene = read_scene("engine").model_copy(update={"loads": {}, "damping": None})
+    found = with_settings(scene, ["rod.elements=2"])
+    assert not found.loads and found.damping is None and found.bodies["rod"].beam.elements == 2
+    slower = scene.model_copy(update={"drives": {"main": scene.drives["main"].model_copy(update={"speed": 3.0})}})
+    assert with_settings(slower, ["main.angle=5 deg"]).drives["main"].speed == 3.0
+    assert with_settings(slower, ["main.speed=1 rpm"]).drives["main"].speed == pytest.approx(math.pi / 30)
+
+
 def test_three_cylinders_have_their_pins_and_gas_at_240_degrees():
     scene = read_scene("engine-3")
     for k in (1, 2, 3):

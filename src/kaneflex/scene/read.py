@@ -143,7 +143,7 @@ def _validated(raw: dict[str, Any], source: str) -> Scene:
         # A table's default that needs a broken entry is no problem of its own.
         found = [e for e in error.errors() if e["type"] != "default_factory_not_called"]
         raise SceneError.gather(problem_in(item, raw) for item in found) from None
-    scene._raw, scene._source = raw, source
+    scene.remember(raw, source)
     problems = problems_of(scene)
     if problems:
         raise SceneError.gather(problems)

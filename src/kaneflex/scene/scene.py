@@ -31,6 +31,19 @@ def written(raw: object, path: Sequence[str]) -> object:
     return None if isinstance(raw, dict) else raw
 
 
+def _written_anew(now: Any, read: Any, raw: Any) -> Any:
+    """A changed table as a file could say it: entries that are what was read stay as they were written."""
+    if isinstance(now, dict):
+        kept = read if isinstance(read, dict) else {}
+        return {
+            name: raw[name] if name in kept and kept[name] == value else _written_anew(value, None, None)
+            for name, value in now.items()
+        }
+    if isinstance(now, SceneTable):
+        return now.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+    return now
+
+
 class Scene(SceneTable):
     """A mechanism with its drives, loads, sensors and way of solving. Made by `read_scene`; SI throughout.
 
@@ -59,11 +72,26 @@ class Scene(SceneTable):
 
     _raw: dict[str, Any] = PrivateAttr(default_factory=dict)
     _source: str = PrivateAttr("")
+    _read: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def raw(self) -> dict[str, Any]:
-        """What the file says, after `like`, before units: where `with_settings` starts. Read only."""
-        return self._raw
+        """What the file says, after `like`, before units: where `with_settings` starts. Read only.
+
+        What was changed of the scene after it was read, as by `model_copy`, stands there in SI.
+        """
+        raw = self._raw
+        for name, field in type(self).model_fields.items():
+            now, read, key = getattr(self, name), self._read.get(name), field.alias or name
+            if now != read:
+                raw = {k: value for k, value in raw.items() if k != key}
+                raw |= {} if now is None else {key: _written_anew(now, read, self._raw.get(key))}
+        return raw
+
+    def remember(self, raw: dict[str, Any], source: str) -> None:
+        """Keep what the scene was read from, and its tables as they are now."""
+        self._raw, self._source = raw, source
+        self._read = {name: dict(v) if isinstance(v, dict) else v for name, v in self.__dict__.items()}
 
     @property
     def source(self) -> str:
