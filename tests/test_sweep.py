@@ -131,7 +131,7 @@ def test_an_unexpected_error_is_recorded_too(tmp_path, monkeypatch):
     def broken(model):
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr("kaneflex.simulation.simulate", broken)
+    monkeypatch.setattr("kaneflex.simulation.solve", broken)
     record = next(solve_points(plan_of(tmp_path), [0]))
     assert (record.outcome, record.reason) == ("failed", "ZeroDivisionError: of all things")
 
