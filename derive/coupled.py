@@ -18,9 +18,9 @@ import sympy as sm
 from kaneflex.derive.flexible import flexible_body
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.lookups import T, table
-from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism, SpringModel
-from kaneflex.derive.motion import drive_courses
-from kaneflex.derive.places import CoupledBody, Numbers, Places
+from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism, Parameters, SpringModel
+from kaneflex.derive.motion import drive_courses, law_names
+from kaneflex.derive.places import CoupledBody, Places
 from kaneflex.derive.program import Program
 from kaneflex.derive.steps import Steps
 
@@ -92,7 +92,7 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
     rotary : iterable of str
         Links whose sections have rotary inertia (Rayleigh, Timoshenko), or that carry a lumped one.
     """
-    number = Numbers(mechanism)
+    number = Parameters(dict(mechanism.parameters))
     rotary = set(rotary)
     bodies = {
         name: _body(name, shapes.get(name, (0, 0)), name in rotary, mechanism, number) for name in mechanism.bodies
@@ -188,13 +188,13 @@ def _moment_unit(of: str, factors: tuple[str, ...]) -> str:
     return "kg" + {0: "", 1: " m"}.get(power, f" m^{power}")
 
 
-def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism, number: Numbers) -> CoupledBody:
+def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism, number: Parameters) -> CoupledBody:
     """Kane's equations of a body in symbols of its own, with the stiffness and damping of its modal coordinates."""
     axial, transverse = shapes
     free = flexible_body(axial, transverse, rotary or not axial + transverse)
-    own = {symbol: number.own(f"{name}_{symbol}") for symbol in (*free.q, *free.v)}
+    own = {symbol: sm.Symbol(f"{name}_{symbol}") for symbol in (*free.q, *free.v)}
     own |= {
-        moment.symbol: number(f"{name}.{moment.name}", _moment_unit(moment.of, moment.factors))
+        moment.symbol: number(f"bodies.{name}.{moment.name}", _moment_unit(moment.of, moment.factors))
         for moment in free.moments
     }
     own |= dict(zip(free.gravity, mechanism.gravity, strict=True))
@@ -202,10 +202,11 @@ def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism
     forcing = free.forcing.xreplace(own)
     strain, dissipated = sm.S.Zero, sm.S.Zero
     for k, symbol in enumerate(q[3:]):
-        strain += number(f"{name}.stiffness_{k}", "N/m") * symbol**2 / 2
+        strain += number(f"bodies.{name}.stiffness_{k}", "N/m") * symbol**2 / 2
         for j in range(axial + transverse):
             if (j < axial) == (k < axial):
-                dissipated += number(f"{name}.damping_{min(j, k)}_{max(j, k)}", "N s/m") * v[3 + j] * v[3 + k]
+                damping = number(f"bodies.{name}.damping_{min(j, k)}_{max(j, k)}", "N s/m")
+                dissipated += damping * v[3 + j] * v[3 + k]
     elastic = sm.Matrix([strain.diff(symbol) for symbol in q]) + sm.Matrix(
         [dissipated.diff(symbol) / 2 for symbol in v]
     )
@@ -241,7 +242,7 @@ def _joint_rows(joint: JointModel, places: Places) -> list[Row]:
 def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps: Steps) -> sm.Expr:
     """Size of a load: assigned where it depends on time alone, an expression where a free joint's motion decides."""
     if load.kind == "constant":
-        return mechanism.symbol(f"{load.name}.value")
+        return mechanism.symbol(f"loads.{load.name}.value")
 
     def coordinate(name: str) -> tuple[sm.Expr, sm.Expr]:
         if name in courses:
@@ -251,12 +252,10 @@ def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps:
 
     if load.kind == "table":
         x = coordinate(load.against)[0] if load.against in mechanism.drives else T
-        size = table(x - mechanism.symbol(f"{load.name}.offset"), mechanism.symbol(f"{load.name}.table"))
+        size = table(x - mechanism.symbol(f"loads.{load.name}.offset"), mechanism.symbol(f"loads.{load.name}.table"))
     else:
-        names = {"t": T}
-        for name in mechanism.drives:
-            names[name], names[f"{name}_speed"] = coordinate(name)
-        size = law_expression(load.law, names, f"loads.{load.name}.law")
+        names = law_names(mechanism, {name: coordinate(name) for name in mechanism.drives})
+        size = law_expression(load.law, names, mechanism.names.text(f"loads.{load.name}.law"))
     if size.free_symbols & ({*rate} | {*rate.values()}):
         return size
     return steps.assign(sm.Symbol(f"size_{load.name}"), size)

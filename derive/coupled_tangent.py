@@ -41,7 +41,7 @@ def generate_coupled_tangent(
     equations = equations_of(scene.structure(), shapes)
     kernels = [_kernel(equations, raw, more) for raw, more in _programs(equations)]
     progress("module text")
-    return slopes_text(scene, structure, kernels, (), "--coupled --slopes")
+    return slopes_text(equations.mechanism.names, structure, kernels, (), "--coupled --slopes")
 
 
 def _programs(equations: CoupledEquations) -> list[tuple[Program, list[tuple[sm.Symbol, str]]]]:

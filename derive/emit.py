@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import sympy as sm
 from sympy.printing.pycode import PythonCodePrinter
 
+from kaneflex.derive.names import Names
 from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count
 
 
 class NumbaPrinter(PythonCodePrinter):
-    """Scalar float64 code: rationals divided beforehand, small powers multiplied out."""
+    """Scalar float64 code: rationals divided beforehand, small powers multiplied out.
 
-    def __init__(self) -> None:
+    ``identifiers`` says what symbols are called that are not called by their names.
+    """
+
+    def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
         super().__init__({"fully_qualified_modules": True, "standard": "python3"})
+        self._identifiers = identifiers
+
+    def _print_Symbol(self, expr):
+        return self._identifiers.get(expr, expr.name)
 
     def _print_Integer(self, expr):
         return f"{int(expr)}.0"
@@ -71,15 +80,25 @@ class Kernel:
     doc: str
 
 
-def print_kernel(kernel: Kernel) -> str:
+def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
+    """The functions of a module, in which a symbol is called alike in all of them."""
+    kernels = list(kernels)
+    arguments = [argument for kernel in kernels for argument in kernel.arguments]
+    programs = [kernel.program for kernel in kernels]
+    identifiers = names.identifiers(programs, [*arguments, *TABLE_LOOKUPS, *SLOPE_LOOKUPS])
+    return [print_kernel(kernel, identifiers) for kernel in kernels]
+
+
+def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> str:
     """One jitted function: parameters and scalars read once, then the assignments, then the stores."""
-    printer = NumbaPrinter()
+    printer = NumbaPrinter(identifiers)
     program = kernel.program
     used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set())
-    body = [f"{symbol} = {source}" for symbol, source in kernel.reads if symbol in used]
-    body += [f"{symbol} = {_bare(printer.doprint(expression))}" for symbol, expression in program.assignments]
+    text = printer.doprint
+    body = [f"{text(symbol)} = {source}" for symbol, source in kernel.reads if symbol in used]
+    body += [f"{text(symbol)} = {_bare(text(expression))}" for symbol, expression in program.assignments]
     # Arrays arrive zeroed: an entry that is zero by structure is never stored.
-    body += [f"{slot} = {printer.doprint(expression)}" for slot, expression in program.outputs if expression != 0]
+    body += [f"{slot} = {text(expression)}" for slot, expression in program.outputs if expression != 0]
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
     code = "\n".join(f"    {line}" for line in body or ["pass"])
     return f"@njit(**OPTIONS)\ndef {program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
@@ -98,7 +117,10 @@ def operations(kernels: Sequence[tuple[Kernel, Program]]) -> dict[str, tuple[int
 
 
 def literal(name: str, value: object, comment: str = "") -> str:
-    """A module-level table, one entry a line, so that differences between modules read well."""
+    """A module-level table, one entry a line, so that differences between modules read well.
+
+    Names that a scene gives enter the text of a module here, as literals, and as identifiers; nowhere else.
+    """
     if isinstance(value, dict):
         opening, lines, closing = "{", [f"{key!r}: {entry!r}," for key, entry in value.items()], "}"
     else:
@@ -120,7 +142,6 @@ from numba import njit
 
 FORMAT = {format}
 STRUCTURE = "{structure}"
-SCENE = "{scene}"
 OPTIONS = {{"cache": True, "error_model": "numpy", "fastmath": {{"nsz", "arcp", "contract", "afn", "reassoc"}}}}
 
 {tables}

@@ -79,29 +79,31 @@ def align(program: Program, names: Callable[[sm.Symbol], str], targets: Sequence
 
 def _targets(equations: Equations, program: Program) -> list[str]:
     """What stands on the left of a program's outputs: names of the motion's scalars, or the free joints' torques."""
+    names = equations.mechanism.names
     if program.name == "motion":
-        return [rf"\mathtt{{{escaped(scalar.name)}}}" for scalar in equations.motion.stored]
+        return [rf"\mathtt{{{escaped(names.text(scalar.name))}}}" for scalar in equations.motion.stored]
     free = [name for name, drive in equations.mechanism.drives.items() if drive.kind == "free"]
-    return [rf"T_{{\mathrm{{{escaped(name)}}}}}" for name in free]
+    return [rf"T_{{\mathrm{{{escaped(names.text(name))}}}}}" for name in free]
 
 
 def _parameters(equations: Equations, names: SymbolNames) -> str:
     rows = [
-        (f"${names(symbol)}$", rf"\texttt{{{escaped(path)}}}", _unit(unit))
+        (f"${names(symbol)}$", rf"\texttt{{{escaped(equations.mechanism.names.text(path))}}}", _unit(unit))
         for path, (symbol, unit) in equations.mechanism.parameters.items()
     ]
     return "\\section*{Parameters}\n" + _table(("symbol", "number of the scene", "unit"), "lll", rows)
 
 
 def _scalars(equations: Equations) -> str:
+    names = equations.mechanism.names
     rows = [
-        (rf"\texttt{{{escaped(scalar.name)}}}", _unit(scalar.unit), escaped(scalar.meaning))
+        (rf"\texttt{{{escaped(names.text(scalar.name))}}}", _unit(scalar.unit), escaped(names.text(scalar.meaning)))
         for scalar in equations.motion.stored
     ]
     fixed = [scalar for scalar in equations.motion.scalars if scalar.value.is_number]
     text = "\\section*{Scalars of the motion}\n" + _table(("scalar", "unit", "meaning"), "lll", rows)
     if fixed:
-        values = ", ".join(rf"\texttt{{{escaped(s.name)}}} $= {sm.latex(s.value)}$" for s in fixed)
+        values = ", ".join(rf"\texttt{{{escaped(names.text(s.name))}}} $= {sm.latex(s.value)}$" for s in fixed)
         text += f"\n\n{{\\raggedright The structure fixes {values}.\\par}}"
     return text
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable
 
 import sympy as sm
@@ -75,15 +76,13 @@ class SymbolNames:
     """
 
     def __init__(self, mechanism: Mechanism, programs: Iterable[Program]):
-        owners = {*mechanism.bodies, *mechanism.joints, *mechanism.masses, *mechanism.loads, "ground"}
-        self._owners = sorted(owners, key=lambda name: (-len(name), name))
-        symbols = {symbol for symbol, _ in mechanism.parameters.values()}
-        for program in programs:
-            symbols |= {*program.inputs, *(symbol for symbol, _ in program.assignments)}
-        nice = {symbol: self._nice(symbol.name) for symbol in symbols}
-        taken = [*nice.values()]
+        programs = list(programs)
+        self._names = mechanism.names
+        called = mechanism.names.identifiers(programs)
+        nice = {symbol: self._nice(symbol.name) for symbol in called}
+        taken = Counter(nice.values())
         self._latex = {
-            symbol: text if taken.count(text) == 1 else rf"\mathtt{{{escaped(symbol.name)}}}"
+            symbol: text if taken[text] == 1 else rf"\mathtt{{{escaped(called[symbol])}}}"
             for symbol, text in nice.items()
         }
 
@@ -95,14 +94,15 @@ class SymbolNames:
         primes = "'" * (len(name) - len(plain))
         if numbered := re.fullmatch(r"w(\d+)", plain):
             return f"w_{{{numbered[1]}}}"
-        for owner in self._owners:
-            if plain == owner:
-                return rf"{{\mathrm{{{escaped(owner)}}}{primes}}}" if primes else rf"\mathrm{{{escaped(owner)}}}"
-            if plain.endswith(f"_{owner}"):
-                return subscripted(plain.removesuffix(f"_{owner}").split("_"), owner, primes)
-            if plain.startswith(f"{owner}_"):
-                return subscripted(plain.removeprefix(f"{owner}_").split("_"), owner, primes)
-        return subscripted(plain.split("_"), None, primes)
+        words = plain.split("_")
+        owner = next((word for word in words if "@" in word or word == "ground"), None)
+        if owner is None:
+            return subscripted(words, None, primes)
+        words.remove(owner)
+        owner, words = self._names.text(owner), [part for word in words for part in self._names.text(word).split("_")]
+        if not words:
+            return rf"{{\mathrm{{{escaped(owner)}}}{primes}}}" if primes else rf"\mathrm{{{escaped(owner)}}}"
+        return subscripted(words, owner, primes)
 
 
 def subscripted(words: list[str], owner: str | None, primes: str) -> str:

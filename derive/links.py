@@ -8,6 +8,7 @@ import sympy as sm
 
 from kaneflex.contract import LINK_SCALARS
 from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
+from kaneflex.derive.rigid import multiplier
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
 
@@ -87,12 +88,12 @@ def _joint_force(joint: JointModel, rates: Rates, reactions) -> tuple[sm.Expr, s
     """Global force on the second body of a joint."""
 
     def reaction(row: str) -> sm.Expr:
-        return reactions[sm.Symbol(f"{joint.name}_{row}")]
+        return reactions[multiplier(f"{joint.name}.{row}")]
 
     if joint.kind != "prismatic":
         return reaction("force_x"), reaction("force_y")
     pose = rates.poses[joint.first.body]
     t = pose.turn(joint.direction)
     normal = reaction("normal")
-    along = reactions.get(sm.Symbol(f"{joint.name}_drive"), sm.S.Zero)
+    along = reactions.get(multiplier(f"{joint.name}.drive"), sm.S.Zero)
     return -t[1] * normal + t[0] * along, t[0] * normal + t[1] * along

@@ -7,22 +7,24 @@ block by block. What comes out are the motion's scalars: those of every elastic 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import sympy as sm
 
 from kaneflex.contract import COURSES, LINK_SCALARS
-from kaneflex.derive.closure import place_bodies
+from kaneflex.derive.closure import UnsupportedLoop, place_bodies
 from kaneflex.derive.laws import law_expression
-from kaneflex.derive.linear import solve_blocks
+from kaneflex.derive.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.links import jump_scalars, link_scalars
 from kaneflex.derive.lookups import T, table, table_curvature, table_rate
 from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, Vector
+from kaneflex.derive.names import Names
 from kaneflex.derive.newton import Loop
 from kaneflex.derive.poses import Pose
 from kaneflex.derive.program import Program
-from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
+from kaneflex.derive.rigid import TIME, RigidEquations, multiplier, rigid_equations
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
@@ -98,7 +100,7 @@ def derive_inverse(mechanism: Mechanism) -> Inverse | None:
     equations = rigid_equations(mechanism)
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     solved = _solve(mechanism, equations, _drives(mechanism, steps, states=free), steps)
-    outputs = tuple((f"out[{k}]", solved.reactions[sm.Symbol(f"{name}_drive")]) for k, name in enumerate(free))
+    outputs = tuple((f"out[{k}]", solved.reactions[multiplier(f"{name}.drive")]) for k, name in enumerate(free))
     parameters = tuple(symbol for symbol, _ in mechanism.parameters.values())
     states = tuple((name, symbol) for name in free for symbol in _state_symbols(name))
     inputs = (T, *(symbol for _, symbol in states), *parameters)
@@ -125,14 +127,26 @@ class Solved:
 
 
 def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
-    closure = place_bodies(mechanism, {name: drive.angle for name, drive in drives.items()}, steps)
-    rates = Rates(mechanism, equations, drives, closure.poses, steps)
-    loads = _loads(mechanism, drives, steps)
     angles = {name: drive.angle for name, drive in drives.items()}
-    springs = spring_scalars(mechanism, angles, rates.poses, rates.value, steps)
-    pushes = loads | {scalar.name: scalar.value for scalar in springs}
-    reactions = _reactions(equations, rates, pushes, steps)
+    with _told(mechanism.names):
+        closure = place_bodies(mechanism, angles, steps)
+        rates = Rates(mechanism, equations, drives, closure.poses, steps)
+        loads = _loads(mechanism, drives, steps)
+        springs = spring_scalars(mechanism, angles, rates.poses, rates.value, steps)
+        pushes = loads | {scalar.name: scalar.value for scalar in springs}
+        reactions = _reactions(equations, rates, pushes, steps)
     return Solved(drives, rates, loads, springs, reactions, closure.margins, closure.gaps, closure.loops)
+
+
+@contextmanager
+def _told(names: Names) -> Iterator[None]:
+    """Say what can't be solved in the scene's names."""
+    try:
+        yield
+    except StructurallySingular as error:
+        raise StructurallySingular(names.told(error.spare_equations), names.told(error.open_unknowns)) from error
+    except UnsupportedLoop as error:
+        raise UnsupportedLoop(names.text(str(error))) from error
 
 
 def _still(mechanism: Mechanism) -> Motion:
@@ -143,9 +157,9 @@ def _still(mechanism: Mechanism) -> Motion:
     poses = {GROUND: Pose(sm.S.Zero, sm.S.Zero, sm.S.One, sm.S.Zero)}
     rest = dict.fromkeys(("v_x", "v_y", "omega", "a_x", "a_y", "epsilon"), sm.S.Zero)
     for name, body in mechanism.bodies.items():
-        angle = mechanism.symbol(f"{name}.pose_angle")
+        angle = mechanism.symbol(f"bodies.{name}.pose_angle")
         c, s = (steps.assign(sm.Symbol(f"{f}_{name}"), g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
-        pose = Pose(mechanism.symbol(f"{name}.pose_x"), mechanism.symbol(f"{name}.pose_y"), c, s)
+        pose = Pose(mechanism.symbol(f"bodies.{name}.pose_x"), mechanism.symbol(f"bodies.{name}.pose_y"), c, s)
         poses[name] = pose
         scalars += _body_scalars(name, pose, rest)
         if body.elastic:
@@ -199,19 +213,20 @@ def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.
     """theta(t), theta'(t), theta''(t) of a drive."""
     drive = mechanism.drives[name]
     if drive.kind == "law":
-        angle = law_expression(drive.law, {"t": T}, f"drives.{name}.law")
+        angle = law_expression(drive.law, {"t": T}, mechanism.names.text(f"drives.{name}.law"))
         return angle, angle.diff(T), angle.diff(T, 2)
     if drive.kind == "free":
-        starts = [mechanism.symbol(f"{name}.{course}") for course in COURSES]
+        starts = [mechanism.symbol(f"drives.{name}.{course}") for course in COURSES]
         return tuple(table(T, start) for start in starts)
     if drive.kind == "table":
-        start = mechanism.symbol(f"{name}.table")
+        start = mechanism.symbol(f"drives.{name}.table")
         return table(T, start), table_rate(T, start), table_curvature(T, start)
-    start, speed = mechanism.symbol(f"{name}.{mechanism.joints[name].start_name}"), mechanism.symbol(f"{name}.speed")
+    start = mechanism.symbol(f"drives.{name}.{mechanism.joints[name].start_name}")
+    speed = mechanism.symbol(f"drives.{name}.speed")
     if drive.kind == "constant speed":
         return start + speed * T, speed, sm.S.Zero
     # The smooth spin-up of Kane, Ryan & Banerjee (1987): theta'' = (speed / end) (1 - cos(2 pi t / end)) until ``end``.
-    end = mechanism.symbol(f"{name}.spin_up")
+    end = mechanism.symbol(f"drives.{name}.spin_up")
     tau = steps.assign(sm.Symbol(f"tau_{name}"), sm.Min(T, end))
     turn = steps.assign(sm.Symbol(f"turn_{name}"), 2 * sm.pi * tau / end)
     rise = tau**2 / 2 + (end / (2 * sm.pi)) ** 2 * (sm.cos(turn) - 1)
@@ -226,16 +241,24 @@ def _loads(mechanism: Mechanism, drives: dict[str, Drive], steps: Steps) -> dict
     magnitude = {}
     for name, load in mechanism.loads.items():
         if load.kind == "constant":
-            value = mechanism.symbol(f"{name}.value")
+            value = mechanism.symbol(f"loads.{name}.value")
         elif load.kind == "table":
             x = drives[load.against].angle if load.against in drives else T
-            value = table(x - mechanism.symbol(f"{name}.offset"), mechanism.symbol(f"{name}.table"))
+            value = table(x - mechanism.symbol(f"loads.{name}.offset"), mechanism.symbol(f"loads.{name}.table"))
         else:
-            names = {"t": T, **{d: drive.angle for d, drive in drives.items()}}
-            names |= {f"{d}_speed": drive.speed for d, drive in drives.items()}
-            value = law_expression(load.law, names, f"loads.{name}.law")
+            names = law_names(mechanism, {d: (drive.angle, drive.speed) for d, drive in drives.items()})
+            value = law_expression(load.law, names, mechanism.names.text(f"loads.{name}.law"))
         magnitude[name] = steps.assign(sm.Symbol(name), value)
     return magnitude
+
+
+def law_names(mechanism: Mechanism, courses: Mapping[str, tuple[sm.Expr, sm.Expr]]) -> dict[str, sm.Expr]:
+    """What a load's law may use: t, and every drive's coordinate and speed by the scene's name of its joint."""
+    names = {"t": T}
+    for number, (coordinate, speed) in courses.items():
+        drive = mechanism.names.of[number]
+        names |= {drive: coordinate, f"{drive}_speed": speed}
+    return names
 
 
 class Rates:

@@ -93,7 +93,7 @@ def close_group(
         solved = solve_blocks(rows, changes, steps)
         values = _moved(tree, loop, values, [solved[change] for change in changes], turn, steps)
     matrix = sm.Matrix(len(residuals), len(unknowns), lambda k, j: _last(loop, jacobian[k][j], values, k, j, steps))
-    side = mechanism.parameter(f"{loop.closing}.side", "1")
+    side = mechanism.parameter(f"joints.{loop.closing}.side", "1")
     margin = steps.assign(sm.Symbol(f"closure_{loop.closing}"), side * determinant(matrix))
     left = [
         steps.assign(sm.Symbol(f"left_{loop.closing}_{k}"), residual.xreplace(values))
@@ -205,7 +205,7 @@ def _minus(a: Vector, b: Vector) -> Vector:
 
 def seed_path(name: str, what: str) -> str:
     """Path of the parameter that says where a seed's table begins: of a body's "c" or "s", or of a guide's "slide"."""
-    return f"{name}.seed_{what}"
+    return f"{'joints' if what == 'slide' else 'bodies'}.{name}.seed_{what}"
 
 
 def _seeds(mechanism: Mechanism, tree: _Tree, loop: Loop, against: sm.Expr, steps: Steps) -> dict[sm.Symbol, sm.Expr]:

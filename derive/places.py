@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sm
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
+from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Parameters, Vector
 
 
 @dataclass(frozen=True)
@@ -26,30 +26,10 @@ class CoupledBody:
     dissipated: sm.Expr
 
 
-class Numbers:
-    """Parameters in the order of their first use; the mechanism's own numbers keep their symbols."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.entries = dict(mechanism.parameters)
-        self._taken = {symbol.name for symbol, _ in self.entries.values()}
-
-    def __call__(self, path: str, unit: str) -> sm.Symbol:
-        if path not in self.entries:
-            self.entries[path] = (self.own(path.replace(".", "_")), unit)
-        return self.entries[path][0]
-
-    def own(self, name: str) -> sm.Symbol:
-        """A symbol that no parameter and no coordinate has."""
-        while name in self._taken:
-            name += "_"
-        self._taken.add(name)
-        return sm.Symbol(name)
-
-
 class Places:
     """Points of the deformed bodies; ``number`` hands out the parameters of their shapes."""
 
-    def __init__(self, bodies: Mapping[str, CoupledBody], number: Numbers) -> None:
+    def __init__(self, bodies: Mapping[str, CoupledBody], number: Parameters) -> None:
         self._bodies, self._number = bodies, number
 
     def angle(self, point: BodyPoint) -> sm.Expr:
@@ -58,9 +38,8 @@ class Places:
             return sm.S.Zero
         body = self._bodies[point.body]
         bent = body.q[3 + body.axial :]
-        return body.q[2] + sum(
-            (self._number(f"{point.body}.{point.name}.psi_{k}", "1/m") * a for k, a in enumerate(bent)), sm.S.Zero
-        )
+        psi = f"bodies.{point.body}.points.{point.name}.psi"
+        return body.q[2] + sum((self._number(f"{psi}_{k}", "1/m") * a for k, a in enumerate(bent)), sm.S.Zero)
 
     def place(self, point: BodyPoint) -> Vector:
         """Global position of a point; the body's start is the origin of its axes and does not move in them."""
@@ -70,18 +49,18 @@ class Places:
         body = self._bodies[point.body]
         x, y, phi, *modal = body.q
         if modal and point.name != "start":
-            along, across = self._inside(body, point.name)
+            along, across = self._inside(body, f"bodies.{body.name}.points.{point.name}")
         c, s = sm.cos(phi), sm.sin(phi)
         return x + c * along - s * across, y + s * along + c * across
 
-    def _inside(self, body: CoupledBody, point: str, power: int = 0) -> Vector:
-        """Coordinates of a point in its body's axes; ``power`` more metres in the units of its numbers."""
+    def _inside(self, body: CoupledBody, path: str, power: int = 0) -> Vector:
+        """Coordinates of a point in its body's axes by its numbers' ``path``; ``power`` more metres in their units."""
         _, _, _, *modal = body.q
         stretched, bent = modal[: body.axial], modal[body.axial :]
 
         def shape(name: str, metres: int) -> sm.Symbol:
             unit = {-1: "1/m", 0: "1", 1: "m", 2: "m^2"}[metres + power]
-            return self._number(f"{body.name}.{point}.{name}", unit)
+            return self._number(f"{path}.{name}", unit)
 
         along = shape("X", 1) + sum((shape(f"s_{k}", 0) * b for k, b in enumerate(stretched)), sm.S.Zero)
         across = sum((shape(f"w_{k}", 0) * a for k, a in enumerate(bent)), sm.S.Zero)
@@ -95,9 +74,8 @@ class Places:
         """The places of all slices of a body, summed with the profile of a load: int p(X) (place) dX [m^2]."""
         own = self._bodies[body]
         x, y, phi, *_ = own.q
-        point = f"load_{load}"
-        share = self._number(f"{body}.{point}.share", "m")
-        along, across = self._inside(own, point, power=1)
+        share = self._number(f"loads.{load}.share", "m")
+        along, across = self._inside(own, f"loads.{load}", power=1)
         c, s = sm.cos(phi), sm.sin(phi)
         return share * x + c * along - s * across, share * y + s * along + c * across
 

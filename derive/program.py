@@ -36,7 +36,7 @@ class Program:
     Raises
     ------
     ValueError
-        If a symbol is used before it is assigned, or is assigned twice.
+        If a symbol is used before it is assigned, is assigned twice, or stands for two inputs.
     """
 
     name: str
@@ -46,6 +46,8 @@ class Program:
 
     def __post_init__(self) -> None:
         known = set(self.inputs)
+        if len(known) < len(self.inputs):
+            raise ValueError(f"program {self.name}: two inputs have one symbol")
         for symbol, expression in self.assignments:
             _demand_known(self.name, str(symbol), expression, known)
             if symbol in known:

@@ -218,10 +218,15 @@ def _constraints(
             row = (f"{name}.drive", turn, "N m", "torque of the drive")
         found.append((row[0], row[1] - drive_coordinate[name], row[2], row[3]))
     constraints = tuple(
-        Constraint(name, residual, sm.Symbol(name.replace(".", "_")), unit, meaning)
+        Constraint(name, residual, multiplier(name), unit, meaning)
         for name, residual, unit, meaning in found
     )
     return constraints, drive_coordinate
+
+
+def multiplier(name: str) -> sm.Symbol:
+    """The symbol of a reaction "<joint>.<row>"."""
+    return sm.Symbol(name.replace(".", "_"))
 
 
 def _gap(first: BodyPoint, second: BodyPoint, coordinates: dict[str, Coordinates]) -> Vector:

@@ -157,7 +157,7 @@ def test_moments_are_the_integrals_that_their_names_say(engine):
         reached += slopes(x_0, x_1)
     largest = rho_A * link.length
     for name, value in sums.items():
-        assert number[f"rod.{name}"] == pytest.approx(value, rel=1e-9, abs=1e-10 * largest), name
+        assert number[f"bodies.rod.{name}"] == pytest.approx(value, rel=1e-9, abs=1e-10 * largest), name
 
 
 def test_stiffness_at_speed_is_that_of_the_stiffened_model():
@@ -186,8 +186,8 @@ def test_adams_damps_each_shape_of_a_link_by_its_own_frequency():
     system = kaneflex.load(with_settings(read_scene("elastic-pendulum"), settings)).coupled
     number = {path: system.parameters[k] for k, (path, _) in enumerate(system.module.PARAMETERS)}
     for k, (hertz, ratio) in enumerate([(1295.9, 1.0), (5.496, 0.01), (17.82, 0.01), (37.22, 0.01)]):
-        expected = 2 * ratio * number[f"strip.stiffness_{k}"] / (2 * np.pi * hertz)  # c = 2 zeta k / omega
-        assert number[f"strip.damping_{k}_{k}"] == pytest.approx(expected, rel=1e-3)
+        expected = 2 * ratio * number[f"bodies.strip.stiffness_{k}"] / (2 * np.pi * hertz)  # c = 2 zeta k / omega
+        assert number[f"bodies.strip.damping_{k}_{k}"] == pytest.approx(expected, rel=1e-3)
 
 
 HINGED = """

@@ -18,7 +18,7 @@ def squares(model, link):
     names = [name for name, _ in model.coupled.module.PARAMETERS]
     number = dict(zip(names, model.coupled.parameters, strict=False))
     axial, transverse = model.coupled.module.BODIES[link]
-    return np.array([number[f"{link}.stiffness_{axial + k}"] / number[f"{link}.mass_w_{k}_w_{k}"]
+    return np.array([number[f"bodies.{link}.stiffness_{axial + k}"] / number[f"bodies.{link}.mass_w_{k}_w_{k}"]
                      for k in range(transverse)])  # fmt: skip
 
 

@@ -60,4 +60,4 @@ def test_the_module_can_be_written(tmp_path):
     assert cli("derive", "elastic-pendulum", "--coupled", "--slopes", "-o", path).exit_code == 0
     scene = read_scene("elastic-pendulum")
     assert path.read_text() == coupled_tangent_text(scene, shape_counts(scene))
-    assert "Made by: kaneflex derive elastic-pendulum --coupled --slopes -o FILE.py" in path.read_text()
+    assert "Made by: kaneflex derive SCENE --coupled --slopes -o FILE.py" in path.read_text()

@@ -84,8 +84,9 @@ def test_every_assignment_and_output_stands_there_in_the_modules_order(name):
     if equations.element is not None:
         expected += [rf"\mathbf{{{letter}}}" for letter in "MCKF"]
     assert lefts == expected
+    told = equations.mechanism.names.told
     for path, unit in [(path, unit) for path, (_, unit) in equations.mechanism.parameters.items()]:
-        assert rf"\texttt{{{escaped(path)}}}" in text, (path, unit)
+        assert rf"\texttt{{{escaped(told(path))}}}" in text, (path, unit)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -97,7 +98,8 @@ def test_no_two_symbols_look_alike(name):
 
 def test_names_that_would_look_alike_are_printed_as_in_the_module():
     equations, programs, _ = derived("engine")
-    clash = [sm.Symbol("mass_rod"), sm.Symbol("rod_mass"), sm.Symbol("x_rod")]
+    rod = equations.mechanism.names.number["body", "rod"]
+    clash = [sm.Symbol(f"mass_{rod}"), sm.Symbol(f"{rod}_mass"), sm.Symbol(f"x_{rod}")]
     program = type(programs[0])("motion", tuple(clash), (), ())
     names = SymbolNames(equations.mechanism, [program])
     assert [names(symbol) for symbol in clash] == [r"\mathtt{mass\_rod}", r"\mathtt{rod\_mass}", r"x_{\mathrm{rod}}"]

@@ -136,17 +136,17 @@ def test_operations_stated_are_those_printed(name):
 def test_what_the_engine_does_not_have_is_not_there():
     engine, rig, elastic = (module(name) for name in ("engine", "engine_rig", "engine_elastic_crank"))
     text = {name: (FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in NAMES}
-    assert "gravity_" not in text["engine"] and "gravity_" in text["engine_rig"]
+    assert "gravity.x" not in text["engine"] and "gravity_x = p[" in text["engine_rig"]
     assert "gas" not in text["engine_rig"] and rig.TABLES == ()
     # The crank turns at constant speed about a fixed pivot: no acceleration of its own is computed.
     assert "epsilon_crank" not in text["engine"] and engine.CONSTANTS["crank.epsilon"] == 0
     assert all(engine.CONSTANTS[f"crank.{entry}"] == 0 for entry in ("x", "y", "v_x", "v_y", "a_x", "a_y"))
     # A rigid crank has no element, an undamped or Rayleigh-damped rod no viscous term.
     assert set(engine.LINKS) == {"rod"} and set(elastic.LINKS) == {"crank", "rod"}
-    assert not [path for path, _ in engine.PARAMETERS if path.startswith("crank.element")]
+    assert not [path for path, _ in engine.PARAMETERS if path.startswith("bodies.crank.element")]
     assert not [name for name, *_ in engine.TERMS if name == "viscous"]
     # The piston can't turn, so its inertia is no parameter.
-    assert "piston.inertia" not in dict(engine.PARAMETERS)
+    assert "bodies.piston.inertia" not in dict(engine.PARAMETERS)
 
 
 # ---- compiled kernels against the equations ---------------------------------------------------------------------
@@ -248,7 +248,7 @@ def test_tabulate_and_F_t_are_motion_and_F():
     found = model("engine").motion
     p, times = found.parameters, np.linspace(0.0, 0.02, 37)
     names = [path for path, _ in found.module.PARAMETERS]
-    own = p[names.index("rod.element.rho_A") : names.index("rod.element.x_0") + 1]
+    own = p[names.index("bodies.rod.element.rho_A") : names.index("bodies.rod.element.x_0") + 1]
     table = np.zeros((len(times), len(found.module.SCALARS)))
     tabulate(times, p, table)
     for t, row in zip(times, table, strict=True):

@@ -316,12 +316,14 @@ push = {force_on = "piston", direction = [-1, 0], law = "1e3 * exp(-t) * cos(2 *
 """)
     scene = read_scene(file)
     equations = derive_equations(scene.structure())
-    motion, parameters = equations.motion, equations.mechanism.parameters
-    value = next(scalar.value for scalar in motion.scalars if scalar.name == "push")
-    symbols = tuple(symbol for symbol, _ in parameters.values())
+    motion, told = equations.motion, equations.mechanism.names.told
+    parameters = {told(path): symbol for path, (symbol, _) in equations.mechanism.parameters.items()}
+    value = next(scalar.value for scalar in motion.scalars if told(scalar.name) == "push")
+    symbols = tuple(parameters.values())
     whole = motion.program(symbols)
     program = prune(Program("push", whole.inputs, whole.assignments, (("push", value),)))
-    numbers = dict.fromkeys(symbols, 1.0) | {parameters["main.speed"][0]: 628.3, parameters["main.angle"][0]: 0.2}
+    speed, angle = (parameters[f"drives.main.{name}"] for name in ("speed", "angle"))
+    numbers = dict.fromkeys(symbols, 1.0) | {speed: 628.3, angle: 0.2}
     t = 0.0123
     expected = 1e3 * math.exp(-t) * math.cos(2 * (0.2 + 628.3 * t)) + 5 * 628.3
     assert evaluated(program, {sm.Symbol("t"): t, **numbers}) == pytest.approx([expected], rel=1e-12)

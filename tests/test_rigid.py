@@ -31,22 +31,22 @@ def motion_at_angles(name: str, seed: int) -> tuple[RigidMotion, dict[str, float
     rng = np.random.default_rng(seed)
     found = model(name).motion
     number = {
-        "crank.length": rng.uniform(0.03, 0.06),
-        "rod.length": rng.uniform(0.11, 0.2),
-        "crank.centre_x": rng.uniform(-0.02, 0.03),
-        "rod.centre_x": rng.uniform(0.03, 0.09),
-        "crank.mass": rng.uniform(0.5, 2.0),
-        "rod.mass": rng.uniform(0.1, 0.3),
-        "piston.mass": rng.uniform(0.1, 0.4),
-        "crank.inertia": rng.uniform(1e-4, 1e-3),
-        "rod.inertia": rng.uniform(1e-4, 1e-3),
-        "main.speed": rng.uniform(100.0, 700.0),
+        "bodies.crank.length": rng.uniform(0.03, 0.06),
+        "bodies.rod.length": rng.uniform(0.11, 0.2),
+        "bodies.crank.centre_x": rng.uniform(-0.02, 0.03),
+        "bodies.rod.centre_x": rng.uniform(0.03, 0.09),
+        "bodies.crank.mass": rng.uniform(0.5, 2.0),
+        "bodies.rod.mass": rng.uniform(0.1, 0.3),
+        "bodies.piston.mass": rng.uniform(0.1, 0.4),
+        "bodies.crank.inertia": rng.uniform(1e-4, 1e-3),
+        "bodies.rod.inertia": rng.uniform(1e-4, 1e-3),
+        "drives.main.speed": rng.uniform(100.0, 700.0),
     }
     p = found.parameters.copy()
     for k, (path, _) in enumerate(found.module.PARAMETERS):
         p[k] = number.get(path, p[k])
-    number["gravity_x"] = dict(zip((path for path, _ in found.module.PARAMETERS), p, strict=False)).get("gravity_x", 0)
-    return Motion(found.module, p).at(ANGLES / number["main.speed"]), number
+    number["gravity.x"] = dict(zip((path for path, _ in found.module.PARAMETERS), p, strict=False)).get("gravity.x", 0)
+    return Motion(found.module, p).at(ANGLES / number["drives.main.speed"]), number
 
 
 def close(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:
@@ -100,15 +100,15 @@ def test_motion_is_that_of_an_independent_derivation(minimal_coordinates, name, 
     """Accelerations from the loop's rows, torque from Kane's one equation, at constant speed; dead centres too."""
     rigid, n = motion_at_angles(name, seed)
     mass_matrix, forcing = minimal_coordinates
-    r, l, speed = n["crank.length"], n["rod.length"], n["main.speed"]
+    r, l, speed = n["bodies.crank.length"], n["bodies.rod.length"], n["drives.main.speed"]
     motion = by_hand.slider_crank(r, l, ANGLES, speed)
     gas = rigid["gas"] if "gas" in rigid else np.zeros(len(ANGLES))
     expected = {"epsilon": [], "acceleration": [], "torque": []}
     for k, angle in enumerate(ANGLES):
         state = (angle, motion["phi2"][k] - angle, motion["piston_position"][k])
         state += (speed, motion["omega2"][k] - speed, motion["piston_velocity"][k])
-        bodies = [n[f"{body}.{entry}"] for body in ("crank", "rod") for entry in ("mass", "centre_x", "inertia")]
-        numbers = (r, l, *bodies, n["piston.mass"], n["gravity_x"], gas[k])
+        bodies = [n[f"bodies.{body}.{entry}"] for body in ("crank", "rod") for entry in ("mass", "centre_x", "inertia")]
+        numbers = (r, l, *bodies, n["bodies.piston.mass"], n["gravity.x"], gas[k])
         M, at_rest = mass_matrix(*state, *numbers, 0.0), forcing(*state, *numbers, 0.0)[:, 0]
         per_torque = forcing(*state, *numbers, 1.0)[:, 0] - at_rest
         relative, acceleration = np.linalg.solve(M[1:, 1:], at_rest[1:])
@@ -126,7 +126,7 @@ def test_motion_is_that_of_an_independent_derivation(minimal_coordinates, name, 
 @pytest.mark.parametrize("seed", range(3))
 def test_motion_and_reactions_are_the_closed_forms(seed):
     rigid, n = motion_at_angles("engine", seed)
-    r, l, speed = n["crank.length"], n["rod.length"], n["main.speed"]
+    r, l, speed = n["bodies.crank.length"], n["bodies.rod.length"], n["drives.main.speed"]
     motion = by_hand.slider_crank(r, l, ANGLES, speed)
     pairs = {
         "rod.omega": motion["omega2"],
@@ -137,8 +137,9 @@ def test_motion_and_reactions_are_the_closed_forms(seed):
         "piston.v_x": motion["piston_velocity"],
         "piston.a_x": motion["piston_acceleration"],
     }
-    crank, rod = ([n[f"{body}.{entry}"] for entry in ("mass", "centre_x", "inertia")] for body in ("crank", "rod"))
-    forces = by_hand.slider_crank_forces(r, l, crank, rod, n["piston.mass"], ANGLES, speed, rigid["gas"])
+    entries = ("mass", "centre_x", "inertia")
+    crank, rod = ([n[f"bodies.{body}.{entry}"] for entry in entries] for body in ("crank", "rod"))
+    forces = by_hand.slider_crank_forces(r, l, crank, rod, n["bodies.piston.mass"], ANGLES, speed, rigid["gas"])
     names = {"pin": "crank_pin_force", "main": "main_bearing_force"}
     pairs |= {f"{joint}.force_{axis}": forces[f"{name}_{axis}"] for joint, name in names.items() for axis in "xy"}
     pairs |= {"bore.normal": forces["piston_side_force"], "main.drive": forces["crank_torque"]}
@@ -157,7 +158,7 @@ def test_motion_and_reactions_are_the_closed_forms(seed):
 def test_gravity_in_the_axes_of_a_link_is_an_acceleration_upwards():
     """The loads of an elastic link are those of a - g, in its own axes; the tension holds its weight."""
     rigid, n = motion_at_angles("engine-rig", 0)
-    r, l, speed, g = n["crank.length"], n["rod.length"], n["main.speed"], n["gravity_x"]
+    r, l, speed, g = n["bodies.crank.length"], n["bodies.rod.length"], n["drives.main.speed"], n["gravity.x"]
     assert g == -9.81
     phi_2 = by_hand.slider_crank(r, l, ANGLES, speed)["phi2"]
     a_x, a_y = -r * speed**2 * np.cos(ANGLES) - g, -r * speed**2 * np.sin(ANGLES)
@@ -171,7 +172,7 @@ def test_gravity_in_the_axes_of_a_link_is_an_acceleration_upwards():
 def test_dead_centres_are_exact():
     """At 0 and 180 degrees, where a symbolic LU would divide sin by sin: crank and rod in line, no side force."""
     found = model("engine").motion
-    assert "main.angle" in [path for path, _ in found.module.PARAMETERS]
+    assert "drives.main.angle" in [path for path, _ in found.module.PARAMETERS]
     r, l, speed = 0.040, 0.137, 2 * np.pi * 100
     for turns, x, sign in ((0.0, r + l, 1), (0.5, l - r, -1), (1.0, r + l, 1)):
         rigid = found.at(turns * 2 * np.pi / speed)

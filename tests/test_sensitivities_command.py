@@ -143,7 +143,7 @@ def test_the_slopes_can_be_read_as_a_module(tmp_path):
     assert cli("derive", "spin-up", "--slopes", "-o", tmp_path / "slopes.py").exit_code == 0
     text = (tmp_path / "slopes.py").read_text()
     assert text == tangent_text(read_scene("spin-up"))
-    assert "Made by: kaneflex derive spin-up --slopes -o FILE.py" in text and "def terms_slope(" in text
+    assert "Made by: kaneflex derive SCENE --slopes -o FILE.py" in text and "def terms_slope(" in text
 
 
 def test_the_functions_are_public():

@@ -143,7 +143,7 @@ class Affine:
 
     def value(self, scalars: Mapping[str, float]) -> Matrix:
         """The matrix for given values of the scalars."""
-        factors = (math.prod(scalars[name] for name in monomial) for monomial in self.terms)
+        factors = (math.prod(sorted(scalars[name] for name in monomial)) for monomial in self.terms)
         parts = (float(factor) * matrix for factor, matrix in zip(factors, self.terms.values(), strict=True))
         return sum(parts, _nothing(self.shape))
 

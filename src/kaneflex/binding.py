@@ -25,6 +25,7 @@ from kaneflex.contract import (
 from kaneflex.errors import SceneError
 from kaneflex.options import acting, left_out, resolve_options
 from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
 from kaneflex.writing import write_text
 
@@ -207,63 +208,52 @@ def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float]
     blocks: list[np.ndarray] = []
     filled = len(module.PARAMETERS)
     for path, _ in module.PARAMETERS:
-        owner, _, name = path.partition(".")
+        table, owner, name = (*path.split(".", 2), "")[:3]
         if path in known:
             values.append(known[path])
         elif name == "table":
-            reader = scene.loads[owner] if owner in scene.loads else scene.drives[owner]
+            reader = getattr(scene, table)[owner]
             period = reader.period
             block = reader.read_table().coefficients(period)
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)
-        elif (owner in scene.drives and name in COURSES) or name.startswith("seed_") or name == "side":
+        elif name in (*COURSES, "side") or name.startswith("seed_"):
             values.append(0.0)  # filled when the free joints have been integrated, and the loops swept
         else:
-            values.append(float(_number(scene, owner, name)))
+            values.append(float(_number(scene, table, owner, name)))
     return np.concatenate([np.array(values), *blocks])
 
 
-def _number(scene: Scene, owner: str, name: str) -> float:
-    """The scene's number at a dotted path of PARAMETERS."""
-    if owner.startswith("gravity_"):
-        return scene.gravity["xy".index(owner[-1])]
-    if owner in scene.bodies:
-        return _body_number(scene, owner, name)
-    if owner == "ground":
-        point, _, axis = name.partition(".")
-        return scene.ground[point]["xy".index(axis)]
-    if owner in scene.drives and name in ("angle", "position"):
-        return scene.drives[owner].start
-    if owner in scene.drives and name in ("speed", "spin_up"):
-        return getattr(scene.drives[owner], name)
-    if owner in scene.springs:
-        return getattr(scene.springs[owner], name)
-    if owner in scene.joints and name == "branch":
-        return 1.0 if scene.joints[owner].branch == "+" else -1.0
-    if owner in scene.masses:
-        return getattr(scene.masses[owner], name)
-    if owner in scene.joints and name == "relative_angle":
-        return scene.joints[owner].relative_angle
-    if name in ("profile_start", "profile_end"):
-        return scene.loads[owner].profile[name == "profile_end"]
-    table = scene.joints if owner in scene.joints else scene.loads
+def _number(scene: Scene, table: str, owner: str, name: str) -> float:
+    """The scene's number at a path TABLE.OWNER.NAME of PARAMETERS, or gravity.AXIS."""
+    if table == "gravity":
+        return scene.gravity["xy".index(owner)]
+    if table == "ground":
+        return scene.ground[owner]["xy".index(name)]
+    if table == "bodies":
+        return _body_number(scene.bodies[owner], name)
+    entry = getattr(scene, table)[owner]
     if name.startswith("direction_"):
-        return table[owner].direction["xy".index(name[-1])]
-    return getattr(scene.loads[owner], name)
+        return entry.direction["xy".index(name[-1])]
+    if table == "drives" and name in ("angle", "position"):
+        return entry.start
+    if table == "joints" and name == "branch":
+        return 1.0 if entry.branch == "+" else -1.0
+    if table == "loads" and name.startswith("profile_"):
+        return entry.profile[name == "profile_end"]
+    return getattr(entry, name)
 
 
-def _body_number(scene: Scene, owner: str, name: str) -> float:
-    body = scene.bodies[owner]
-    if name.startswith("pose_"):
-        pose = body.pose
-        return pose.angle if name == "pose_angle" else pose.at["xy".index(name[-1])]
-    if name.startswith("element."):
-        field = name.removeprefix("element.")
-        return body.profile.element(0.0, body.length / body.beam.elements)[field]
-    if name.startswith("centre_"):
-        return body.centre["xy".index(name[-1])]
-    if "." in name:
-        point, axis = name.split(".")
+def _body_number(body: Body, name: str) -> float:
+    field, _, inner = name.partition(".")
+    if field == "points":
+        point, _, axis = inner.partition(".")
         return body.points_all[point]["xy".index(axis)]
-    return getattr(body, name)
+    if field == "element":
+        return body.profile.element(0.0, body.length / body.beam.elements)[inner]
+    if field == "pose_angle":
+        return body.pose.angle
+    if field.startswith(("pose_", "centre_")):
+        return (body.pose.at if field.startswith("pose_") else body.centre)["xy".index(field[-1])]
+    return getattr(body, field)

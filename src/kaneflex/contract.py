@@ -3,7 +3,7 @@
 Both sides import this file and nothing else of each other, so a name can't drift on one side only.
 """
 
-FORMAT = 1
+FORMAT = 2
 """Version of the generated modules' layout. It enters the structure hash: a new layout never meets an old module."""
 
 LINK_SCALARS = (
@@ -53,19 +53,19 @@ ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
 """The composed element kernels; ``motion``, ``F_t`` and ``terms`` complete the module."""
 
 REQUIRED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
+    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
     "FREE", "motion", "tabulate",
 )  # fmt: skip
 """Attributes of every generated module; with elastic links also ``terms`` and the kernels that the scene requires."""
 
 COUPLED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "SCENE", "PARAMETERS", "TABLES", "BODIES", "COORDINATES", "CONSTRAINTS", "LOADS", "SCALARS",
+    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "COORDINATES", "CONSTRAINTS", "LOADS", "SCALARS",
     "OPERATIONS", "equations", "constraints", "tangent", "energy",
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``terms``."""
 
-TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "SCENE", "OPERATIONS", "motion_slope", "tabulate_slopes")
+TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "OPERATIONS", "motion_slope", "tabulate_slopes")
 """Attributes of every module of slopes; with elastic links also ``terms_slope``."""
 
-COUPLED_TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "SCENE", "OPERATIONS", "residual_slope", "closing_slope")
+COUPLED_TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "OPERATIONS", "residual_slope", "closing_slope")
 """Attributes of every module of the coupled equations' slopes."""

@@ -166,7 +166,7 @@ def with_courses(module, parameters, times, states, epsilon) -> np.ndarray:
         }
         for course, cubic in courses.items():
             block = np.concatenate([[len(times) - 1, 0.0], times, cubic.c[::-1].T.ravel()])
-            values[position[f"{name}.{course}"]] = filled
+            values[position[f"drives.{name}.{course}"]] = filled
             blocks.append(block)
             filled += len(block)
     return np.concatenate([values, *blocks])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -44,6 +44,11 @@ class Motion:
     def column(self) -> dict[str, int]:
         return {name: k for k, (name, *_) in enumerate(self.module.SCALARS)}
 
+    def ordered(self, monomials: Iterable[Monomial]) -> tuple[Monomial, ...]:
+        """Products of scalars in the module's order: sums over them round alike, whatever a scene's names are."""
+        place = {name: k for k, name in enumerate([*self.column, *self.module.CONSTANTS])}
+        return tuple(sorted(monomials, key=lambda monomial: sorted(place[name] for name in monomial)))
+
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
         times = np.ascontiguousarray(times, dtype=float)  # else the kernel is compiled again for strided ones
@@ -77,7 +82,7 @@ class RigidMotion:
         """Product of scalars, shape (n_times,)."""
         if names not in self._products:
             product = np.ones(len(self.times))
-            for name in names:
+            for name in sorted(names, key=lambda name: self.motion.column.get(name, -1)):
                 product = product * self[name]
             self._products[names] = product
         return self._products[names]
@@ -236,7 +241,7 @@ class Model:
     @cached_property
     def monomials(self) -> tuple[Monomial, ...]:
         """The products of motion scalars that the kept equations are made of."""
-        return tuple(sorted(set().union(*(affine.terms for affine in self.kept.values()))))
+        return self.motion.ordered(set().union(*(affine.terms for affine in self.kept.values())))
 
     def scalars(self, times: np.ndarray) -> np.ndarray:
         """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""

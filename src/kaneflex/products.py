@@ -40,7 +40,7 @@ class Products:
         cls, monomials: Sequence[Monomial], column: Mapping[str, int], constants: Mapping[str, float]
     ) -> Products:
         """Of scalars that have a column in the motion's table, or else are constants."""
-        varying = [[column[name] for name in monomial if name in column] for monomial in monomials]
+        varying = [sorted(column[name] for name in monomial if name in column) for monomial in monomials]
         fixed = [np.prod([constants[name] for name in monomial if name not in column]) for monomial in monomials]
         columns = np.array([place for places in varying for place in places], dtype=np.int64)
         return cls(np.array(fixed, dtype=float), np.cumsum([len(places) for places in varying]), columns)

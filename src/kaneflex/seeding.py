@@ -56,18 +56,18 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     position = {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
     values, blocks, filled = parameters.copy(), [], len(parameters)
     for closing, _, turning, sliding in loops:
-        columns = {f"{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
-        columns |= {f"{joint}.seed_slide": sweep.slid(scene, joint) for joint in sliding}
+        columns = {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
+        columns |= {f"joints.{joint}.seed_slide": sweep.slid(scene, joint) for joint in sliding}
         for path, column in columns.items():
             block = Table(sweep.x, column).coefficients(sweep.period)
             values[position[path]] = filled
             blocks.append(block)
             filled += len(block)
-        values[position[f"{closing}.side"]] = 1.0
+        values[position[f"joints.{closing}.side"]] = 1.0
     p = np.concatenate([values, *blocks])
     first = Motion(module, p).at(0.0)
     for closing, *_ in loops:
-        p[position[f"{closing}.side"]] = math.copysign(1.0, first[f"{closing}.closure"][0])
+        p[position[f"joints.{closing}.side"]] = math.copysign(1.0, first[f"{closing}.closure"][0])
     return p
 
 

@@ -169,7 +169,7 @@ def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray
     stiffness = np.zeros((n, n))
     for body in system.start:
         for k, row in enumerate(range(system.modal(body).start, system.modal(body).stop)):
-            stiffness[row, row] = numbers[f"{body}.stiffness_{k}"]
+            stiffness[row, row] = numbers[f"bodies.{body}.stiffness_{k}"]
     places = _Places(model, model.reference_time, q)
     for spring in scene.springs.values():
         if spring.torsional_at is not None:

@@ -29,8 +29,10 @@ def body_numbers(
             own = _rigid_numbers(scene, name)
         for load in (load for load, entry in scene.spreads.items() if entry.spread_on == name):
             spread = _spread_numbers(scene, load, links.get(name), shapes.get(name))
-            own |= {f"load_{load}.{key}": value for key, value in spread.items()}
-        numbers |= {f"{name}.{key}": float(value) for key, value in own.items()}
+            numbers |= {f"loads.{load}.{key}": float(value) for key, value in spread.items()}
+        numbers |= {
+            f"bodies.{name}.{'points.' if '.' in key else ''}{key}": float(value) for key, value in own.items()
+        }
     return numbers
 
 

@@ -22,14 +22,8 @@ RESERVED_NAMES = RESULT_NAMES | {
     **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws are written with it"),
     **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "a word of addresses"),
     **dict.fromkeys(("global", "body", "x", "y", "angle", "all", "none", "true", "false"), "a word of the scene file"),
-    **dict.fromkeys(
-        ("p", "s", "k", "out", "math", "njit", "table", "motion", "terms"), "a name in the generated module"
-    ),
 }
 """What bodies, joints, drives, masses, loads and fixed points can't be called, and why."""
-
-_MOST = 1_000_000_000
-"""Largest count: its bytes alone would fill most memories."""
 
 
 class Address(NamedTuple):
@@ -125,8 +119,6 @@ def _whole_number(value: object) -> int:
         raise Fault("not a whole number", "Write a whole number of one or more")
     if value < 1:
         raise Fault("too few", "Write a whole number of one or more")
-    if value > _MOST:
-        raise Fault(f"more than {_MOST:,}", "Write a smaller number")
     return value
 
 

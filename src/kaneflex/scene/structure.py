@@ -21,18 +21,18 @@ ANY = "*"
 
 
 def structure(scene: Scene) -> dict[str, Any]:
-    """The structure as plain data, every table sorted by name.
+    """The structure as plain data, every table in the scene's order: it is derived in that order, whatever names say.
 
     Numbers stand as 0, in directions also as 1 and -1, where they are exactly that, else as "*".
     """
-    springs = {"springs": {name: _spring(scene, name) for name in sorted(scene.springs)}} if scene.springs else {}
+    springs = {"springs": {name: _spring(scene, name) for name in scene.springs}} if scene.springs else {}
     return springs | {
-        "bodies": {name: _body(scene, name) for name in sorted(scene.bodies)},
+        "bodies": {name: _body(scene, name) for name in scene.bodies},
         "points": _points(scene),
-        "joints": {name: _joint(scene, name) for name in sorted(scene.joints)},
-        "masses": {name: _mass(scene, name) for name in sorted(scene.masses)},
-        "drives": {name: _drive(scene, name) for name in sorted(scene.drives)},
-        "loads": {name: _load(scene, name) for name in sorted(scene.loads)},
+        "joints": {name: _joint(scene, name) for name in scene.joints},
+        "masses": {name: _mass(scene, name) for name in scene.masses},
+        "drives": {name: _drive(scene, name) for name in scene.drives},
+        "loads": {name: _load(scene, name) for name in scene.loads},
         "gravity": _zeros(scene.gravity),
         "frame": scene.is_frame,
         "viscous": scene.damping is not None and scene.damping.kind == "viscous",
@@ -67,7 +67,7 @@ def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
 
 
 def _digits(content: Mapping[str, Any]) -> str:
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    text = json.dumps(content, separators=(",", ":"))  # the order of the tables counts
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -82,11 +82,11 @@ def _body(scene: Scene, name: str) -> dict[str, Any]:
 
 def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
-    used = {address for joint in scene.joints.values() for address in joint.addresses}
-    used |= {address for spring in scene.springs.values() for address in spring.ends}
-    used |= {load.force_on for load in scene.forces.values()} | {mass.at for mass in scene.masses.values()}
+    used = [address for joint in scene.joints.values() for address in joint.addresses]
+    used += [address for spring in scene.springs.values() for address in spring.ends]
+    used += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
     return {
-        str(address): _zeros(scene.point(address)) for address in sorted(used) if _is_named(scene, address)
+        str(address): _zeros(scene.point(address)) for address in dict.fromkeys(used) if _is_named(scene, address)
     }
 
 

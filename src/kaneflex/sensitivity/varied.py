@@ -73,7 +73,8 @@ class Varied:
     @cached_property
     def monomials(self) -> tuple[Monomial, ...]:
         """The products of motion scalars that the equations or their slopes are made of."""
-        return tuple(sorted({*self.model.monomials, *(m for slope in self.constants.values() for m in slope.terms)}))
+        monomials = {*self.model.monomials, *(m for slope in self.constants.values() for m in slope.terms)}
+        return self.model.motion.ordered(monomials)
 
     def scalars(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The motion's scalars at instants [s] of the model's own run, and their slopes: (n_times, n_scalars) each."""

@@ -1,0 +1,148 @@
+"""Names say nothing: a scene under other names has the same numbers to the bit, whatever the names are."""
+
+import ast
+import json
+
+import numpy as np
+import pytest
+import renaming
+from runs import run
+
+import kaneflex
+from kaneflex.binding import bind_parameters, find_coupled_module, find_module
+from kaneflex.derive import generate
+from kaneflex.derive.names import numbered
+from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.scene.floating import shape_counts
+
+
+def quiet(stage):
+    pass
+
+
+@pytest.mark.parametrize("name", sorted(shipped_scenes()))
+def test_what_is_derived_knows_no_names(name):
+    """The equations are those of the numbered structure; it is the same under any names, laws beside."""
+    scene = read_scene(name)
+    for seed in range(3):
+        new = renaming.drawn(scene, seed)
+        plain, other = scene.structure(), renaming.renamed(scene, new).structure()
+        for table in ("loads", "drives"):
+            laws = [entry.pop("law", "") for entry in other[table].values()]
+            assert laws == [new.law(entry.pop("law", "")) for entry in plain[table].values()]
+        assert json.dumps(numbered(other)[0]) == json.dumps(numbered(plain)[0])
+        assert other != plain
+
+
+@pytest.mark.parametrize("name", sorted(shipped_scenes()))
+def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
+    scene, plain = read_scene(name), run(name)
+    new = renaming.drawn(scene, 4)
+    other = renaming.renamed(scene, new)
+    modules = find_module(scene, quiet)[0], None
+    if scene.solve.preset == "coupled":
+        modules = modules[0], find_coupled_module(scene, shape_counts(scene), quiet)[0]
+    rigid, coupled = (module and renaming.under_new_names(module, new) for module in modules)
+    monkeypatch.setattr("kaneflex.loading.find_module", lambda scene, progress: (rigid, 0.0))
+    monkeypatch.setattr("kaneflex.coupled.system.find_coupled_module", lambda scene, shapes, progress: (coupled, 0.0))
+    found = kaneflex.simulate(kaneflex.load(other))
+    for sensor, series in plain.series.items():
+        base = sensor.removesuffix("_rigid")
+        again = found.series[new.of["sensors"][base] + sensor.removeprefix(base)]
+        assert np.array_equal(again.values, series.values, equal_nan=True), sensor
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_renamed_module_is_the_same_but_for_names(seed):
+    """Tables by their new names; kernels with one identifier for each of the shipped one's, no two alike."""
+    scene = read_scene("engine")
+    new = renaming.drawn(scene, seed)
+    shipped = find_module(scene, quiet)[0]
+    with open(shipped.__file__, encoding="utf-8") as file:
+        plain = ast.parse(file.read())
+    other = ast.parse(generate(renaming.renamed(scene, new)))
+    tables = {node.targets[0].id: node.value for node in other.body if isinstance(node, ast.Assign)}
+    expected = renaming.under_new_names(shipped, new)
+    for table in ("PARAMETERS", "TABLES", "CONSTANTS", "LINKS"):
+        assert ast.literal_eval(tables[table]) == getattr(expected, table), table
+    assert [row[0] for row in ast.literal_eval(tables["SCALARS"])] == [row[0] for row in expected.SCALARS]
+    there, back = {}, {}
+    for one, two in zip(functions(plain), functions(other), strict=True):
+        for a, b in zip(ast.walk(one), ast.walk(two), strict=True):
+            assert type(a) is type(b)
+            if isinstance(a, ast.Name):
+                assert there.setdefault(a.id, b.id) == b.id and back.setdefault(b.id, a.id) == a.id
+            elif isinstance(a, ast.Constant):
+                assert a.value == b.value
+    assert there != dict(zip(there, there, strict=True))
+
+
+def functions(tree: ast.Module) -> list[ast.FunctionDef]:
+    return [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+
+
+# ---- names that met in symbols --------------------------------------------------------------------------------------
+
+PRESS = """
+schema = 1
+gravity = [0, -9.81]
+[bodies]
+BODY_1 = {length = 0.04, mass = 0.9, centre = [0.011, 0.002], inertia = 4e-4, points = {"POINT_1" = [0.025, 0.007]}}
+BODY_2 = {length = "137 mm", mass = 0.15, points = {"POINT_2" = ["60 mm", "-9 mm"], "POINT_3" = ["80 mm", "5 mm"]}}
+ram = {mass = 0.2}
+[joints]
+JOINT_1 = {revolute = ["ground", "BODY_1"]}
+JOINT_2 = {revolute = ["BODY_1.end", "BODY_2"]}
+wrist = {revolute = ["BODY_2.end", "ram"]}
+bore = {prismatic = ["ground", "ram"], direction = [1, 0]}
+[masses]
+MASS_1 = {at = "BODY_2.POINT_2", mass = 0.3, inertia = 2e-4}
+MASS_2 = {at = "BODY_1.POINT_1", mass = 0.05}
+[drives]
+JOINT_1 = {speed = "3000 rpm", cycle = "360 deg"}
+[loads]
+LOAD_1 = {force_on = "BODY_2.POINT_3", direction = [0.6, 0.8], value = 40}
+LOAD_2 = {torque_at = "JOINT_2", law = "3 * sin(JOINT_1) + 0.01 * JOINT_1_speed"}
+LOAD_3 = {force_on = "BODY_1.POINT_1", direction = [0.8, -0.6], value = 70}
+[solve]
+preset = "rigid"
+"""
+PLAIN = {
+    "BODY_1": "crank", "BODY_2": "rod", "POINT_1": "web", "POINT_2": "lump", "POINT_3": "eye", "JOINT_1": "main",
+    "JOINT_2": "pin", "MASS_1": "weight", "MASS_2": "ballast", "LOAD_1": "push", "LOAD_2": "twist", "LOAD_3": "pull",
+}  # fmt: skip
+
+
+def computed(tmp_path, monkeypatch, **names):
+    """What `motion` stores, without compiling it."""
+    text = PRESS
+    for word, name in (PLAIN | names).items():
+        text = text.replace(word, name)
+    file = tmp_path / "press.toml"
+    file.write_text(text, encoding="utf-8")
+    scene = read_scene(file)
+    monkeypatch.setattr("kaneflex.binding.cache_folder", lambda: tmp_path)
+    module = find_module(scene, quiet)[0]
+    stored = np.zeros(len(module.SCALARS))
+    module.motion.py_func(0.0123, bind_parameters(scene, module), stored)
+    assert np.isfinite(stored).all() and abs(stored).max() > 1.0
+    return stored
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"POINT_1": "centre"},
+        {"MASS_1": "rod", "MASS_2": "crank"},
+        {"BODY_1": "arm", "POINT_1": "left_tip", "BODY_2": "arm_left", "POINT_2": "tip"},
+        {"LOAD_1": "main_drive", "LOAD_2": "pin_force_x", "LOAD_3": "crank_mass"},
+        {"LOAD_1": "omega_rod", "LOAD_2": "I", "LOAD_3": "c_crank"},
+        {"LOAD_1": "rod", "LOAD_2": "main", "LOAD_3": "gravity_load"},
+        {"POINT_2": "ﬁ", "POINT_3": "fi", "POINT_1": "in"},
+    ],
+    ids=lambda names: ", ".join(names.values()),
+)
+def test_names_that_met_in_symbols_give_the_same_numbers(names, tmp_path, monkeypatch):
+    (tmp_path / "plain").mkdir()
+    plain = computed(tmp_path / "plain", monkeypatch)
+    assert np.array_equal(computed(tmp_path, monkeypatch, **names), plain)
