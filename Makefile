@@ -41,8 +41,9 @@ test: $(READY)  ## run the tests
 extremes: export OMP_NUM_THREADS := 1
 extremes: export OPENBLAS_NUM_THREADS := 1
 extremes: export NUMBA_NUM_THREADS := 1
-extremes: $(READY)  ## run the extremes suite in full, minutes, into docs/extremes.md
+extremes: $(READY)  ## run the extremes suite in full, minutes, into docs/extremes.md, and read 20,000 mutated scenes
 	$(BIN)/python tests/bench_extremes.py
+	$(BIN)/python tests/scene_fuzz.py 20000
 
 derive: $(READY)  ## derive the modules in generated/ anew
 	$(BIN)/python -m kaneflex.derive

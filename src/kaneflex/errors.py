@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 _LONGEST_VALUE = 200  # characters of a value that a message repeats
+LONGEST_NAME = 100
+"""Characters of a name at most; what is longer has no nearest one."""
 
 
 class Fault(ValueError):
@@ -80,12 +82,15 @@ class ValidityWarning(UserWarning):
 def nearest(name: str, known: Iterable[str]) -> str:
     """What to say to someone who wrote `name` where one of `known` was wanted: the nearest, or the list."""
     known = sorted(known)
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(name[:LONGEST_NAME], known, n=1, cutoff=0.6)
     if close:
         return f"The nearest known one is {close[0]!r}"
     return "Known: " + ", ".join(known) if known else "There is none"
 
 
 def _shortened(value: object) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python prints no whole number of more than 4300 digits
+        return "a number of thousands of digits"
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."

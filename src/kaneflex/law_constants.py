@@ -12,11 +12,10 @@ import math
 from typing import NamedTuple
 
 from kaneflex.errors import Fault
+from kaneflex.units import LARGEST
 
 _UNIT = 2.0**-53
 """Unit roundoff of float64."""
-_LARGEST = 1e60
-"""As of a scene's quantities: products of a few larger numbers leave double precision."""
 _CURE = "Write finite and real numbers"
 
 
@@ -59,8 +58,8 @@ def _value(node: ast.expr) -> _Number | None:
             if x is None:
                 return None
             found = _call(node, func.id, x)
-    if not abs(found.value) <= _LARGEST:
-        raise Fault(f"{_short(node)} is beyond {_LARGEST:g}, where products of a few numbers are not finite", _CURE)
+    if not abs(found.value) <= LARGEST:
+        raise Fault(f"{_short(node)} is beyond {LARGEST:g}, where products of a few numbers are not finite", _CURE)
     return found
 
 

@@ -19,9 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.errors import Fault, nearest
-from kaneflex.units import ANGLE, FORCE, TIME, Dimension, scaled
+from kaneflex.reading import read_text
+from kaneflex.units import ANGLE, FORCE, LARGEST, TIME, Dimension, scaled
 
 _FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
+_CLOSEST = 1e-12
+"""Share of a table's span that its rows lie apart: beneath it, slopes between them are rounding."""
 _SPAN = 1e-6  # relative; the table covers its period this exactly
 
 
@@ -146,7 +149,7 @@ def read_table(
     try:
         found = Path(path).stat()
         version = (found.st_mtime_ns, found.st_size)
-    except OSError:
+    except (OSError, ValueError):
         version = None  # reading it says why
     return _read(path, version, column, unit, x_unit, dimension)
 
@@ -173,8 +176,9 @@ def _read(
     except Fault as fault:
         raise Fault(fault.reason, fault.cure, below="unit") from None
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
+    span = cells[-1][1] - cells[0][1]
     for (_, before, _), (line, x, _) in pairwise(cells):
-        if x <= before:
+        if x - before <= _CLOSEST * span:
             reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"
             raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
     table = Table(
@@ -189,25 +193,38 @@ def _read(
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Every row that holds something, with its line number; at least the header."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = [(line, text) for line, text in enumerate(file, 1) if text.strip() and text[0] != "#"]
+        text = read_text(path)
     except FileNotFoundError:
         # a scene file's paths were made absolute when it was read; those of settings were not
         start = "the scene's file" if path.is_absolute() else "the current folder, as a setting's is"
         raise Fault("no such file", f"Give the path of a CSV file, relative to {start}", below="table") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise Fault(f"cannot be read: {error}", "Give a readable UTF-8 file", below="table") from None
+    except Fault as fault:
+        raise Fault(fault.reason, fault.cure, below="table") from None
+    lines = [(line, row) for line, row in enumerate(text.split("\n"), 1) if row.strip() and row[0] != "#"]
     if not lines:
         raise Fault(f"{path.name} is empty", "Give a header line and rows of numbers", below="table")
-    cells = csv.reader([text for _, text in lines])
-    return [(line, row) for (line, _), row in zip(lines, cells, strict=True)]
+    rows = []
+    reader = csv.reader([row for _, row in lines])
+    try:
+        for cells in reader:
+            line = lines[len(rows)][0]
+            if reader.line_num > len(rows) + 1:
+                raise Fault(f"{path.name}, line {line}: its quoted cell has no end", "Correct that line", below="table")
+            rows.append((line, cells))
+    except csv.Error as error:
+        reason = f"{path.name}, line {lines[len(rows)][0]}: {error}"
+        raise Fault(reason, "Correct or remove that line", below="table") from None
+    return rows
 
 
 def _cell(path: str | Path, line: int, row: list[str], column: int) -> float:
     text = row[column].strip() if column < len(row) else ""
     number = _number(text)
     if number is None or not math.isfinite(number):
-        reason = f"{Path(path).name}, line {line}: {text!r} is not a finite number"
+        reason = f"{Path(path).name}, line {line}: {text[:40]!r} is not a finite number"
+        raise Fault(reason, "Correct or remove that line", below="table")
+    if abs(number) > LARGEST:
+        reason = f"{Path(path).name}, line {line}: {number:g} is beyond {LARGEST:g}"
         raise Fault(reason, "Correct or remove that line", below="table")
     return number
 

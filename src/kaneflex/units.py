@@ -15,9 +15,14 @@ from tokenize import TokenError
 from kaneflex.errors import Fault, nearest
 
 NUMBER_WITH_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
-_LARGEST = 1e60
+LARGEST = 1e60
 """Numbers beyond it, or below its reciprocal, leave the range of double precision when a few are multiplied."""
+_LONGEST = 200
+"""Characters of a number with its unit at most."""
 _UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
+_UNIT_NUMBER = re.compile(r"(?P<power>(?:\^|\*\*)\s*-?\s*)?(?<![\w.])(?P<digits>\d[\w.]*)")
+"""A number in a unit: an exponent, or the 1 of "1/s"."""
+_POWER_OF_POWER = re.compile(r"(\^|\*\*)[\s\d.-]*(\^|\*\*)")
 
 
 @dataclass(frozen=True)
@@ -77,18 +82,25 @@ def to_si(value: object, dimension: Dimension) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise Fault(f"{dimension.name} is wanted", _how_to_write(dimension))
     if isinstance(value, str):
-        match = NUMBER_WITH_UNIT.match(value)
+        match = NUMBER_WITH_UNIT.match(value) if len(value) <= _LONGEST else None
         if match is None:
             raise Fault(f"not a number with a unit; {dimension.name} is wanted", _how_to_write(dimension))
         number = scaled(float(match[1]), match[2], dimension)
     else:
-        number = float(value)
+        number = _as_float(value)
     if not math.isfinite(number):
         raise Fault("not a finite number", _how_to_write(dimension))
-    if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
-        reason = f"outside {1 / _LARGEST:g} to {_LARGEST:g}, where products of a few numbers leave double precision"
+    if number and not 1 / LARGEST <= abs(number) <= LARGEST:
+        reason = f"outside {1 / LARGEST:g} to {LARGEST:g}, where products of a few numbers leave double precision"
         raise Fault(reason, _how_to_write(dimension))
     return number
+
+
+def _as_float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:  # a whole number beyond them
+        return math.inf
 
 
 def scaled(number: float, unit: str, dimension: Dimension) -> float:
@@ -119,8 +131,7 @@ def _factor_by_pint(unit: str, dimension: Dimension) -> float:
 
     registry = _registry()
     try:
-        if not _UNIT_TEXT.match(unit):
-            raise ValueError(unit)
+        _check_unit_text(unit)
         factor, root = registry.get_root_units(registry.parse_units(unit))
     except (PintError, TokenError, AssertionError, AttributeError, SyntaxError, TypeError, ValueError):
         alike = _spelled_otherwise(unit, dimension)
@@ -133,6 +144,16 @@ def _factor_by_pint(unit: str, dimension: Dimension) -> float:
     if root != si_root:
         raise _wrong_dimension(unit, dimension)
     return float(factor / si_factor)
+
+
+def _check_unit_text(unit: str) -> None:
+    """Raise ValueError unless a unit is a product of powers of names: pint would work out "m**9**9**9" or "m/0"."""
+    numbers = [(match["power"], match["digits"]) for match in _UNIT_NUMBER.finditer(unit)]
+    powers = unit.replace("**", "^").count("^")
+    wrong = any(len(digits) > 3 or (power is None and digits != "1") for power, digits in numbers)
+    open_power = powers != sum(power is not None for power, _ in numbers) or _POWER_OF_POWER.search(unit)
+    if not _UNIT_TEXT.match(unit) or wrong or open_power:
+        raise ValueError(unit)
 
 
 @cache

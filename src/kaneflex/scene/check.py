@@ -6,7 +6,7 @@ import keyword
 import math
 from collections.abc import Iterator
 
-from kaneflex.errors import Problem, nearest
+from kaneflex.errors import LONGEST_NAME, Problem, nearest
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
@@ -40,6 +40,9 @@ def _names(scene: Scene) -> Iterator[Problem]:
             key = f"{table}.{name}"
             if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
                 yield Problem(key, None, "not a name", "Use letters, digits and underscores, a letter first")
+            elif len(name) > LONGEST_NAME:
+                reason = f"a name of more than {LONGEST_NAME} characters"
+                yield Problem(key[:LONGEST_NAME], None, reason, "Choose a shorter one")
             elif name in (RESULT_NAMES if table == "sensors" else RESERVED_NAMES):
                 reason = RESULT_NAMES.get(name) if table == "sensors" else RESERVED_NAMES[name]
                 yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")

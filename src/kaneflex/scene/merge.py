@@ -45,4 +45,7 @@ def _reused(name: str, bodies: dict[str, Any], users: tuple[str, ...]) -> Any:
     if model in (*users, name):
         raise SceneError(f"bodies.{name}.like", model, "bodies start from each other", "Break the circle")
     rest = {key: value for key, value in body.items() if key != "like"}
-    return merged(_reused(model, bodies, (*users, name)), rest)
+    base = _reused(model, bodies, (*users, name))
+    if not isinstance(base, dict):
+        raise SceneError(f"bodies.{name}.like", model, "that body is not a table", "Write a table, like {key = value}")
+    return merged(base, rest)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.errors import Fault
+from kaneflex.reading import check_file, check_size
 
 FORMAT = 1
 """Number of the file's format."""
@@ -110,6 +113,7 @@ def read_modal_data(path: str) -> ModalData:
         It names the array that is missing, of the wrong shape, not finite, or no mass, stiffness or damping, and how.
     """
     try:
+        check_file(Path(path))
         state = Path(path).stat()
     except OSError as error:
         raise Fault(f"cannot be read: {error.strerror}", "Give an npz file of arrays") from None
@@ -119,11 +123,7 @@ def read_modal_data(path: str) -> ModalData:
 @lru_cache
 def _read(path: str, _changed: int, _size: int) -> ModalData:
     """A file as it was when it was last changed: every default of a body asks for it."""
-    try:
-        with np.load(Path(path), allow_pickle=False) as file:
-            found = {name: file[name] for name in file.files}
-    except (OSError, ValueError, AttributeError, EOFError, zipfile.BadZipFile) as error:
-        raise Fault(f"cannot be read: {error}", "Give an npz file of arrays") from None
+    found = _arrays(path)
     for name in ("format", "length", "points", *ARRAYS, *POINT_ARRAYS):
         if name not in found:
             raise Fault(f"the file has no array {name}", _EXPORT)
@@ -139,6 +139,22 @@ def _read(path: str, _changed: int, _size: int) -> ModalData:
     data = ModalData(float(_checked("length", found["length"], (), "", "m")), points, arrays)
     _check_physics(data)
     return data
+
+
+def _arrays(path: str) -> dict[str, np.ndarray]:
+    """The arrays of an npz file, which unpack to a bounded size: a small archive can hold gigabytes of zeros."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            check_size(sum(member.file_size for member in archive.infolist()))
+        with np.load(Path(path), allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except Fault:
+        raise
+    except (
+        OSError, ValueError, AttributeError, EOFError, KeyError, SyntaxError, MemoryError, NotImplementedError,
+        RuntimeError, OverflowError, TypeError, struct.error, zlib.error, zipfile.BadZipFile,
+    ) as error:  # fmt: skip
+        raise Fault(f"cannot be read: {error}", "Give an npz file of arrays") from None
 
 
 def _checked(name: str, array: np.ndarray, shape: tuple[int, ...], axes: str, unit: str) -> np.ndarray:

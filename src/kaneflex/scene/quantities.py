@@ -25,6 +25,9 @@ RESERVED_NAMES = RESULT_NAMES | {
 }
 """What bodies, joints, drives, masses, loads and fixed points can't be called, and why."""
 
+_MOST = 1_000_000_000
+"""Largest count: its bytes alone would fill most memories."""
+
 
 class Address(NamedTuple):
     """A point of a body ("rod.mid"); `body` is "ground" for fixed points."""
@@ -119,6 +122,8 @@ def _whole_number(value: object) -> int:
         raise Fault("not a whole number", "Write a whole number of one or more")
     if value < 1:
         raise Fault("too few", "Write a whole number of one or more")
+    if value > _MOST:
+        raise Fault(f"more than {_MOST:,}", "Write a smaller number")
     return value
 
 

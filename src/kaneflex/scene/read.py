@@ -10,13 +10,16 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from kaneflex.errors import Fault, Problem, SceneError, nearest
+from kaneflex.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest
+from kaneflex.reading import beside, is_file, read_text
 from kaneflex.scene.check import problems_of
 from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.settings import nested
 
+_DEEPEST = 20
+"""Tables within tables at most: no scene has more than six."""
 _SHIPPED = Path(__file__).parent.parent / "scenes"
 
 
@@ -71,7 +74,7 @@ def located(name_or_path: str | Path, folder: Path, key: str) -> Path:
     if text in shipped:
         return shipped[text]
     path = folder / text
-    if path.is_file():
+    if is_file(path):
         return path
     reason = "no such file" if path.suffix == ".toml" else "no shipped scene and no file of that name"
     raise SceneError(key, text, reason, _other_scene(text, path, shipped))
@@ -79,10 +82,14 @@ def located(name_or_path: str | Path, folder: Path, key: str) -> Path:
 
 def _other_scene(text: str, path: Path, shipped: Iterable[str]) -> str:
     """What to say to someone who named a scene that isn't there: the nearest file beside it, or shipped scene."""
-    beside = {file.stem: str(Path(text).parent / file.name) for file in sorted(path.parent.glob("*.toml"))}
-    close = difflib.get_close_matches(path.stem, [*beside, *shipped], n=1)
-    if close and close[0] in beside:
-        return f"There is a file {beside[close[0]]!r}"
+    try:
+        neighbours = sorted(path.parent.glob("*.toml"))
+    except (OSError, ValueError):  # no folder can have that name
+        neighbours = []
+    files = {file.stem: str(Path(text).parent / file.name) for file in neighbours}
+    close = difflib.get_close_matches(path.stem[:LONGEST_NAME], [*files, *shipped], n=1)
+    if close and close[0] in files:
+        return f"There is a file {files[close[0]]!r}"
     return nearest(path.stem, shipped).replace("Known", "Shipped scenes")
 
 
@@ -92,24 +99,37 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
         raise SceneError("like", path.stem, f"scenes start from each other: {chain}", "Break the circle")
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError("scene", path.name, f"not TOML: {error}", "Correct that line") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(
-            "scene", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file"
-        ) from None
+    raw = _toml(path)
     raw.setdefault("name", path.stem)
     for entry in (*_tables(raw.get("loads")), *_tables(raw.get("drives"))):
         if isinstance(entry.get("table"), str) and entry["table"] != "none":
-            entry["table"] = str((path.parent / entry["table"]).resolve())
+            entry["table"] = str(beside(path.parent, entry["table"]))
     for entry in _tables(raw.get("bodies")):
         if isinstance(entry.get("modal_data"), str):
-            entry["modal_data"] = str((path.parent / entry["modal_data"]).resolve())
+            entry["modal_data"] = str(beside(path.parent, entry["modal_data"]))
     if isinstance(raw.get("like"), str):
         raw = merged(_read_raw(located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    """A file's tables. Raises SceneError: unreadable, not TOML, numbers or tables beyond any scene's."""
+    try:
+        raw = tomllib.loads(read_text(path))
+    except RecursionError:
+        raise SceneError("scene", path.name, "lists or tables stand too deep in each other", "Flatten them") from None
+    except Fault as fault:
+        raise SceneError("scene", path.name, fault.reason, fault.cure) from None
+    except FileNotFoundError:  # gone since it was looked for
+        raise SceneError("scene", path.name, "no such file", "Give the path of a scene") from None
+    except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+        raise SceneError("scene", path.name, f"not TOML: {error}", "Correct that line") from None
+    level = [raw]
+    for _ in range(_DEEPEST):
+        level = [inner for table in level for inner in table.values() if isinstance(inner, dict)]
+    if level:
+        raise SceneError("scene", path.name, f"tables stand more than {_DEEPEST} deep in each other", "Flatten them")
+    return raw
 
 
 def _tables(table: object) -> list[dict[str, Any]]:

@@ -35,7 +35,7 @@ def _value(text: str) -> Any:
     """A TOML value, or the text itself, so that quotes may be left out."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, or beyond what Python reads
         return text
 
 

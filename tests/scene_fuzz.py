@@ -1,0 +1,294 @@
+"""Mutated scenes: keys, values, units and tables of the shipped ones, and their text, changed at random.
+
+A mutant is known by its seed. Whatever it is, reading it ends in a `Scene` or in the project's own error, in time.
+`python tests/scene_fuzz.py COUNT FIRST` reads COUNT of them from seed FIRST on and names those that do not.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import random
+import signal
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kaneflex.carried import check_elastic
+from kaneflex.errors import UserError
+from kaneflex.options import acting, resolve_options
+from kaneflex.placing import place
+from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.scene.floating import shape_counts
+from kaneflex.scene.scene import Scene
+
+WORDS = (
+    "", " ", "none", "true", "x", "t", "start", "end", "ground", "ground.origin", "rod.end", "crank", "a.b.c", "..",
+    "/", "../../x", "~", "\x00", "\n", '"', "'", "\\", "é", "m²", "\u202e", "x" * 300, "x" * 5000, "rod." + "y" * 500,
+    "engine", "gas.csv", "steel", "I", "+", "-", "global", "periodic", "coupled", "paper", "rigid", "adams", "all",
+    "__import__('os')", "__class__", "{0}", "%s", "1", "0", "-1", "1e400", "nan", "inf", "1 m/0", "1 m**9**9**9**9",
+    "1 m^1e9", "1 1/m", "1 m*" + "m*" * 50 + "m", "5 degC", "1 dB", "3 m s", "0 mm", "-3 kg", "1e60 m", "1e-60 m",
+    "9" * 400 + " m", "1 \N{MICRO SIGN}m", "1 \N{GREEK SMALL LETTER MU}m", "1" + " " * 5000 + "m", "1 mm^2", "1 N m",
+)  # fmt: skip
+NUMBERS = (
+    0, 1, -1, 2, 3, 0.5, -0.0, 1e-300, 1e-61, 1e-60, 1e-9, 1e9, 1e60, 1e61, 1e300, 10**29, 10**400, 2**63, -(2**63),
+    float("inf"), float("-inf"), float("nan"), 720, 1e-3,
+)  # fmt: skip
+THINGS = (
+    True, False, [], {}, [[]], [1], [1, 2], [0, 0], [1, 2, 3], ["1 m", "2 s"], {"x": 1}, [{}], ["rod.end", "crank"],
+)  # fmt: skip
+LAW_PARTS = (
+    "t", "pi", "0", "1", "2", "1e3", "1e59", "1e400", "main", "main_speed", "hub", "x", "__class__", "(", ")", "+", "-",
+    "*", "/", "**", "^", "%", "sin(", "exp(", "log(", "sqrt(", "tan(", "abs(", "max(", " if t else ", "[",
+    "1j", "'", ".",
+)  # fmt: skip
+UNITS = (
+    "mm", "m", "kg", "s", "deg", "rpm", "N", "kN m", "Hz", "%", "m/s", "parsec", "mmm", "RPM", "degC", "", "1/0", "^",
+)  # fmt: skip
+
+
+STRANGE = (b"\xff", b"\x00", b"[", b"=", b'"', b"\n", b"9" * 5000, b"\xef\xbb\xbf", b"." * 99)
+
+
+def written_toml(table: dict[str, Any]) -> str:
+    """A table as TOML, on inline tables alone beneath the top."""
+    return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items())
+
+
+def _key(key: str) -> str:
+    return _text(key)
+
+
+def _text(text: str) -> str:
+    return json.dumps(text).replace("\x7f", "\\u007f")
+
+
+def _value(value: object) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        case dict():
+            return "{" + ", ".join(f"{_key(key)} = {_value(inner)}" for key, inner in value.items()) + "}"
+        case list():
+            return "[" + ", ".join(map(_value, value)) + "]"
+    return repr(value)
+
+
+def paths(table: dict[str, Any], above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The paths of all keys, tables too."""
+    for key, value in table.items():
+        yield (*above, key)
+        if isinstance(value, dict):
+            yield from paths(value, (*above, key))
+
+
+def _owner(table: dict[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+    for key in path[:-1]:
+        table = table[key]
+    return table
+
+
+def _anything(pick: random.Random) -> object:
+    return copy.deepcopy(pick.choice(pick.choice((WORDS, NUMBERS, THINGS))))
+
+
+def _drop(raw, path, pick, others):
+    del _owner(raw, path)[path[-1]]
+
+
+def _replace(raw, path, pick, others):
+    _owner(raw, path)[path[-1]] = _anything(pick)
+
+
+def _rename(raw, path, pick, others):
+    """To another key of any scene, a misspelt one, or a word."""
+    owner, other = _owner(raw, path), pick.choice(others)
+    at = pick.randrange(len(path[-1]) + 1)
+    misspelt = path[-1][:at] + pick.choice("_xé.0") + path[-1][at:]
+    name = pick.choice((misspelt, pick.choice([*paths(other)])[-1], pick.choice(WORDS)))
+    owner[name] = owner.pop(path[-1])
+
+
+def _reunit(raw, path, pick, others):
+    """Another unit, or another power of ten, for a number; a law's part for a law."""
+    owner, key = _owner(raw, path), path[-1]
+    value = owner[key]
+    if isinstance(value, list) and value:
+        value = list(value)
+        value[pick.randrange(len(value))] = _anything(pick)
+        owner[key] = value
+    elif isinstance(value, str) and value[:1].isdigit():
+        number, _, unit = value.partition(" ")
+        scaled = f"{number}e{pick.randint(-70, 70)} {unit}"
+        owner[key] = pick.choice((f"{number} {pick.choice(UNITS)}", scaled, f"-{value}"))
+    elif isinstance(value, int | float):
+        owner[key] = pick.choice((-value, value * 10.0 ** pick.randint(-70, 70), f"{value} {pick.choice(UNITS)}"))
+    else:
+        owner[key] = _anything(pick)
+
+
+def _law(raw, path, pick, others):
+    """A law of random parts, for a drive or a load."""
+    table = raw.get(pick.choice(["drives", "loads"]))
+    entries = [entry for entry in table.values() if isinstance(entry, dict)] if isinstance(table, dict) else []
+    if not entries:
+        return
+    entry = pick.choice(entries)
+    for key in ("speed", "table", "value", "column", "unit", "against", "period", "offset", "cycle", "spin_up"):
+        entry.pop(key, None)
+    entry["law"] = "".join(pick.choice(LAW_PARTS) for _ in range(pick.choice((1, 3, 5, 8, 13, 400))))
+
+
+def _swap(raw, path, pick, others):
+    other = pick.choice([*paths(raw)])
+    short = min(len(path), len(other))
+    if path[:short] != other[:short]:
+        one, two = _owner(raw, path), _owner(raw, other)
+        one[path[-1]], two[other[-1]] = two[other[-1]], one[path[-1]]
+
+
+def _graft(raw, path, pick, others):
+    """A piece of another scene, where it stands there or anywhere."""
+    other = pick.choice(others)
+    source = pick.choice([*paths(other)])
+    piece = copy.deepcopy(_owner(other, source)[source[-1]])
+    owner = raw
+    for key in source[:-1]:
+        owner = owner.setdefault(key, {})
+        if not isinstance(owner, dict):
+            return
+    if pick.random() < 0.7:
+        owner[source[-1]] = piece
+    else:
+        _owner(raw, path)[path[-1]] = piece
+
+
+def _double(raw, path, pick, others):
+    """A second entry beside one, like it or the same."""
+    owner = _owner(raw, path)
+    twin = pick.choice(({"like": path[-1]}, copy.deepcopy(owner[path[-1]])))
+    owner[pick.choice(("twin", "main_speed", *WORDS))] = twin
+
+
+CHANGES: tuple[Callable, ...] = (_drop, _replace, _replace, _rename, _reunit, _reunit, _law, _swap, _graft, _double)
+
+
+def _broken_text(text: str, pick: random.Random) -> bytes:
+    """The text with characters lost, doubled or strange; sometimes no text at all."""
+    data = bytearray(text.encode())
+    for _ in range(pick.choice((1, 1, 2, 5))):
+        at = pick.randrange(len(data))
+        match pick.randrange(4):
+            case 0:
+                del data[at : at + pick.choice((1, 1, 10, 200))]
+            case 1:
+                data[at:at] = data[at : at + pick.choice((1, 10, 200))] * pick.choice((1, 2, 50))
+            case 2:
+                data[at:at] = pick.choice(STRANGE)
+            case 3:
+                data[at] = pick.randrange(256)
+    return bytes(data)
+
+
+def _broken_table(text: str, pick: random.Random) -> bytes:
+    """A CSV file with one cell, line or byte that is wrong, or that may be right."""
+    if pick.random() < 0.3:
+        return _broken_text(text, pick)
+    lines = text.splitlines()[: pick.choice((3, 6, 40, 999))]
+    at = pick.randrange(len(lines))
+    cells = lines[at].split(",")
+    strange = (*NUMBERS, '"1\n2"', '"', "", "x", "0" * 200_000, "#", "1e308")
+    cells[pick.randrange(len(cells))] = str(pick.choice(strange))
+    lines[at] = ",".join(cells)
+    return "\n".join(lines).encode()
+
+
+class Mutants:
+    """Scenes by seed, written into `folder` one over the other."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        files = shipped_scenes()
+        self.texts = {name: path.read_text(encoding="utf-8") for name, path in files.items()}
+        self.raws = {name: tomllib.loads(text) for name, text in self.texts.items()}
+        self.gas = (files["engine"].parent / "gas.csv").read_text(encoding="utf-8")
+
+    def write(self, seed: int) -> Path:
+        """The mutant of a seed, as a file."""
+        pick = random.Random(seed)
+        name = pick.choice([*self.raws])
+        table = _broken_table(self.gas, pick) if pick.random() < 0.1 else self.gas.encode()
+        (self.folder / "gas.csv").write_bytes(table)
+        file = self.folder / "mutant.toml"
+        if pick.random() < 0.15:
+            file.write_bytes(_broken_text(self.texts[name], pick))
+            return file
+        raw, others = copy.deepcopy(self.raws[name]), [*self.raws.values()]
+        for _ in range(pick.choice((1, 1, 1, 2, 2, 4))):
+            known = [*paths(raw)]
+            if known:
+                pick.choice(CHANGES)(raw, pick.choice(known), pick, others)
+        file.write_text(written_toml(raw), encoding="utf-8", errors="surrogatepass")
+        return file
+
+
+def examine(file: Path, placed: bool = False) -> Scene | UserError:
+    """Everything that is found out about a scene before equations are derived, or the refusal.
+
+    placed: whether the bodies are put in their places, too, which takes seconds where they don't meet.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            scene = read_scene(file)
+            options = resolve_options(scene)
+            if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
+                check_elastic(scene)
+            acting(scene, options).structure_hash()
+            shape_counts(scene)
+            if placed and scene.joints:
+                place(scene)
+    except UserError as error:
+        assert all((problem.reason, problem.cure, str(problem)) for problem in error.problems)
+        return error
+    return scene
+
+
+def broken(mutants: Mutants, seeds: Iterable[int], limit: float, placed: bool = False) -> list[str]:
+    """The seeds whose mutants ended neither in a scene nor in a refusal within `limit` [s], and how."""
+    found = []
+    signal.signal(signal.SIGALRM, _too_long)
+    for seed in seeds:
+        file = mutants.write(seed)
+        signal.setitimer(signal.ITIMER_REAL, limit)
+        try:
+            examine(file, placed)
+        except Exception as error:  # whatever it is, it is the finding
+            found.append(f"{seed}: {type(error).__name__}: {error}")
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+    return found
+
+
+def _too_long(number: int, frame: object) -> None:
+    raise TimeoutError("it takes too long")
+
+
+def main() -> None:
+    count, first = (int(number) for number in (*sys.argv[1:], "20000", "0")[:2])
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        found = broken(Mutants(Path(folder)), range(first, first + count), limit=60.0, placed=True)
+    print(*found, f"{count} mutated scenes in {time.monotonic() - started:.0f} s: {len(found)} broken", sep="\n")
+    sys.exit(bool(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""Scenes that nobody would write: each is refused by its key, in a moment, whatever Python does with such things."""
+
+import os
+import zipfile
+
+import numpy as np
+import pytest
+from scene_fuzz import Mutants, broken
+
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.scene.modal_data import read_modal_data
+from kaneflex.units import LENGTH, to_si
+
+ENGINE = shipped_scenes()["engine"]
+GAS = (ENGINE.parent / "gas.csv").read_text()
+BATCH, BATCHES = 500, 4
+ROD, CRANK = '"137 mm"', 'crank = {length = "40 mm", mass = "0.952 kg"}'
+
+
+@pytest.mark.parametrize("batch", range(BATCHES))
+def test_mutated_scenes_are_read_or_refused(batch, tmp_path):
+    """20,000 more with `make extremes`."""
+    seeds = range(batch * BATCH, (batch + 1) * BATCH)
+    assert broken(Mutants(tmp_path), seeds, limit=20.0) == []
+
+
+def _read(folder, old="", new="", gas=GAS):
+    text = ENGINE.read_text()
+    assert old in text
+    (folder / "scene.toml").write_text(text.replace(old, new, 1))
+    if isinstance(gas, str):
+        (folder / "gas.csv").write_text(gas)
+    return read_scene(folder / "scene.toml")
+
+
+@pytest.mark.parametrize(("old", "new", "key", "reason"), [
+    (ROD, '"1 m/0"', "bodies.rod.length", "unknown unit 'm/0'"),
+    (ROD, '"1 m**9**9**9**9"', "bodies.rod.length", "unknown unit 'm**9**9**9**9'"),
+    (ROD, '"1 m^(9^9^9^9)"', "bodies.rod.length", "unknown unit 'm^(9^9^9^9)'"),
+    (ROD, f'"1 {"m*" * 90}m"', "bodies.rod.length", "'m*m*m*"),
+    (ROD, f'"1 {"m" * 50_000}"', "bodies.rod.length", "not a number with a unit; a length is wanted"),
+    (ROD, f'"1{" " * 50_000}m"', "bodies.rod.length", "not a number with a unit; a length is wanted"),
+    (ROD, "9" * 400, "bodies.rod.length", "not a finite number"),
+    (ROD, f"0x{'f' * 5000}", "bodies.rod.length", "not a finite number"),
+    (ROD, "9" * 5000, "scene", "not TOML: Exceeds the limit (4300 digits)"),
+    ("elements = 4", f"elements = 1{'0' * 29}", "bodies.rod.beam.elements", "more than 1,000,000,000"),
+    ("elements = 4", f"elements = 0x{'f' * 5000}", "bodies.rod.beam.elements", "more than 1,000,000,000"),
+    (CRANK, f'{CRANK}\nx = "crank"\ny = {{like = "x"}}', "bodies.y.like", "that body is not a table"),
+    (CRANK, f"{CRANK}\n{'x' * 200} = {{mass = 1}}", f"bodies.{'x' * 93}", "a name of more than 100 characters"),
+    ("schema = 1", f'schema = 1\nlike = "{"x" * 5000}"', "like", "no shipped scene and no file of that name"),
+    ("schema = 1", 'schema = 1\nlike = "x\\u0000"', "like", "no shipped scene and no file of that name"),
+    ("schema = 1", "schema = 1\nx = " + "[" * 5000, "scene", "lists or tables stand too deep in each other"),
+    ("[bodies]", "[bodies]\nx" + ".x" * 500 + " = 1", "scene", "tables stand more than 20 deep in each other"),
+    ('"gas.csv"', '"x\\u0000"', "loads.gas.table", "cannot be read: embedded null byte"),
+    ('"gas.csv"', f'"{"x" * 5000}"', "loads.gas.table", "cannot be read: File name too long"),
+    ('"gas.csv"', '"."', "loads.gas.table", "cannot be read: it is a folder"),
+    ('"gas.csv"', '"/dev/zero"', "loads.gas.table", "cannot be read: it is a pipe or a device"),
+], ids=lambda text: text[:30])  # fmt: skip
+def test_a_value_beyond_all_reason_is_refused_by_its_key(old, new, key, reason, tmp_path):
+    with pytest.raises(SceneError) as caught:
+        _read(tmp_path, old, new)
+    assert caught.value.key == key
+    assert caught.value.reason.startswith(reason)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize(("gas", "reason"), [
+    ('a,F_gas_N\n0,0\n"1\n2",1\n720,0\n', "gas.csv, line 3: its quoted cell has no end"),
+    ("a,F_gas_N\n0,0\n100,1e308\n200,-1e308\n720,0\n", "gas.csv, line 3: 1e+308 is beyond 1e+60"),
+    ("a,F_gas_N\n0,0\n1e-320,1\n2e-320,1\n720,0\n", "gas.csv, line 3: 9.99989e-321 does not rise above 0"),
+    (f"a,F_gas_N\n0,0\n1,{'0' * 200_000}\n720,0\n", "gas.csv, line 3: field larger than field limit (131072)"),
+    (f"a,F_gas_N\n0,0\n1,{'x' * 1000}\n2,0\n720,0\n", f"gas.csv, line 3: '{'x' * 40}' is not a finite number"),
+])  # fmt: skip
+def test_a_table_beyond_all_reason_is_refused(gas, reason, tmp_path):
+    with pytest.raises(SceneError) as caught:
+        _read(tmp_path, gas=gas)
+    assert (caught.value.key, caught.value.reason) == ("loads.gas.table", reason)
+
+
+def test_a_pipe_in_the_place_of_a_table_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "gas.csv")
+    with pytest.raises(SceneError, match=r"^loads\.gas\.table = .*it is a pipe or a device"):
+        _read(tmp_path, gas=None)
+
+
+def test_an_archive_of_arrays_is_asked_for_its_size_before_it_unpacks(tmp_path):
+    """Zeros compress a thousandfold."""
+    bomb = tmp_path / "rod.npz"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("mass.npy", "w") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (10_000_000,)})
+        for _ in range(80):
+            file.write(bytes(1_000_000))
+    assert bomb.stat().st_size < 1e6
+    with pytest.raises(ValueError, match=r"^holds 76 MiB, more than 64 MiB\."):
+        read_modal_data(str(bomb))
+
+
+@pytest.mark.parametrize("header", [(10**15,), (10**30,), (-1,), "x"])
+def test_an_array_that_claims_more_than_it_holds_is_refused(header, tmp_path):
+    with zipfile.ZipFile(tmp_path / "rod.npz", "w") as archive, archive.open("mass.npy", "w") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": header})
+        file.write(bytes(8))
+    with pytest.raises(ValueError, match=r"^cannot be read: "):
+        read_modal_data(str(tmp_path / "rod.npz"))
+
+
+@pytest.mark.parametrize("text", ["5 1/m", "1 m**0.5", "1 m^-1/m^-2", "1 kg m^2/(kg m)", "2e-3 km"])
+def test_units_are_still_products_of_powers(text):
+    if text in ("1 kg m^2/(kg m)", "2e-3 km", "1 m^-1/m^-2"):
+        assert to_si(text, LENGTH) == pytest.approx({"2e-3 km": 2.0}.get(text, 1.0))
+    else:
+        with pytest.raises(ValueError, match="is not a unit of length"):
+            to_si(text, LENGTH)
+
+
+def test_a_byte_order_mark_is_no_error(tmp_path):
+    (tmp_path / "scene.toml").write_bytes(b"\xef\xbb\xbf" + ENGINE.read_bytes())
+    (tmp_path / "gas.csv").write_text(GAS)
+    assert read_scene(tmp_path / "scene.toml").bodies == read_scene("engine").bodies
+
+
+@pytest.mark.parametrize("value", ["9" * 5000, "[" * 5000, f"0x{'f' * 5000}"])
+def test_settings_beyond_all_reason_are_refused(value):
+    with pytest.raises(SceneError, match=r"^bodies\.rod\.length = "):
+        with_settings(read_scene("engine"), [f"rod.length={value}"])

@@ -1,0 +1,140 @@
+"""Sensors against what they mean: rates are derivatives of places, and sections carry what hangs on them.
+
+The deformation is prescribed where only the kinematics of the sensors is asked for, so that no integrator has a part in
+it; the section forces and the moments of joints follow from closed forms.
+"""
+
+import numpy as np
+import pytest
+import transformed
+from runs import derived_on_the_fly
+
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.loading import load
+from kaneflex.model import Model
+from kaneflex.scene import read_scene
+from kaneflex.simulation import simulate
+from kaneflex.solution import Solution
+
+STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+"""First derivative from nine equidistant values, error of the eighth order (Fornberg 1988)."""
+MOVING = {  # scene -> a time in which it moves by about a radian [s]
+    "engine": 1.6e-3, "engine-elastic-crank": 1.6e-3, "engine-rig": 0.22, "four-bar": 0.032, "quick-return": 0.08,
+    "rotating-cantilever": 0.028, "six-bar": 0.032, "two-link-arm": 0.25,
+}  # fmt: skip
+
+
+def waving(model: Model, times: np.ndarray, time: float) -> Solution:
+    """Every coordinate of the deformation swings by a hundredth [m or rad], each at its own frequency and phase."""
+    n = len(model.coordinates)
+    rates, phases = np.linspace(1.0, 2.0, n) / time, 2.4 * np.arange(n)
+    angle = rates * times[:, None] + phases
+    z, v, a = 0.01 * np.sin(angle), 0.01 * rates * np.cos(angle), -0.01 * rates**2 * np.sin(angle)
+    return Solution(model, Trajectory(times, z, v, a, Outcome.COMPLETED, "", None, 0.0), 0.0)
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_velocities_and_accelerations_are_the_derivatives_of_places(name):
+    """Coriolis terms, the rates of foreshortening and the turning of axes, at points beside the axes of all bodies."""
+    raw, sensors, pairs = transformed.probed(read_scene(name)), {}, []
+    for body, data in raw["bodies"].items():
+        data["points"]["probe"] = (data["points"]["probe"][0], 0.07 * data.get("length", 0.1))
+        for component in ("x", "y", "angle"):
+            kinds = [f"{body}_{component}_{kind}" for kind in ("position", "velocity", "acceleration")]
+            for key, kind in zip(kinds, ("position", "velocity", "acceleration"), strict=True):
+                sensors[key] = {kind: (body, "probe"), "axes": "global", "component": component}
+            pairs += [(kinds[0], kinds[1]), (kinds[1], kinds[2])]
+    raw |= {"sensors": sensors}
+    raw["solve"] |= {"preset": "stiffened"}
+    model, time = load(transformed.validated(raw)), MOVING[name]
+    h = 0.01 * time
+    for instant in (0.3 * time, 2.9 * time):
+        series = waving(model, instant + h * np.arange(-4, 5), time).series
+        largest = {kind: max(abs(series[key].values).max() for key in series if kind in key and "angle" not in key)
+                   for kind in ("velocity", "acceleration")}  # fmt: skip
+        for place, rate in pairs:
+            found, kind = series[rate].values[4], rate.rpartition("_")[2]
+            scale = largest[kind] / (0.1 if "angle" in rate else 1.0)
+            assert STENCIL @ series[place].values / h == pytest.approx(found, abs=1e-9 * scale), rate
+
+
+THICK_ARM = """
+schema = 1
+[bodies.arm]
+length = "1 m"
+points = {near_tip = ["0.9 m", 0]}
+beam = {E = "2e13 Pa", rho = 7850, section = {rectangle = ["200 mm", "50 mm"]}, theory = "rayleigh", elements = 10}
+[joints]
+hub = {revolute = ["ground", "arm.start"]}
+[drives]
+hub = {law = "5 * t**2"}
+[sensors]
+root = {bending_moment = "arm.start"}
+middle = {bending_moment = "arm.mid"}
+near_tip = {bending_moment = "arm.near_tip"}
+strain = {strain = "arm.mid", fibre = "100 mm"}
+[solve]
+preset = "rigid"
+duration = "0.5 s"
+steps = 4
+"""
+
+
+@pytest.mark.parametrize("preset", ["rigid", "quasistatic"])
+def test_an_arm_that_is_turned_faster_bends_by_its_sections_rotary_inertia_too(tmp_path, preset):
+    """M(x) = -epsilon (rho A int_x^L X (X - x) dX + rho I (L - x)): near the tip the second part is most of it."""
+    solution = simulate(derived_on_the_fly(THICK_ARM, tmp_path, f"solve.preset={preset}"))
+    epsilon, rho, A, I = 10.0, 7850.0, 0.2 * 0.05, 0.05 * 0.2**3 / 12
+    for name, x in (("root", 0.0), ("middle", 0.5), ("near_tip", 0.9)):
+        moment = -epsilon * rho * (A * ((1 - x**3) / 3 - x * (1 - x**2) / 2) + I * (1 - x))
+        assert solution.series[name].values == pytest.approx(moment, rel=1e-4 if preset == "quasistatic" else 1e-12)
+    # In the middle the tension of the turning comes on top: the arm lags, so the upper side is pulled.
+    t, M = solution.times, -epsilon * rho * (A * 5 / 48 + I / 2)
+    N = rho * A * (10 * t) ** 2 * (1 - 0.25) / 2
+    expected = N / (2e13 * A) - 0.1 * M / (2e13 * I)
+    assert solution.series["strain"].values == pytest.approx(expected, rel=1e-4)
+
+
+HAND = """
+schema = 1
+[bodies]
+bar = {length = "1 m", beam = {E = "200 GPa", rho = 7850, A = "100 mm^2", I = "800 mm^4", elements = 16}}
+hand = {length = "300 mm", mass = "1 kg"}
+[joints]
+wall = {weld = ["ground", "bar.start"]}
+grip = {weld = ["bar.end", "hand.start"]}
+[loads]
+pull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}
+push = {force_on = "hand.end", direction = [0, -1], value = "20 N"}
+[sensors]
+tip = {displacement = "bar.end", component = "y"}
+turn = {displacement = "bar.end", component = "angle"}
+grip_moment = {joint_force = "grip", component = "angle"}
+wall_moment = {joint_force = "wall", component = "angle"}
+top = {strain = "bar.start", fibre = "5 mm"}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 2
+"""
+
+
+def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deformation(tmp_path):
+    """A beam under tension P with a rigid body b at its tip, pushed down by F: E I v'' = -F (L + b - x) - P (v_T - v).
+
+    The pull has an arm about the grip as the body turns: the grip holds F b + P b theta, theta < 0, a third less than
+    F b. At the wall the upper fibre is pulled by both forces.
+    """
+    solution = simulate(derived_on_the_fly(HAND, tmp_path))
+    P, F, L, b, EI, EA = 400.0, 20.0, 1.0, 0.3, 200e9 * 800e-12, 200e9 * 100e-6
+    k = np.sqrt(P / EI)
+    ch, sh, B = np.cosh(k * L), np.sinh(k * L), F / (k * P)
+    A = -B * (sh + b * k * ch) / (ch + b * k * sh)
+    theta = k * A * sh + k * B * ch - F / P
+    tip = A * (ch - 1.0) + B * sh - F * L / P
+    wall = F * (L + b) + P * (tip + b * theta)
+    assert P * theta / F < -0.3
+    expected = {"tip": tip, "turn": theta, "grip_moment": b * (F + P * theta), "wall_moment": wall,
+                "top": P / EA + 0.005 * wall / EI}  # fmt: skip
+    for name, value in expected.items():
+        assert solution.series[name].values == pytest.approx(value, rel=1e-5), name
