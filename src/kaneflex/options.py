@@ -203,7 +203,7 @@ def acting(scene: Scene, options: Options) -> Scene:
     left_out = {"rotary": not options.rotary, "shear": not options.shear}
     bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
     gravity = scene.gravity if options.gravity else (0.0, 0.0)
-    return scene.model_copy(update={"bodies": bodies, "gravity": gravity})
+    return scene.seen(bodies=bodies, gravity=gravity)
 
 
 def left_out(options: Options) -> tuple[str, ...]:

@@ -153,4 +153,4 @@ def with_stretch(scene: Scene) -> Scene:
         else body
         for name, body in scene.bodies.items()
     }
-    return scene.model_copy(update={"bodies": bodies})
+    return scene.seen(bodies=bodies)

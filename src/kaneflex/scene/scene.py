@@ -88,6 +88,12 @@ class Scene(SceneTable):
                 raw |= {} if now is None else {key: _written_anew(now, read, self._raw.get(key))}
         return raw
 
+    def seen(self, **tables: Any) -> Scene:
+        """The scene with other tables, as some equations see it; settings still go over what is written."""
+        found = self.model_copy(update=tables)
+        found.remember(self.raw, self._source)
+        return found
+
     def remember(self, raw: dict[str, Any], source: str) -> None:
         """Keep what the scene was read from, and its tables as they are now."""
         self._raw, self._source = raw, source
