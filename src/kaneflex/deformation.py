@@ -12,14 +12,16 @@ from kaneflex.affine import Affine, Monomial, solve
 from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
-from kaneflex.shape_functions import shape_functions
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (3 n_nodes, n_times)."""
+    """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (3 n_nodes, n_times).
+
+    ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it.
+    """
 
     model: Model
     link: Link
@@ -27,14 +29,15 @@ class Deformation:
     q: np.ndarray
     q_rate: np.ndarray
     q_accel: np.ndarray
+    turned: tuple[np.ndarray, np.ndarray] | None = None
 
     def at(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(u, v, theta) and first and second rates at distance x [m] from the start; each (3, n_times).
 
         Under the geometric term u holds the foreshortening -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987).
         """
-        e, local = self._locate(x)
-        shape = self._shape(e, local)[:3]
+        e, local = self.link.locate(x)
+        shape = self.link.shape(e, local)[:3]
         rows = slice(3 * e, 3 * e + 6)
         d, d_rate, d_accel = (shape @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
         if self.model.options.foreshortening:
@@ -44,35 +47,22 @@ class Deformation:
             d_accel[0] -= shortening[2]
         return d, d_rate, d_accel
 
-    def _shape(self, e: int, local: float) -> np.ndarray:
-        parameters = self.link.parameters
-        growth = parameters["E_I_rise"][e] / parameters["E_I"][e]
-        return shape_functions(local, self._element_length(e), parameters["phi_s"][e], growth)
-
-    def _locate(self, x: float) -> tuple[int, float]:
-        nodes = self.link.nodes
-        e = int(np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2))
-        return e, x - nodes[e]
-
-    def _element_length(self, e: int) -> float:
-        return float(self.link.nodes[e + 1] - self.link.nodes[e])
-
     def _foreshortening(self, x: float) -> np.ndarray:
         """1/2 int_0^x v'^2 and its rates, (3, n_times)."""
-        e, local = self._locate(x)
+        e, local = self.link.locate(x)
         return self._shortened_before[e] + self._shortened(e, local)
 
     @cached_property
     def _shortened_before(self) -> list[np.ndarray]:
         """Foreshortening of the elements before each."""
-        lengths = [self._element_length(e) for e in range(len(self.link.nodes) - 2)]
+        lengths = [self.link.length_of(e) for e in range(len(self.link.nodes) - 2)]
         own = (self._shortened(e, length) for e, length in enumerate(lengths))
         return list(accumulate(own, initial=np.zeros((3, self.q.shape[1]))))
 
     def _shortened(self, e: int, reach: float) -> np.ndarray:
         """1/2 int v'^2 of an element as far as `reach` [m] from its start, and its rates, (3, n_times)."""
         points, weights = _GAUSS
-        slopes = np.array([self._shape(e, 0.5 * reach * (1 + point))[3] for point in points])
+        slopes = np.array([self.link.shape(e, 0.5 * reach * (1 + point))[3] for point in points])
         rows = slice(3 * e, 3 * e + 6)
         s, s_rate, s_accel = (slopes @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
         squares = np.array([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel])
@@ -84,11 +74,11 @@ class Deformation:
         At a node from the equilibrium of the elements beside it; between nodes interpolated with the exact share of
         the rigid body's own inertia load on the element.
         """
-        e, local = self._locate(x)
+        e, local = self.link.locate(x)
         left, right = self._ends(e)
-        if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self._element_length(e):
+        if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
             return tuple(0.5 * (before + after) for before, after in zip(self._ends(e - 1)[1], left, strict=True))
-        length = self._element_length(e)
+        length = self.link.length_of(e)
         s = local / length
         N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
         if self.model.options.dynamics == "frozen":
@@ -193,8 +183,9 @@ class Deformation:
         u, v = self.q[3 * node : 3 * node + 2]
         felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
         felt = felt - options.spin * omega**2 * u - options.euler * epsilon * v
-        if options.dynamics == "dynamic":
-            felt = felt + self.q_accel[3 * node] - options.gyroscopic * 2 * omega * self.q_rate[3 * node + 1]
+        q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
+        gyroscopic = options.gyroscopic or self.turned is not None
+        felt = felt + q_accel[3 * node] - gyroscopic * 2 * omega * q_rate[3 * node + 1]
         for mass in scene.masses.values():
             if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
                 total -= mass.mass * felt
@@ -203,7 +194,8 @@ class Deformation:
     def _residual(self, e: int) -> np.ndarray:
         """M q'' + C q' + K q - F of one element, (6, n_times)."""
         rows = slice(3 * e, 3 * e + 6)
-        series = {"M": self.q_accel[rows], "C": self.q_rate[rows], "K": self.q[rows]}
+        q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
+        series = {"M": q_accel[rows], "C": q_rate[rows], "K": self.q[rows]}
         total = np.zeros((6, self.q.shape[1]))
         for key, monomial, blocks in self._kept_terms:
             factor = self.rigid.monomial(monomial)
@@ -211,8 +203,8 @@ class Deformation:
                 total -= factor * blocks[e]
             else:
                 total += factor * (blocks[e] @ series[key[0]])
-        if self._keeps("C_s", ()) and self._rayleigh is not None:
-            alpha, beta = self._rayleigh
+        alpha, beta = self.model.rayleigh
+        if alpha or beta:
             for key, monomial, blocks in self.link.element_terms:
                 weight = {"M": alpha, "K_s": beta}.get(key, 0.0)
                 if weight and not monomial:
@@ -223,25 +215,14 @@ class Deformation:
     def _kept_terms(self) -> list[tuple[str, Monomial, np.ndarray]]:
         return [term for term in self.link.element_terms if self._keeps(*term[:2])]
 
-    @cached_property
-    def _rayleigh(self) -> tuple[float, float] | None:
-        from kaneflex.building import rayleigh_coefficients
-
-        damping = self.model.scene.damping
-        if damping is None or damping.kind != "rayleigh":
-            return None
-        return rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
-
     def _keeps(self, key: str, monomial: Monomial) -> bool:
         options = self.model.options
         if options.dynamics == "frozen":  # matrices of another angle balance nothing: only the strains are meant
             return key == "K_s"
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
-        dynamic = options.dynamics != "quasistatic"
-        return {
-            "M": dynamic, "C_s": options.damping, "C_d": options.gyroscopic, "K_g": options.geometric,
-        }.get(key, True)  # fmt: skip
+        gyroscopic = options.gyroscopic or self.turned is not None
+        return {"C_s": options.damping, "C_d": gyroscopic, "K_g": options.geometric}.get(key, True)
 
 
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -260,12 +241,16 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> R
 
 def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
     """The deformation of one link, reduced coordinates expanded."""
-    series = follow(model, rigid, coordinates, model.frame.maps[name])
-    link = model.links[name]
-    if name not in model.bases:
-        return Deformation(model, link, rigid, *(link.at_nodes(part) for part in series))
-    expanded = (link.at_nodes(model.bases[name] @ part) for part in series)
-    return _with_static_share(Deformation(model, link, rigid, *expanded))
+    L, link = model.frame.maps[name], model.links[name]
+    series = follow(model, rigid, coordinates, L)
+    if model.options.dynamics == "quasistatic":
+        rate = L.rate()
+        series += rigid.apply(rate, coordinates[0]), rigid.apply(rate.rate(), coordinates[0])
+    if name in model.bases:
+        series = tuple(model.bases[name] @ part for part in series)
+    q, q_rate, q_accel, *turned = (link.at_nodes(part) for part in series)
+    found = Deformation(model, link, rigid, q, q_rate, q_accel, tuple(turned) or None)
+    return found if name not in model.bases else _with_static_share(found)
 
 
 def _with_static_share(found: Deformation) -> Deformation:

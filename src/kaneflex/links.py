@@ -83,6 +83,19 @@ class Link:
         index = int(np.argmin(abs(self.nodes - x)))
         return index if abs(self.nodes[index] - x) <= _SAME * self.length else None
 
+    def locate(self, x: float) -> tuple[int, float]:
+        """The element at distance x [m] from the start, and how far behind its own start that is."""
+        e = int(np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, len(self.nodes) - 2))
+        return e, x - self.nodes[e]
+
+    def length_of(self, e: int) -> float:
+        """Length of an element [m]."""
+        return float(self.nodes[e + 1] - self.nodes[e])
+
+    def shape(self, e: int, local: float) -> np.ndarray:
+        """Rows u, v, theta, v' of an element's shape functions at ``local`` [m] from its start, (4, 6)."""
+        growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
+        return shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
 
     def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
         """u, v, theta of each node in turn, (3 n_nodes, n_times), from the part's coordinates."""

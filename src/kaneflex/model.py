@@ -188,6 +188,16 @@ class Model:
         """
         return self.options.dynamics in ("dynamic", "quasistatic", "coupled")
 
+    @cached_property
+    def rayleigh(self) -> tuple[float, float]:
+        """alpha [1/s] and beta [s] of the kept damping alpha M + beta K_s of links, bodies and lumped masses."""
+        from kaneflex.building import rayleigh_coefficients
+
+        damping = self.scene.damping
+        if damping is None or damping.kind != "rayleigh" or not self.options.damping:
+            return 0.0, 0.0
+        return rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
+
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the rows of M, C, K and F: u, v [m] and theta [rad] of nodes, x, y [m] of joints, slides [m]."""

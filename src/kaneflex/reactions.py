@@ -154,7 +154,10 @@ class _Balances:
     def _inertia(
         self, body: str, mass: float, inertia: float, at: Address | tuple, motion: Affine | None
     ) -> np.ndarray:
-        """m (a - g) and J epsilon of a mass fixed to a body, with the elastic motion of its place; (3, n_times)."""
+        """m (a - g) and J epsilon of a mass fixed to a body, with the elastic motion of its place; (3, n_times).
+
+        To the elastic motion belongs the damping alpha m d' that Rayleigh's gives to every mass.
+        """
         rigid, gravity = self.rigid, self.model.scene.gravity
         x, y = self._turn(body, self.model.scene.point(at) if isinstance(at, Address) else at)
         omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
@@ -167,7 +170,8 @@ class _Balances:
             # What turns with a body is accelerated by its spin, L'' z, also where z'' and z' are left out.
             total += rigid.apply(motion.rate().rate(), self.coordinates[0])
         elif motion is not None:
-            total += follow(self.model, rigid, self.coordinates, motion)[2]
+            _, rate, accel = follow(self.model, rigid, self.coordinates, motion)
+            total += accel + self.model.rayleigh[0] * rate
         return np.array([[mass], [mass], [inertia]]) * total
 
     def _rigid_residual(self, body: str) -> np.ndarray:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.deformation import Deformation, deform, follow
-from kaneflex.model import RigidMotion
 from kaneflex.reactions import consistent_reactions
-from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
+from kaneflex.sections import LinkForces
 from kaneflex.springs import spring_tension
 
 if TYPE_CHECKING:
+    from kaneflex.coupled.balance import Balanced
     from kaneflex.solution import Solution
 
 
@@ -66,13 +66,12 @@ def describe(sensor: Sensor) -> str:
     return text
 
 
-class _Reader:
+class _Reader(LinkForces):
     """Series of one solution; what several sensors share is computed once."""
 
-    def __init__(self, solution: Solution, rigid: RigidMotion | None = None):
-        self.solution, self.model, self.scene = solution, solution.model, solution.model.scene
-        self.rigid = solution.rigid if rigid is None else rigid
-        self.steps = len(solution.times)
+    def __init__(self, solution: Solution):
+        super().__init__(solution.model.scene, solution.rigid)
+        self.solution, self.model = solution, solution.model
         self._moved: dict[Address, Moved] = {}
 
     @property
@@ -106,7 +105,7 @@ class _Reader:
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""
         if sensor.kind == "axial_force":
-            return self._rigid_section(sensor.target)[0]
+            return self.rigid_section(sensor.target)[0]
         if sensor.kind in DRIVE_KINDS:
             return self.rigid[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
@@ -114,14 +113,6 @@ class _Reader:
         return self._joint_component(sensor, lambda name: self.rigid[name])
 
     # ---- motion of points -------------------------------------------------------------------------------------
-
-    def _turn(self, body: str, vector) -> np.ndarray:
-        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-
-    def _turn_back(self, body: str, vector) -> np.ndarray:
-        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
 
     def _elastic(self, address: Address) -> Moved:
         """Displacement (x, y, angle) of a point in its body's axes and its first and second rates, (3, n_times)."""
@@ -156,14 +147,14 @@ class _Reader:
                 d_accel[0] + 2 * omega * d_rate[1] + epsilon * d[1] - omega**2 * d[0],
                 d_accel[1] - 2 * omega * d_rate[0] - epsilon * d[0] - omega**2 * d[1],
             ])  # fmt: skip
-            turned = [self._turn_back(address.body, part) for part in (d, rate, accel)]
+            turned = [self.turn_back(address.body, part) for part in (d, rate, accel)]
             return tuple(np.vstack([part, turn[2]]) for part, turn in zip(turned, (d, d_rate, d_accel), strict=True))
         return still, still, still
 
     def _component(self, sensor: Sensor, body_axes: np.ndarray, angle: np.ndarray) -> np.ndarray:
         if sensor.component == "angle":
             return angle
-        vector = body_axes if sensor.axes == "body" else self._turn(sensor.target.body, body_axes)
+        vector = body_axes if sensor.axes == "body" else self.turn(sensor.target.body, body_axes)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
@@ -189,7 +180,7 @@ class _Reader:
         if sensor.component == "angle":
             return self._angle(address)
         place = self._place(address)
-        vector = place if sensor.axes == "global" else self._turn_back(address.body, place)
+        vector = place if sensor.axes == "global" else self.turn_back(address.body, place)
         return vector["xy".index(sensor.component)]
 
     def _joint_coordinate(self, name: str) -> np.ndarray:
@@ -199,7 +190,7 @@ class _Reader:
         if joint.kind != "prismatic":
             return self._angle(second) - self._angle(first)
         gap = self._place(second) - self._place(first)
-        t = self._direction(joint)
+        t = self.guide(joint)
         return t[0] * gap[0] + t[1] * gap[1]
 
     def _angle(self, address: Address) -> np.ndarray:
@@ -214,22 +205,15 @@ class _Reader:
         if address.body == "ground":
             return np.outer((x, y), np.ones(self.steps))
         d = self._elastic(address)[0]
-        turned = self._turn(address.body, (x + d[0], y + d[1]))
+        turned = self.turn(address.body, (x + d[0], y + d[1]))
         return np.array([self.rigid[f"{address.body}.x"] + turned[0], self.rigid[f"{address.body}.y"] + turned[1]])
-
-    def _direction(self, joint: Joint) -> np.ndarray:
-        """Global direction of a guide, which its first body carries, (2, n_times)."""
-        carrier = joint.addresses[0].body
-        if carrier == "ground":
-            return np.outer(joint.direction, np.ones(self.steps))
-        return self._turn(carrier, joint.direction)
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
         body = sensor.target.body
         x, y = self.scene.point(sensor.target)
         d, d_rate, _ = self._elastic(sensor.target)
         omega = self.rigid[f"{body}.omega"]
-        origin = self._turn_back(body, (self.rigid[f"{body}.v_x"], self.rigid[f"{body}.v_y"]))
+        origin = self.turn_back(body, (self.rigid[f"{body}.v_x"], self.rigid[f"{body}.v_y"]))
         vector = np.array([
             origin[0] - omega * (y + d[1]) + d_rate[0],
             origin[1] + omega * (x + d[0]) + d_rate[1],
@@ -243,7 +227,7 @@ class _Reader:
         d, d_rate, d_accel = self._elastic(sensor.target)
         omega, epsilon = self.rigid[f"{body}.omega"], self.rigid[f"{body}.epsilon"]
         gravity = self.scene.gravity if sensor.reading == "accelerometer" else (0.0, 0.0)
-        origin = self._turn_back(body, (self.rigid[f"{body}.a_x"] - gravity[0], self.rigid[f"{body}.a_y"] - gravity[1]))
+        origin = self.turn_back(body, (self.rigid[f"{body}.a_x"] - gravity[0], self.rigid[f"{body}.a_y"] - gravity[1]))
         p_x, p_y = x + d[0], y + d[1]
         vector = np.array([
             origin[0] - epsilon * p_y - omega**2 * p_x - 2 * omega * d_rate[1] + d_accel[0],
@@ -252,74 +236,6 @@ class _Reader:
         return self._component(sensor, vector, epsilon + d_accel[2])
 
     # ---- forces -----------------------------------------------------------------------------------------------
-
-    def _rigid_section(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """N, V, M of the rigid link at X: balance of the part before X under its inertia and all forces before X.
-
-        The inertia gives N its growth (a_x - g_x) m - omega^2 S of P(X), with mass m and first moment S of the
-        part before X; the signs are those of `Deformation.section`.
-        """
-        name, (x, _) = address.body, self.scene.point(address)
-        rigid, before = self.rigid, self.scene.bodies[name].profile.inertia(x)
-        a_x, a_y = rigid[f"{name}.link.a_x"], rigid[f"{name}.link.a_y"]
-        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
-        N = a_x * before.mass - omega**2 * before.first
-        V = a_y * before.mass + epsilon * before.first
-        M = epsilon * (before.second + before.rotary) + a_y * before.first - x * V
-        for point, (at, _) in self.scene.bodies[name].points_all.items():
-            if at < x or point == "start":
-                force, moment = self._forces_at(Address(name, point))
-                N, V, M = N - force[0], V - force[1], M + (x - at) * force[1] - moment
-        for load_name, load in self.scene.spreads.items():
-            if load.spread_on == name:
-                first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / self.scene.bodies[name].length
-                vector = np.outer(load.direction, np.ones(self.steps))
-                push = rigid[load_name] * (vector if load.axes == "body" else self._turn_back(name, vector))
-                # int_0^x q and int_0^x (x - X) q of the linear profile
-                total, arm = first * x + rise * x**2 / 2, first * x**2 / 2 + rise * x**3 / 6
-                N, V, M = N - total * push[0], V - total * push[1], M + arm * push[1]
-        return N, V, M
-
-    def _forces_at(self, address: Address) -> tuple[np.ndarray, np.ndarray]:
-        """Force (2, n_times) in link axes and moment on a rigid link by what acts at one of its points."""
-        link = address.body
-        force, moment = np.zeros((2, self.steps)), np.zeros(self.steps)
-        for name, joint in self.scene.joints.items():
-            if address not in joint.addresses:
-                continue
-            sign = 1.0 if joint.addresses[1] == address else -1.0
-            force += sign * self._joint_vector(name, lambda row: self.rigid[row])
-            if joint.kind != "revolute":
-                moment += sign * self.rigid[f"{name}.moment"]
-            elif name in self.scene.drives:
-                moment += sign * self.rigid[f"{name}.drive"]
-        for name, load in self.scene.forces.items():
-            if load.force_on == address:
-                direction = np.outer(load.direction, np.ones(self.steps))
-                force += self.rigid[name] * (direction if load.axes == "global" else self._turn(link, load.direction))
-        for name, spring in self.scene.springs.items():
-            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
-                if end == address:
-                    force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
-        for name, (joint, on_second) in self.scene.joint_torques.items():
-            for side, sign in zip(self.scene.joints[joint].addresses, (-on_second, on_second), strict=True):
-                if side == address:
-                    moment += sign * self.rigid[name]
-        for mass in self.scene.masses.values():
-            if mass.at == address:
-                force -= mass.mass * self._felt(address)
-                moment -= mass.inertia * self.rigid[f"{link}.epsilon"]
-        return self._turn_back(link, force), moment
-
-    def _felt(self, address: Address) -> np.ndarray:
-        """a - g of a point of the rigid mechanism, global, (2, n_times)."""
-        body, rigid = address.body, self.rigid
-        x, y = self._turn(body, self.scene.point(address))
-        omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
-        return np.array([
-            rigid[f"{body}.a_x"] - epsilon * y - omega**2 * x - self.scene.gravity[0],
-            rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - self.scene.gravity[1],
-        ])  # fmt: skip
 
     def _axial_force(self, sensor: Sensor) -> np.ndarray:
         return self._section(sensor)[0]
@@ -338,22 +254,15 @@ class _Reader:
 
     def _section(self, sensor: Sensor) -> tuple[np.ndarray, ...]:
         if not self.model.links:
-            return self._rigid_section(sensor.target)
-        found = self.deformed if self.solution.coupled is None else self._in_floating_frames
+            return self.rigid_section(sensor.target)
+        found = self.deformed if self.solution.coupled is None else self._balances
         return found[sensor.target.body].section(self.scene.point(sensor.target)[0])
 
     @cached_property
-    def _in_floating_frames(self) -> dict[str, Deformation]:
-        """Each link's deformation in its own floating frame, balanced with what acts on it there (preset coupled)."""
-        motion = self.solution.coupled
-        found = {}
-        for name, link in self.model.links.items():
-            reader = _Reader(self.solution, motion.floating({}))
-            points = self.scene.bodies[name].points_all.items()
-            at_nodes = [point for point, (x, _) in points if link.node_at(x) is not None]
-            forces = {point: reader._forces_at(Address(name, point)) for point in at_nodes}
-            found[name] = motion.balanced(name, forces)
-        return found
+    def _balances(self) -> dict[str, Balanced]:
+        from kaneflex.coupled.balance import balanced  # only coupled runs pay for it
+
+        return balanced(self.solution.coupled)
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         return self._joint_component(sensor, lambda name: self.reactions[name])
@@ -378,16 +287,7 @@ class _Reader:
         sign = -1.0 if sensor.body == first else 1.0
         if sensor.component == "angle":
             return sign * reaction(f"{name}.moment") if joint.kind != "revolute" else np.zeros(self.steps)
-        force = self._joint_vector(name, reaction)
+        force = self.joint_vector(name, reaction)
         if sensor.axes == "body":
-            force = self._turn_back(sensor.body or second, force)
+            force = self.turn_back(sensor.body or second, force)
         return sign * force["xy".index(sensor.component)]
-
-    def _joint_vector(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
-        """Global force of a joint on its second body, (2, n_times), from its reactions by name."""
-        joint = self.scene.joints[name]
-        if joint.kind != "prismatic":
-            return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
-        t = self._direction(joint)
-        force = reaction(f"{name}.normal") * np.array([-t[1], t[0]])
-        return force + reaction(f"{name}.drive") * t if name in self.scene.drives else force

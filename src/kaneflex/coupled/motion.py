@@ -9,18 +9,17 @@ forces follow from.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from kaneflex.coupled.balance import Balanced
 from kaneflex.coupled.run import CoupledTrajectory
 from kaneflex.coupled.system import BODY, CoupledSystem
-from kaneflex.deformation import Deformation
 from kaneflex.model import Model, RigidMotion
 from kaneflex.scene.quantities import Address
 
+_GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 """A quantity with its first and second rates, time along the last axis."""
 
@@ -45,32 +44,26 @@ class CoupledMotion:
         none = np.zeros(len(self.trajectory.times))
         return {f"{name}.drive": none for name in self.model.scene.drives} | found
 
-    def floating(self, more: Mapping[str, np.ndarray]) -> FloatingMotion:
-        """The floating frames as a rigid motion, with ``more`` scalars by name."""
-        return FloatingMotion(self.rigid.motion, self.rigid.times, self.rigid.values, self, more)
+    def floating(self) -> FloatingMotion:
+        """The floating frames as a rigid motion."""
+        return FloatingMotion(self.rigid.motion, self.rigid.times, self.rigid.values, self)
 
-    def balanced(self, link: str, forces: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Balanced:
-        """A link's deformation in its floating frame with what the missing shapes would add statically.
+    @cached_property
+    def quiet(self) -> CoupledMotion:
+        """The same states with accelerations and reactions as if no link rang in tension.
 
-        ``forces`` are those on the link at its points: components in link axes (2, n_times) and moment. What the link's
-        nodes keep as a residual, K_s^-1 balances: section forces then agree with everything that acts on the link.
+        The axial shapes are not accelerated, as far as the joints leave it to them: there the axial force is what the
+        rest of the motion asks for, to the square of its frequencies' ratio.
         """
-        own, fixed = self.system.links[link], self.system.shapes[link].fixed
-        points = {point: x for point, (x, _) in self.model.scene.bodies[link].points_all.items()}
-        scalars = {f"{link}.link.P_0": -forces["start"][0][0]}
-        scalars |= {f"{link}.link.jump_{point}": -force[0] for point, (force, _) in forces.items()}
-        found = Deformation(self.model, own, self.floating(scalars), *self.nodes(link))
-        residual = np.zeros_like(found.q)
-        for e in range(len(own.nodes) - 1):
-            residual[3 * e : 3 * e + 6] += found.end_forces(e)
-        for point, (force, moment) in forces.items():
-            node = own.node_at(points[point])
-            residual[3 * node : 3 * node + 3] -= np.vstack([force, moment])
-        free = np.setdiff1d(np.arange(len(residual)), fixed)
-        share = np.zeros_like(residual)
-        stiffness = own.part.matrices["K_s"].at({}).toarray()[np.ix_(free, free)]
-        share[free] = np.linalg.solve(stiffness, residual[free])
-        return Balanced(found.model, own, found.rigid, found.q, found.q_rate, found.q_accel, share)
+        t, system = self.trajectory, self.system
+        still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
+                                for b, (axial, _) in system.module.BODIES.items()]).astype(int)  # fmt: skip
+        if not len(still):
+            return self
+        found = [system.accelerations(*state, still) for state in zip(t.times, t.q, t.v, strict=True)]
+        a, multipliers = (np.array([each[k] for each in found]).reshape(part.shape)
+                          for k, part in enumerate((t.a, t.multipliers)))  # fmt: skip
+        return replace(self, trajectory=replace(t, a=a, multipliers=multipliers))
 
     def body(self, name: str) -> Rates:
         """x, y [m], phi [rad] of a body's frame, (3, n_times)."""
@@ -103,11 +96,24 @@ class CoupledMotion:
 
     def place(self, body: str, at: tuple[float, float], node: int | None = None) -> Rates:
         """x, y [m] and angle [rad] of a point, global; of an elastic link's node its deformation included."""
+        return self._placed(body, at, None if node is None else self._sections(body, node))
+
+    def place_along(self, link: str, x: float) -> Rates:
+        """The same of any point of an elastic link's axis, x [m] from its start."""
+        own, shapes = self.system.links[link], self.system.shapes[link]
+        e, local = own.locate(x)
+        rows = slice(3 * e, 3 * e + 6)
+        slopes = np.array([own.shape(e, 0.5 * local * (1 + point))[3] for point in _GAUSS[0]]) @ shapes.transverse[rows]
+        H = self._shortening[link][e] + 0.5 * local * (slopes.T * _GAUSS[1]) @ slopes
+        return self._placed(link, (x, 0.0), (own.shape(e, local)[:3] @ shapes.all[rows], H))
+
+    def _placed(self, body: str, at: tuple[float, float], section: tuple[np.ndarray, np.ndarray] | None) -> Rates:
+        """Where a point is whose section moves by shapes u, v, theta (3, n) and shortens by H (n_w, n_w)."""
         frame, frame_rate, frame_accel = self.body(body)
         zero = np.zeros((BODY, frame.shape[1]))
         d, d_rate, d_accel = zero, zero.copy(), zero.copy()
-        if node is not None:
-            rows, H = self._sections(body, node)
+        if section is not None:
+            rows, H = section
             modal = self.modal(body)
             d, d_rate, d_accel = (rows @ part for part in modal)
             a, a_rate, a_accel = (part[rows.shape[1] - len(H) :] for part in modal)
@@ -252,11 +258,8 @@ class FloatingMotion(RigidMotion):
     """Scalars of the floating frames, of the reactions and of the loads, by the names that a rigid motion has."""
 
     coupled: CoupledMotion
-    more: Mapping[str, np.ndarray]
 
     def __getitem__(self, name: str) -> np.ndarray:
-        if name in self.more:
-            return self.more[name]
         owner, _, key = name.rpartition(".")
         own = self.coupled.system
         if name in self.coupled.reactions:
@@ -275,7 +278,6 @@ class FloatingMotion(RigidMotion):
             c, s = self[f"{body}.c"], self[f"{body}.s"]
             return c * x + s * y if key == "a_x" else c * y - s * x
         return super().__getitem__(name) + self.coupled.shift.get(name, 0.0)
-
 
     def _spring(self, name: str, key: str) -> np.ndarray:
         """Torque of a torsional spring, or a component of the force on its second point."""

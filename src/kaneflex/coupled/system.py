@@ -22,6 +22,8 @@ MOST_MODES = 12
 """Modes of a link beyond which deriving its equations would take minutes."""
 BODY = 3
 """Coordinates x, y, phi of every body, before its modal ones."""
+_RANK = 1e-9
+"""Share of a unit vector below which a direction counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +82,12 @@ class CoupledSystem:
         """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
         return np.where([unit == "rad" for _, unit in self.module.COORDINATES], 1.0, length)
 
-    def accelerations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def accelerations(
+        self, t: float, q: np.ndarray, v: np.ndarray, still: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q'', the multipliers and the constraints' partial rates in time, of a state that satisfies them.
 
+        Coordinates ``still`` are not accelerated, as far as the constraints don't accelerate them.
         Raises LinAlgError where the constraints determine neither.
         """
         n, m = self.size, len(self.constraints)
@@ -90,14 +95,27 @@ class CoupledSystem:
         g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
         self.module.equations(t, q, v, self.parameters, M, f)
         self.module.constraints(t, q, v, self.parameters, g, g_t, G, gamma)
-        square = np.block([[M, -G.T], [G, np.zeros((m, m))]])
-        x = np.linalg.solve(square, np.concatenate([f, -gamma]))
-        return x[:n], x[n:], g_t
+        rows = G if still is None else np.vstack([G, _left_free(G, still)])
+        square = np.block([[M, -rows.T], [rows, np.zeros((len(rows),) * 2)]])
+        x = np.linalg.solve(square, np.concatenate([f, -gamma, np.zeros(len(rows) - m)]))
+        return x[:n], x[n : n + m], g_t
 
     @cached_property
     def rigid_rows(self) -> np.ndarray:
         """Where x, y, phi of the bodies are in q."""
         return np.array([k + j for k in self.start.values() for j in range(BODY)])
+
+
+def _left_free(G: np.ndarray, still: np.ndarray) -> np.ndarray:
+    """Combinations of some coordinates (rows, n) that no constraint of G (m, n) determines."""
+    sizes = np.linalg.norm(G, axis=1, keepdims=True)
+    _, strength, directions = np.linalg.svd(G / np.where(sizes, sizes, 1.0))
+    free = directions[int((strength > _RANK).sum()) :]
+    mixed, reach, _ = np.linalg.svd(free[:, still].T)
+    count = int((reach > _RANK).sum())
+    found = np.zeros((count, G.shape[1]))
+    found[:, still] = mixed[:, :count].T
+    return found
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:

@@ -1,0 +1,157 @@
+"""Section forces: in balance with the joints in every preset, and against models that were written independently."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rigid_bars import hanging_chain
+
+import kaneflex
+from kaneflex.affine import as_array
+from kaneflex.coupled.balance import balanced
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.sensors import Sensor
+from kaneflex.sensors import sensor_values
+
+MASS_AT_THE_TIP = """
+schema = 1
+description = "A cantilever with a mass at its tip, pushed there by a force that is switched on"
+[bodies]
+arm = {length = "300 mm", beam = {material = "steel", section = {rectangle = ["8 mm", "12 mm"]}, elements = 6}}
+[joints]
+wall = {weld = ["ground", "arm.start"]}
+[masses]
+tip = {at = "arm.end", mass = "0.3 kg", inertia = "1e-4 kg m^2"}
+[loads]
+push = {force_on = "arm.end", direction = [0, 1], law = "20"}
+[sensors]
+root_moment = {bending_moment = "arm.start"}
+root_shear = {shear_force = "arm.start"}
+tip_moment = {bending_moment = "arm.end"}
+wall_moment = {joint_force = "wall", component = "angle"}
+wall_force = {joint_force = "wall", component = "y"}
+[solve]
+preset = "coupled"
+start = "zero"
+duration = "20 ms"
+steps = 400
+"""
+
+
+def run(scene, *settings):
+    return kaneflex.simulate(kaneflex.load(with_settings(scene, list(settings))))
+
+
+def test_lumped_masses_push_with_the_acceleration_of_the_deflected_axis(tmp_path):
+    """The root carries what the wall exerts; 12.3 N m by the one-way equations, too, of which 6 N m are static."""
+    (tmp_path / "mass.toml").write_text(MASS_AT_THE_TIP)
+    scene = read_scene(tmp_path / "mass.toml")
+    found = {name: series.values for name, series in run(scene).series.items()}
+    assert found["root_moment"] == pytest.approx(-found["wall_moment"], abs=1e-9)
+    assert found["root_shear"] == pytest.approx(-found["wall_force"], abs=1e-9)
+    one_way = run(scene, "solve.preset=stiffened", "solve.integrator=generalised-alpha").series["root_moment"].values
+    assert found["root_moment"].max() == pytest.approx(one_way.max(), rel=3e-3)
+
+
+def strip_moment(modes):
+    """Times and bending moment at the middle of the pendulum in its first 0.3 s."""
+    settings = (f"solve.modes={modes}", "solve.duration=0.3 s", "solve.steps=1200")
+    solution = run(read_scene("elastic-pendulum"), *settings)
+    return solution.times[::4], solution.series["mid_moment"].values[::4]
+
+
+def test_bending_of_a_strip_that_rings_in_tension_is_that_of_a_chain_of_rigid_bars():
+    """Twenty bars with springs E I / h at their pins, which can't ring: 0.0618 N m at the largest, as forty say.
+
+    What is left has the frequencies of the bending modes that the shapes don't hold.
+    """
+    E_I, rho_A = 2.1e11 * 10e-3 * 1.5e-3**3 / 12, 7850.0 * 15e-6
+    times, three = strip_moment(3)
+    seven = strip_moment(7)[1]
+    _, moments = hanging_chain(20, 1.0, rho_A, E_I, -np.pi / 6, 9.81, times)
+    expected = moments[9]
+    peak = abs(expected).max()
+    assert peak == pytest.approx(0.0618, rel=2e-3)
+    for found in (three, seven):
+        assert abs(found).max() == pytest.approx(peak, rel=5e-3)
+        assert abs(found - expected).max() < 0.025 * peak
+        assert np.sqrt(np.mean((found - expected) ** 2)) < 0.008 * peak
+
+
+def test_the_slider_cranks_bending_converges_with_its_modes(tmp_path):
+    """-6.34 N m by an independent chain of rigid links, and by E I v'' of 8 modes but for 1 %."""
+    scene = with_settings(read_scene("slider-crank-150-coupled"), ["solve.duration=30 ms", "solve.steps=1200"])
+    least = []
+    for modes in (3, 5, 8):
+        solution = run(scene, f"solve.modes={modes}")
+        least.append(balanced(solution.coupled)["rod"].section(0.15)[2].min())
+    assert least == pytest.approx([-6.34] * 3, rel=1e-2)
+
+
+PRESETS = ("rigid", "quasistatic", "linear", "stiffened", "coupled")
+SCENES = sorted(path.stem for path in (Path(kaneflex.__file__).parent / "scenes").glob("*.toml"))
+COUPLED = {"elastic-double-pendulum", "elastic-pendulum", "four-bar-motor", "slider-crank-150", "spin-up-torque"}
+"""Scenes whose coupled equations are shipped; more of them would take minutes to derive."""
+
+
+def at_joints(scene):
+    """(joint, link, point, sign) of every joint at the end of an elastic link where nothing else acts."""
+    busy = [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
+    busy += [end for spring in scene.springs.values() for end in spring.ends]
+    busy += [address for joint, _ in scene.joint_torques.values() for address in scene.joints[joint].addresses]
+    for name, joint in scene.joints.items():
+        for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+            alone = sum(address in other.addresses for other in scene.joints.values()) == 1
+            elastic = address.body in scene.bodies and scene.bodies[address.body].elastic
+            if elastic and alone and address.point in ("start", "end") and address not in busy:
+                yield name, address, sign
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("name", SCENES)
+def test_section_forces_at_a_joint_are_the_joints_reaction(name, preset):
+    """In every scene and preset, forces and moments alike."""
+    scene = read_scene(name)
+    if preset == "coupled" and name not in COUPLED:
+        pytest.skip("its coupled equations are not shipped")
+    joints = list(at_joints(scene))
+    if not joints or scene.is_frame or name in ("engine-paper", "mathieu", "pulsating-strut"):
+        pytest.skip("no joint alone at the end of an elastic link, or a preset of its own")
+    settings = () if preset == "coupled" else ("solve.modes=all",)
+    solution = run(scene, f"solve.preset={preset}", "solve.start=zero", "solve.steps=12", *settings)
+    if preset in ("linear", "stiffened"):
+        solution = accelerated_by_its_equations(solution)
+    for joint, address, sign in joints:
+        link, towards = address.body, (1.0 if address.point == "end" else -1.0)
+        found = [values(solution, **{kind: address}) for kind in ("axial_force", "shear_force", "bending_moment")]
+        force = [values(solution, joint_force=joint, component=k) for k in ("x", "y")]
+        moment = values(solution, joint_force=joint, component="angle")
+        if scene.joints[joint].kind == "revolute" and joint in scene.drives:
+            moment = values(solution, drive_torque=joint)
+        c, s = axes_of(solution, link)
+        exerted = [c * force[0] + s * force[1], c * force[1] - s * force[0], moment]
+        forces = max(abs(part).max() for part in (*found[:2], *force)) or 1.0
+        for here, there, scale in zip(found, exerted, (1.0, 1.0, scene.bodies[link].length), strict=True):
+            assert here == pytest.approx(towards * sign * there, abs=1e-6 * forces * scale), (joint, str(address))
+
+
+def values(solution, **sensor):
+    return sensor_values(solution, Sensor.model_validate(sensor))
+
+
+def axes_of(solution, link):
+    """cos and sin of the axes in which a link's section forces are given."""
+    if solution.coupled is None:
+        return solution.rigid[f"{link}.c"], solution.rigid[f"{link}.s"]
+    phi = solution.coupled.body(link)[0][2]
+    return np.cos(phi), np.sin(phi)
+
+
+def accelerated_by_its_equations(solution):
+    """The same states with z'' of M z'' = F - C z' - K z at each instant, instead of the integrator's own."""
+    kept, rigid, (z, v, _) = solution.model.kept, solution.rigid, solution.coordinates
+    push = rigid.column_of(kept["F"]) - rigid.apply(kept["C"], v) - rigid.apply(kept["K"], z)
+    M = sum(rigid.monomial(monomial)[:, None, None] * as_array(part) for monomial, part in kept["M"].terms.items())
+    a = np.linalg.solve(M, push.T[..., None])[..., 0]
+    return replace(solution, trajectory=replace(solution.trajectory, a=a))
