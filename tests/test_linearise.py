@@ -157,7 +157,7 @@ def start_of(scene: str, *settings: str) -> dict[str, float]:
 @pytest.mark.parametrize("scene", ["engine", "engine-elastic-crank"])
 def test_a_load_enters_as_in_two_runs_that_differ_by_it(scene, reduced):
     without = ("loads.gas.table=none", "loads.gas.column=none", "loads.gas.unit=none", "loads.gas.against=none",
-               "loads.gas.period=none")  # fmt: skip
+               "loads.gas.period=none", "loads.gas.interpolation=none")  # fmt: skip
     constant = [(*without, *reduced, f"loads.gas.value={size} N") for size in (0, 2000)]
     system = linearise(model(scene, *ENGINE, *constant[0]), 0.0)
     readings = [start_of(scene, *settings) for settings in constant]

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
-from kaneflex.errors import Fault
-from kaneflex.scene import read_scene
-from kaneflex.tables import Table, evaluate_block, largest_of_block, read_table
+from kaneflex.errors import Fault, SceneError
+from kaneflex.interpolation import INTERPOLATIONS
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.tables import Table, evaluate_block, largest_of_block, overshoot_of_block, read_table
 
 
 @pytest.fixture
@@ -34,6 +35,103 @@ def test_periodic_spline_agrees_with_scipy_in_every_period(knots):
     everywhere = np.linspace(-3, 4, 501) * period
     expected = CubicSpline(x, y, bc_type="periodic")(everywhere)
     assert evaluate_block(block, everywhere) == pytest.approx(expected, abs=1e-12)
+
+
+def through(interpolation, x, y):
+    """scipy's own of that name."""
+    match interpolation:
+        case "linear":
+            return lambda at: np.interp(at, x, y)
+        case "pchip":
+            return PchipInterpolator(x, y)
+        case "akima":
+            return Akima1DInterpolator(x, y)
+    return CubicSpline(x, y, bc_type="natural")
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_every_interpolation_is_the_one_of_scipy(knots, interpolation):
+    x, y = knots
+    block = Table(x, y).coefficients(None, interpolation)
+    inside = np.linspace(x[0], x[-1], 501)
+    assert evaluate_block(block, inside) == pytest.approx(through(interpolation, x, y)(inside), abs=1e-13)
+    assert evaluate_block(block, [x[0] - 7.3, x[-1] + 7.3]) == pytest.approx([y[0], y[-1]], abs=1e-15)
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize("count", [4, 30])
+def test_a_table_that_repeats_has_no_ends(knots, interpolation, count):
+    """As scipy's through five rounds of it; with few rows a round is shorter than what a slope depends on."""
+    x, y = (values[:count] for values in knots)
+    y[-1] = y[0]
+    period = x[-1] - x[0]
+    rounds = [x[:-1] + k * period for k in range(-6, 7)]
+    expected = through(interpolation, np.concatenate(rounds), np.tile(y[:-1], 13))
+    inside = np.linspace(x[0], x[-1], 501)
+    tolerance = 1e-5 if interpolation == "spline" else 1e-12  # what is left of a spline's ends after six rounds
+    block = Table(x, y).coefficients(period, interpolation)
+    assert evaluate_block(block, inside) == pytest.approx(expected(inside), abs=tolerance)
+
+
+FLANK = (np.radians([0.0, 130, 170, 180, 190, 230, 360]), np.array([0.0, 0, 0, 12e3, 0, 0, 0]))
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize("period", [None, 2 * math.pi])
+def test_how_far_a_curve_goes_beyond_the_rows_beside_it(interpolation, period):
+    """A force of 12 kN at 180 degrees, none from 170 down and 190 up: a spline invents 11 kN of the other sign."""
+    x, y = FLANK
+    block = Table(x, y).coefficients(period, interpolation)
+    at = np.linspace(0.0, 2 * math.pi, 200_001)
+    values = evaluate_block(block, at)
+    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    rows = np.sort([y[k], y[k + 1]], axis=0)
+    beyond = np.maximum(values - rows[1], rows[0] - values).max()
+    found = overshoot_of_block(block)
+    assert found.size == pytest.approx(max(beyond, 0.0), rel=1e-6, abs=1e-9)
+    assert evaluate_block(block, found.x) == pytest.approx(found.value, abs=1e-9)
+    assert found.size == 0.0 if interpolation in ("linear", "pchip") else True
+    assert found.size > 10e3 if interpolation == "spline" else True
+
+
+@pytest.fixture
+def flank(tmp_path):
+    path = tmp_path / "flank.csv"
+    path.write_text("deg,F\n" + "".join(f"{2 * math.degrees(x):.6f},{y}\n" for x, y in zip(*FLANK, strict=True)))
+    load = f"{{g={{force_on='piston', direction=[-1,0], against='main', table='{path}'}}}}"
+    return ["loads.gas=none", "solve.start=zero", f"loads={load}"]
+
+
+def test_the_default_of_a_load_invents_no_force(flank):
+    scene = with_settings(read_scene("engine"), flank)
+    values = evaluate_block(scene.loads["g"].curve(), np.radians(2 * np.array([60.0, 154.0, 169.9, 191.0])))
+    assert values == pytest.approx(0.0, abs=1e-9)
+    splined = with_settings(scene, ["g.interpolation=spline"])
+    assert evaluate_block(splined.loads["g"].curve(), np.radians(2 * 154.0)) < -10e3
+
+
+def test_a_drive_takes_no_interpolation_with_jumps_of_its_speed(tmp_path):
+    (tmp_path / "s.csv").write_text("t,deg\n0,0\n1,1\n2,3\n3,9\n")
+    drive = f"drives.elbow={{law='none', period='none', table='{tmp_path}/s.csv', interpolation='%s'}}"
+    settings = ["shoulder.period=none", "solve.start=zero", "solve.duration=1 s"]
+    arm = with_settings(read_scene("two-link-arm"), settings)
+    assert with_settings(arm, [drive % "akima"]).drives["elbow"].interpolation == "akima"
+    with pytest.raises(SceneError, match=r"drives\.elbow\.interpolation = 'linear': must be 'pchip', 'akima'"):
+        with_settings(arm, [drive % "linear"])
+
+
+def test_what_the_defaults_cost_on_a_smooth_curve():
+    """The numbers of docs/scene.md: every other row of the engine's gas force predicts those between."""
+    table = read_scene("engine").loads["gas"].read_table()
+    y = table.y.copy()
+    y[0] = y[-1] = (y[0] + y[-1]) / 2
+    every_other = Table(table.x[::2], y[::2])
+    worst = {
+        name: abs(evaluate_block(every_other.coefficients(4 * math.pi, name), table.x) - y).max() / y.max()
+        for name in INTERPOLATIONS
+    }
+    expected = {"linear": 0.20e-2, "pchip": 0.12e-2, "akima": 0.025e-2, "spline": 0.0016e-2}
+    assert worst == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])

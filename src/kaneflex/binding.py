@@ -213,8 +213,7 @@ def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float]
             values.append(known[path])
         elif name == "table":
             reader = getattr(scene, table)[owner]
-            period = reader.period
-            block = reader.read_table().coefficients(period)
+            block = reader.curve()
             values.append(float(filled))
             blocks.append(block)
             filled += len(block)

@@ -85,7 +85,7 @@ def start_coordinate(scene: Scene, name: str) -> float:
     if drive.kind == "table":
         from kaneflex.tables import evaluate_block
 
-        return float(evaluate_block(drive.read_table().coefficients(drive.period), 0.0))
+        return float(evaluate_block(drive.curve(), 0.0))
     return drive.start
 
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from kaneflex.model import Model, RigidMotion
 from kaneflex.scene import Scene
-from kaneflex.scene.parts import Load
-from kaneflex.tables import largest_of_block
+from kaneflex.tables import largest_of_block, overshoot_of_block
 
 _SAMPLES = 60_000
 """Instants that are looked at, spread over the steps."""
@@ -15,6 +14,8 @@ _FINEST = 256
 """Instants looked at within a step at most."""
 _UNSEEN = 0.2
 """Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
+_BEYOND_ROWS = 0.02
+"""How far a table's curve may go beyond the two rows beside it, as a share of its largest value, without a word."""
 _TURN = 0.5
 """Angle [rad] that a drive may turn in a step without a word."""
 
@@ -22,11 +23,21 @@ _TURN = 0.5
 def unseen(model: Model) -> list[str]:
     """Warnings of :func:`between_steps`, and of tables whose curve goes where no row is."""
     found = between_steps(model)
-    for name, load in model.scene.loads.items():
-        if load.kind == "table" and (beyond := _overshoot(load)) > _UNSEEN:
+    scene = model.scene
+    tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
+    for name, drive in scene.drives.items():
+        if drive.kind == "table":
+            tables[f"drives.{name}"] = (drive, "m" if scene.slides(name) else "rad")
+    for key, (reader, unit) in tables.items():
+        curve = reader.curve()
+        in_time = getattr(reader, "against", "t") == "t"
+        beyond = overshoot_of_block(curve)
+        if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
+            x, at = (beyond.x, "s") if in_time else (np.degrees(beyond.x), "deg")
+            first, last = beyond.rows
             found.append(
-                f"loads.{name}: the smooth curve through its rows overshoots them by {beyond:.0%} of the largest; give "
-                "more rows where they change from flat to steep"
+                f"{key}: its {reader.interpolation} goes to {beyond.value:.4g} {unit} at {x:.4g} {at}, between rows "
+                f"of {first:.4g} and {last:.4g} {unit}; give more rows, or interpolation = 'pchip', which stays between"
             )
     return found
 
@@ -86,10 +97,3 @@ def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
         rows = rows[(rows >= x.min()) & (rows <= x.max())]
         found.append(np.interp(way * rows, way * x, times))
     return np.concatenate(found)
-
-
-def _overshoot(load: Load) -> float:
-    """How far the curve through a table's rows goes beyond the largest of them, as a share of it."""
-    table = load.read_table()
-    largest = abs(table.y).max()
-    return largest_of_block(table.coefficients(load.period)) / largest - 1.0 if largest else 0.0

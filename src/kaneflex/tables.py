@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.errors import Fault, nearest
+from kaneflex.interpolation import Interpolation, cubics_through
 from kaneflex.reading import read_text
 from kaneflex.units import ANGLE, FORCE, LARGEST, TIME, Dimension, scaled
 
@@ -47,61 +48,21 @@ class Table:
             reason = f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
             raise Fault(reason, f"Correct the table, or raise closing from {closing:g}")
 
-    def coefficients(self, period: float | None = None) -> np.ndarray:
-        """The block of this table's interpolating cubic spline, twice continuously differentiable.
+    def coefficients(self, period: float | None = None, interpolation: Interpolation = "spline") -> np.ndarray:
+        """The block of a cubic for each interval between two rows.
 
-        With a period it closes smoothly through the mean of the first and the last ordinate. Without one its
-        ends are straight (natural spline) and it keeps its end values outside: one interval more at each end
-        says so.
+        With a period it closes through the mean of the first and the last ordinate, as smoothly as elsewhere. Without
+        one it keeps its end values outside: one interval more at each end says so.
         """
         x, y = self.x, self.y.copy()
         if period:
             y[0] = y[-1] = (y[0] + y[-1]) / 2
-            cubics = _cubics(x, y, _curvatures_periodic(x, y))
+            cubics = cubics_through(x, y, interpolation, periodic=True)
         else:
-            inner = _cubics(x, y, _curvatures_natural(x, y))
+            inner = cubics_through(x, y, interpolation, periodic=False)
             cubics = np.vstack([[y[0], 0, 0, 0], inner, [y[-1], 0, 0, 0]])
             x = np.concatenate([[x[0] - 1], x, [x[-1] + 1]])
         return np.concatenate([[len(x) - 1, period or 0.0], x, cubics.ravel()])
-
-
-def _cubics(x: np.ndarray, y: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """c0 .. c3 of every interval, (n, 4), from the curvatures m at the knots (de Boor 1978, ch. IV)."""
-    h = np.diff(x)
-    slopes = np.diff(y) / h - h * (2 * m[:-1] + m[1:]) / 6
-    return np.column_stack([y[:-1], slopes, m[:-1] / 2, np.diff(m) / (6 * h)])
-
-
-def _curvatures_natural(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Curvatures, none at the ends: h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (jump of slope)."""
-    h = np.diff(x)
-    jumps = 6 * np.diff(np.diff(y) / h)
-    inner = _solve_tridiagonal(h[1:-1], 2 * (h[:-1] + h[1:]), jumps)
-    return np.concatenate([[0.0], inner, [0.0]])
-
-
-def _curvatures_periodic(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The same with the last knot on the first: the two corner entries h_n-1 as a rank-one change.
-
-    A = T + g w w^T with w = (1, 0 .. 0, 1), g = h_n-1; Sherman and Morrison 1950.
-    """
-    h = np.diff(x)
-    slopes = np.diff(y) / h
-    jumps = 6 * (slopes - np.roll(slopes, 1))
-    diagonal = 2 * (h + np.roll(h, 1))
-    diagonal[[0, -1]] -= h[-1]
-    w = np.zeros(len(h))
-    w[[0, -1]] = 1.0
-    m, v = _solve_tridiagonal(h[:-1], diagonal, np.column_stack([jumps, w])).T
-    m = m - v * h[-1] * (m[0] + m[-1]) / (1 + h[-1] * (v[0] + v[-1]))
-    return np.append(m, m[0])
-
-
-def _solve_tridiagonal(beside: np.ndarray, diagonal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solution for a symmetric tridiagonal matrix; scipy.interpolate would take 0.25 s more to import."""
-    from scipy.linalg import solveh_banded
-
-    return solveh_banded(np.vstack([np.append(0.0, beside), diagonal]), right)
 
 
 def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,7 +72,38 @@ def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def largest_of_block(block: np.ndarray) -> float:
-    """Largest absolute value of a block: at a knot, or where the slope c1 + 2 c2 d + 3 c3 d^2 of a cubic vanishes."""
+    """Largest absolute value of a block: at a knot, or where the slope of a cubic vanishes."""
+    return float(abs(_extremes(block)[1]).max())
+
+
+@dataclass(frozen=True)
+class Overshoot:
+    """Where a block goes farthest beyond the two rows of an interval: x, value, and the values of the two rows."""
+
+    x: float
+    value: float
+    rows: tuple[float, float]
+
+    @property
+    def size(self) -> float:
+        return max(self.value - max(self.rows), min(self.rows) - self.value, 0.0)
+
+
+def overshoot_of_block(block: np.ndarray) -> Overshoot:
+    """The farthest of a block beyond the rows on either side of it."""
+    places, values = _extremes(block)
+    rows = np.sort(values[:2], axis=0)
+    beyond = np.maximum(values - rows[1], rows[0] - values)
+    worst = np.unravel_index(beyond.argmax(), beyond.shape)
+    first, last = values[:2, worst[1]]
+    return Overshoot(float(places[worst]), float(values[worst]), (float(first), float(last)))
+
+
+def _extremes(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each interval's cubic may be largest or smallest, and its values there, (4, n) each.
+
+    First its two ends, then where its slope c1 + 2 c2 d + 3 c3 d^2 vanishes: an end again where it does nowhere.
+    """
     knots, cubics = _parts(block)
     c0, c1, c2, c3 = cubics.T
     width = np.diff(knots)
@@ -119,8 +111,8 @@ def largest_of_block(block: np.ndarray) -> float:
         root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
         share = -(c2 + np.copysign(root, c2))  # without a difference of what is nearly equal
         places = np.stack((np.zeros_like(width), width, share / (3.0 * c3), c1 / share))
-    d = np.clip(np.nan_to_num(places, posinf=0.0, neginf=0.0), 0.0, width)  # no such place: the knot
-    return float(abs(c0 + d * (c1 + d * (c2 + d * c3))).max())
+    d = np.clip(np.nan_to_num(places, posinf=0.0, neginf=0.0), 0.0, width)
+    return knots[:-1] + d, c0 + d * (c1 + d * (c2 + d * c3))
 
 
 def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
@@ -177,6 +169,8 @@ def _read(
         raise Fault(fault.reason, fault.cure, below="unit") from None
     cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
     span = cells[-1][1] - cells[0][1]
+    if abs(span) < 1.0 / LARGEST:
+        raise Fault(f"{Path(path).name} spans {span:g} {x_unit} only", "Correct its first column", below="table")
     for (_, before, _), (line, x, _) in pairwise(cells):
         if x - before <= _CLOSEST * span:
             reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"

@@ -83,7 +83,7 @@ def _axis(solution: Solution, against: str, x: np.ndarray) -> tuple[float, str]:
 
 def _force(load: Load, x: np.ndarray) -> np.ndarray:
     """Magnitude of the load in its SI unit, by the arithmetic of the kernels."""
-    return evaluate_block(load.read_table().coefficients(load.period), x - load.offset)
+    return evaluate_block(load.curve(), x - load.offset)
 
 
 def _pressure(load: Load, x: np.ndarray) -> np.ndarray | None:
@@ -94,7 +94,7 @@ def _pressure(load: Load, x: np.ndarray) -> np.ndarray | None:
         return None
     column = header.index(_PRESSURE)
     bar = np.array([float(row[column]) for row in rows])
-    curve = Table(load.read_table().x, bar).coefficients(load.period)
+    curve = Table(load.read_table().x, bar).coefficients(load.period, load.interpolation)
     return evaluate_block(curve, x - load.offset)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from kaneflex.errors import Fault
@@ -20,6 +21,7 @@ _BELONGS_TO = {
     "column": "table",
     "unit": "table",
     "closing": "table",
+    "interpolation": "table",
 }
 
 
@@ -28,11 +30,11 @@ class Drive(SceneTable):
 
     A constant `speed` (rad/s) starts from `angle` (rad) at t = 0; with `spin_up` (s) it is reached smoothly from
     rest within that time. A `law` in t gives the joint's angle in rad; a `table` (CSV) gives it as its `column`, in
-    `unit`, against time in s. `cycle` (rad) is the angle of a constant speed, `period` (s) the time of a law or table,
-    in which everything repeats. A `free` joint follows the forces (forward dynamics), from `angle` and `initial_speed`
-    (rad/s) at t = 0; its motor is a load. `rotation` is the elastic rotation at the driven joint: held by the drive, or
-    free. A guide's drive prescribes its coordinate in m: `position` (m) stands in the place of `angle`, speeds are in
-    m/s, a table's `unit` is one of length, and there is no `cycle`.
+    `unit`, against time in s, its rows joined by `interpolation`. `cycle` (rad) is the angle of a constant speed,
+    `period` (s) the time of a law or table, in which everything repeats. A `free` joint follows the forces (forward
+    dynamics), from `angle` and `initial_speed` (rad/s) at t = 0; its motor is a load. `rotation` is the elastic
+    rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its coordinate in m: `position`
+    (m) stands in the place of `angle`, speeds are in m/s, a table's `unit` is one of length, and there is no `cycle`.
     """
 
     speed: DriveSpeed | None = None
@@ -47,6 +49,9 @@ class Drive(SceneTable):
     column: str | None = None
     unit: str = "deg"
     closing: NonNegativeRatio = 0.01
+    interpolation: Literal["pchip", "akima", "spline"] = Field(
+        default="spline", description="of a table, between its rows; with a linear one the speed would jump there"
+    )
     repeat: PositiveTime | None = Field(default=None, alias="period", description="time in which a law repeats, s")
     rotation: Literal["held", "free"] = "held"
 
@@ -93,6 +98,10 @@ class Drive(SceneTable):
         except Fault:
             return ANGLE
         return LENGTH
+
+    def curve(self) -> np.ndarray:
+        """The block (see `kaneflex.tables`) of the drive's table. Raises Fault as `read_table`."""
+        return self.read_table().coefficients(self.period, self.interpolation)
 
     def read_table(self) -> Table:
         """The drive's table, in rad or m over s. Raises Fault as `kaneflex.tables.read_table` does."""

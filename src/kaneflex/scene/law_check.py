@@ -52,7 +52,7 @@ def _motion(name: str, drive: Drive, times: np.ndarray) -> dict[str, np.ndarray 
             case "law":
                 return {name: parse_law(drive.law, ("t",)).on_arrays({"t": times})}
             case "table":
-                return {name: evaluate_block(drive.read_table().coefficients(drive.period), times)}
+                return {name: evaluate_block(drive.curve(), times)}
     except Fault:
         pass  # named where the drive is checked
     return {}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.errors import Fault, nearest
+from kaneflex.interpolation import Interpolation
 from kaneflex.scene.quantities import (
     Address,
     AddressField,
@@ -97,7 +99,7 @@ class Load(SceneTable):
     Its size is a constant `value`, a `law` in t, drive angles (NAME) and drive speeds (NAME_speed), or a
     `table` (CSV) of its `column` in `unit` against the angle of a drive (first column in degrees) or "t" (in
     seconds). The table is read at x - `offset`; with a `period` it repeats, and its ends may differ by
-    `closing` of its largest value.
+    `closing` of its largest value; `interpolation` joins its rows.
     """
 
     force_on: AddressField | None = None
@@ -115,6 +117,7 @@ class Load(SceneTable):
     period: AngleOrTime | None = None
     offset: AngleOrTime = 0.0
     closing: NonNegativeRatio = 0.01
+    interpolation: Interpolation = Field(default="pchip", description="of a table, between its rows")
 
     @field_validator("value", mode="before")
     @classmethod
@@ -146,7 +149,7 @@ class Load(SceneTable):
         if kind == "table" and self.against is None:
             raise Fault("a table without what it is read against", "Give against, a drive's name or 't'")
         if kind != "table":
-            for field in ("column", "unit", "against", "period", "offset", "closing"):
+            for field in ("column", "unit", "against", "period", "offset", "closing", "interpolation"):
                 if field in self.model_fields_set:
                     raise Fault(f"belongs to a table; this load has a {kind}", "Leave it out", below=field)
         return self
@@ -168,6 +171,10 @@ class Load(SceneTable):
         if self.period is not None:
             table.check_period(self.period, self.closing)
         return table
+
+    def curve(self) -> np.ndarray:
+        """The block (see `kaneflex.tables`) of the load's table. Raises Fault as `read_table`."""
+        return self.read_table().coefficients(self.period, self.interpolation)
 
 
 class Rayleigh(SceneTable):

@@ -1,0 +1,88 @@
+"""Piecewise cubics through the rows of a table: four ways from one row to the next.
+
+All of them pass through the rows, and all are one cubic an interval, so that kernels need one look-up.
+
+- "linear": straight from row to row.
+- "pchip": monotone between two rows, so never beyond them (Fritsch & Butland 1984, SIAM J. Sci. Stat. Comput. 5);
+  continuous slope.
+- "akima": slopes from the nearest five rows (Akima 1970, J. ACM 17); it may go a little beyond them.
+- "spline": continuous curvature (de Boor 1978, ch. IV), fourth order on what is smooth; where a table changes from flat
+  to steep it swings beyond the rows.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+
+Interpolation = Literal["linear", "pchip", "akima", "spline"]
+INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
+_BEYOND = 4
+"""Rows that a periodic table is continued by at either end: Akima's slope at a row depends on two on each side."""
+
+
+def cubics_through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, periodic: bool) -> np.ndarray:
+    """Coefficients c0 .. c3, (n, 4), of the cubics c0 + d (c1 + d (c2 + d c3)), d = x - x_i, through n + 1 rows.
+
+    A periodic table ends where it starts, y[0] = y[-1]. Otherwise the ends of a spline are straight (natural), and
+    slopes at the others' ends are of one side.
+    """
+    match interpolation:
+        case "linear":
+            slopes = np.diff(y) / np.diff(x)
+            return np.column_stack([y[:-1], slopes, 0.0 * slopes, 0.0 * slopes])
+        case "spline":
+            return _cubics(x, y, _curvatures_periodic(x, y) if periodic else _curvatures_natural(x, y))
+    if not periodic:
+        return _scipy_cubics(x, y, interpolation)
+    count, period = min(_BEYOND, len(x) - 1), x[-1] - x[0]
+    x = np.concatenate([x[-1 - count : -1] - period, x, x[1 : count + 1] + period])
+    y = np.concatenate([y[-1 - count : -1], y, y[1 : count + 1]])
+    return _scipy_cubics(x, y, interpolation)[count:-count]
+
+
+def _scipy_cubics(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> np.ndarray:
+    from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
+
+    kind = PchipInterpolator if interpolation == "pchip" else Akima1DInterpolator
+    return kind(x, y).c[::-1].T
+
+
+def _cubics(x: np.ndarray, y: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """c0 .. c3 of every interval, (n, 4), from the curvatures m at the knots (de Boor 1978, ch. IV)."""
+    h = np.diff(x)
+    slopes = np.diff(y) / h - h * (2 * m[:-1] + m[1:]) / 6
+    return np.column_stack([y[:-1], slopes, m[:-1] / 2, np.diff(m) / (6 * h)])
+
+
+def _curvatures_natural(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Curvatures, none at the ends: h_i-1 m_i-1 + 2 (h_i-1 + h_i) m_i + h_i m_i+1 = 6 (jump of slope)."""
+    h = np.diff(x)
+    jumps = 6 * np.diff(np.diff(y) / h)
+    inner = _solve_tridiagonal(h[1:-1], 2 * (h[:-1] + h[1:]), jumps)
+    return np.concatenate([[0.0], inner, [0.0]])
+
+
+def _curvatures_periodic(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The same with the last knot on the first: the two corner entries h_n-1 as a rank-one change.
+
+    A = T + g w w^T with w = (1, 0 .. 0, 1), g = h_n-1; Sherman and Morrison 1950.
+    """
+    h = np.diff(x)
+    slopes = np.diff(y) / h
+    jumps = 6 * (slopes - np.roll(slopes, 1))
+    diagonal = 2 * (h + np.roll(h, 1))
+    diagonal[[0, -1]] -= h[-1]
+    w = np.zeros(len(h))
+    w[[0, -1]] = 1.0
+    m, v = _solve_tridiagonal(h[:-1], diagonal, np.column_stack([jumps, w])).T
+    m = m - v * h[-1] * (m[0] + m[-1]) / (1 + h[-1] * (v[0] + v[-1]))
+    return np.append(m, m[0])
+
+
+def _solve_tridiagonal(beside: np.ndarray, diagonal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solution for a symmetric tridiagonal matrix; scipy.interpolate would take 0.25 s more to import."""
+    from scipy.linalg import solveh_banded
+
+    return solveh_banded(np.vstack([np.append(0.0, beside), diagonal]), right)
