@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 from kaneflex.errors import SceneError
+from kaneflex.joint_rows import constraint_count
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 
@@ -33,22 +36,41 @@ class Carried:
 
 
 def prescribed_bodies(scene: Scene) -> set[str]:
-    """Rigid bodies whose motion the drives fix: reached from the ground by drives, welds and rigid dyads alone."""
+    """Rigid bodies whose motion the drives fix: group after group that joints between rigid bodies determine."""
     rigid = {"ground", *(name for name, body in scene.bodies.items() if not body.elastic)}
     pairs = {name: {address.body for address in joint.addresses} for name, joint in scene.joints.items()}
     pairs = {name: pair for name, pair in pairs.items() if pair <= rigid}
-    fixed, size = {"ground"}, 0
-    while len(fixed) > size:
-        size = len(fixed)
-        for name, pair in pairs.items():
-            if (name in scene.drives or scene.joints[name].kind == "weld") and len(pair & fixed) == 1:
-                fixed |= pair
-        # Two bodies that meet in a joint, each on what is fixed by another one: six constraints, six coordinates.
-        held = {body for pair in pairs.values() if len(pair & fixed) == 1 for body in pair - fixed}
-        for pair in pairs.values():
-            if pair <= held:
-                fixed |= pair
+    taken = {name: constraint_count(scene.joints[name]) + (name in scene.drives) for name in pairs}
+    fixed = {"ground"}
+    while group := _determined(pairs, taken, fixed, rigid - fixed):
+        fixed |= group
     return fixed
+
+
+def _determined(
+    pairs: Mapping[str, set[str]], taken: Mapping[str, int], fixed: set[str], waiting: set[str]
+) -> set[str]:
+    """The fewest bodies with as many constraints, drives counted, as coordinates; none where there are none.
+
+    A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
+    """
+
+    def count(group: set[str]) -> int:
+        return sum(taken[name] for name, pair in pairs.items() if pair & group and pair <= group | fixed)
+
+    # What fewer than three constraints hold is loose in any group: without it there are few to look through.
+    loose = {""}
+    while loose:
+        loose = {
+            name for name in waiting
+            if sum(taken[joint] for joint, pair in pairs.items() if name in pair and pair <= waiting | fixed) < 3
+        }  # fmt: skip
+        waiting = waiting - loose
+    for size in range(1, len(waiting) + 1):
+        for group in map(set, combinations(sorted(waiting), size)):
+            if count(group) >= 3 * size:
+                return group
+    return set()
 
 
 def carried_bodies(scene: Scene) -> dict[str, Carried]:
@@ -70,7 +92,7 @@ def carried_bodies(scene: Scene) -> dict[str, Carried]:
             joints = " and ".join(joint for joint, _, _ in holders[name])
             raise SceneError(
                 f"bodies.{name}", "rigid", f"{joints} hold it between rigid bodies, so that it can't follow the links",
-                "Give one of these bodies a beam, or leave one of the joints out",
+                "Take preset rigid, give one of these bodies a beam, or leave one of the joints out",
             )  # fmt: skip
         carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))
     return carried
@@ -94,7 +116,7 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
         if other.body not in prescribed:
             raise SceneError(
                 f"joints.{name}", other.body, "a guide on a body that elastic links carry is not available yet",
-                "Put the guide on the ground or on a driven body",
+                "Put the guide on the ground or on a driven body, or take preset rigid",
             )  # fmt: skip
         return Carried("guided", scene.point(own), name, other)
     kind = "hinged" if joint.kind == "revolute" and name not in scene.drives else "welded"
@@ -132,5 +154,5 @@ def check_elastic(scene: Scene) -> None:
             if joint.kind == "prismatic" and address.body in scene.bodies and scene.bodies[address.body].elastic:
                 raise SceneError(
                     f"joints.{name}", address.body, "an elastic body on a guide is not available yet",
-                    "Join it to a guided rigid body by a revolute joint or a weld",
+                    "Join it to a guided rigid body by a revolute joint or a weld, or take preset rigid",
                 )  # fmt: skip

@@ -14,11 +14,12 @@ from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
+from kaneflex.freedom import check_determined
 from kaneflex.model import Model, Motion, RigidMotion
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
-from kaneflex.seeding import seed_loops
+from kaneflex.seeding import check_free, seed_loops
 
 Progress = Callable[[str], None]
 ONE_WAY = (
@@ -59,6 +60,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
         raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
+    check_determined(scene)
+    check_free(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
     module, derived = find_module(scene, progress)

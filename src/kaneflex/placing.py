@@ -77,6 +77,17 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     return Placement(poses, drives)
 
 
+def larger_group(scene: Scene) -> tuple[str, ...]:
+    """The first bodies that are neither driven or welded nor a dyad, whose loop has no closed form; or none."""
+    placed = {"ground": _GROUND}
+    while len(placed) <= len(scene.bodies):
+        group = _next_group(scene, placed)
+        if _is_larger(scene, group, _joints_of(scene, placed, group)):
+            return group
+        placed |= dict.fromkeys(group, _GROUND)
+    return ()
+
+
 def start_coordinate(scene: Scene, name: str) -> float:
     """Coordinate of a drive at t = 0 [rad or m]."""
     drive = scene.drives[name]

@@ -18,7 +18,7 @@ import numpy as np
 from kaneflex.errors import SceneError
 from kaneflex.joint_rows import Rows, place_of
 from kaneflex.model import Motion
-from kaneflex.placing import place
+from kaneflex.placing import larger_group, place
 from kaneflex.scene import Scene
 from kaneflex.tables import Table
 
@@ -38,6 +38,24 @@ class _Locked(Exception):
 
     def __init__(self, x: float, joint: str) -> None:
         self.x, self.joint = x, joint
+
+
+def check_free(scene: Scene) -> None:
+    """A loop that Newton's method closes is followed over one drive's turn: none other may be beside it if it is free.
+
+    Raises
+    ------
+    SceneError
+        Before anything is derived; no preset can do without that turn.
+    """
+    free = [name for name, drive in scene.drives.items() if drive.free]
+    if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(scene)):
+        raise SceneError(
+            f"drives.{free[0]}", "free",
+            f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone, under "
+            "every preset",
+            "Prescribe all drives, or leave the others out",
+        )  # fmt: skip
 
 
 def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> np.ndarray:
@@ -103,11 +121,6 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
     follower = _Follower(scene)
     drives = list(scene.drives)
     free = [name for name in drives if scene.drives[name].kind == "free"]
-    if free and len(drives) > 1:
-        raise SceneError(
-            f"drives.{free[0]}", "free", "a loop of more than two bodies needs a mechanism with this drive alone",
-            "Prescribe all drives, or leave the others out",
-        )  # fmt: skip
     if len(drives) > 1:
         motion = Motion(module, parameters)
 

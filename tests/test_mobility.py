@@ -1,0 +1,179 @@
+"""What joints and drives leave open, hold twice or can't do with elastic links is named before anything is derived."""
+
+import numpy as np
+import pytest
+
+from kaneflex import binding
+from kaneflex.errors import SceneError
+from kaneflex.loading import load
+from kaneflex.scene import read_scene
+from kaneflex.simulation import simulate
+
+THREE_CRANKS = """
+schema = 1
+ground = {b = ["200 mm", 0], c = ["400 mm", 0]}
+[bodies]
+crank = {length = "50 mm", mass = "0.1 kg"}
+second = {length = "50 mm", mass = "0.1 kg"}
+third = {length = "50 mm", mass = "0.1 kg"}
+bar = {length = "400 mm", mass = "0.3 kg"}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+near_pin = {revolute = ["crank.end", "bar.start"]}
+middle_pin = {revolute = ["bar.mid", "second.end"]}
+middle = {revolute = ["ground.b", "second.start"]}
+far_pin = {revolute = ["bar.end", "third.end"]}
+far = {revolute = ["ground.c", "third.start"]}
+[drives]
+main = {speed = "60 rpm", cycle = "360 deg"}
+"""
+TWO_GUIDES = """
+schema = 1
+[bodies]
+cart = {length = "400 mm", mass = "1 kg"}
+[joints]
+left = {prismatic = ["ground", "cart.start"], direction = [1, 0]}
+right = {prismatic = ["ground", "cart.end"], direction = [1, 0]}
+[drives]
+left = {speed = "1 m/s"}
+[solve]
+duration = "1 s"
+"""
+HANGING = """
+schema = 1
+[bodies]
+crank = {length = "50 mm", mass = "0.1 kg"}
+tail = {length = "50 mm", mass = "0.1 kg"}
+[joints]
+main = {revolute = ["ground", "crank.start"]}
+swing = {revolute = ["crank.end", "tail.start"]}
+[drives]
+main = {speed = "60 rpm", cycle = "360 deg"}
+"""
+CARRIED_RHOMBUS = """
+schema = 1
+[bodies]
+arm = {length = "300 mm", beam = {material = "steel", A = "100 mm^2", I = "2000 mm^4"}}
+a = {length = "200 mm", mass = "1 kg"}
+b = {length = "200 mm", mass = "1 kg"}
+c = {length = "200 mm", mass = "1 kg"}
+d = {length = "200 mm", mass = "1 kg"}
+[joints]
+main = {revolute = ["ground", "arm.start"]}
+grip = {weld = ["arm.end", "a.start"]}
+ab = {revolute = ["a.end", "b.start"]}
+opening = {revolute = ["a.start", "d.start"]}
+dc = {revolute = ["d.end", "c.start"]}
+bc = {revolute = ["b.end", "c.end"]}
+[drives]
+main = {law = "0.6 + 0.1 * sin(2 * t)"}
+opening = {law = "1.0 + 0.1 * sin(2 * t)"}
+[solve]
+duration = "1 s"
+"""
+
+
+@pytest.fixture
+def nothing_is_derived(monkeypatch):
+    def derive(*_):
+        raise AssertionError("derived")
+
+    monkeypatch.setattr(binding, "generate_text", derive)
+
+
+def refused(tmp_path, text: str) -> str:
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    with pytest.raises(SceneError) as error:
+        load(read_scene(file))
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("scene", "drive", "said"),
+    [
+        ("four-bar", 'rocker = {speed = "10 rpm"}', "drives.rocker: a constraint too many, redundant"),
+        ("engine", 'bore = {speed = "1 m/s"}', "drives.bore: a constraint too many, redundant"),
+        ("engine", 'wrist = {law = "0.1 * sin(t)"}', "hold that already: wrist by its drive;"),
+    ],
+)
+def test_two_drives_on_one_freedom(tmp_path, nothing_is_derived, scene, drive, said):
+    start = '[solve]\nstart = "zero"\nduration = "0.1 s"'
+    assert said in refused(tmp_path, f'schema = 1\nlike = "{scene}"\n[drives]\n{drive}\n{start}\n')
+
+
+def test_redundant_joints(tmp_path, nothing_is_derived):
+    """A third crank of equal length would let the bar move, but not hold it any better: by count it locks."""
+    assert "redundant as other joints and drives hold that already: far across" in refused(tmp_path, THREE_CRANKS)
+    assert "2 constraints too many, redundant as other joints and drives hold that already: right across" in refused(tmp_path, TWO_GUIDES)
+
+
+def test_what_nothing_drives(tmp_path, nothing_is_derived):
+    assert "nothing determines the motion of tail;" in refused(tmp_path, HANGING)
+
+
+def test_rigid_bodies_that_elastic_ones_can_not_carry_name_the_preset_that_can(tmp_path, nothing_is_derived):
+    said = refused(tmp_path, CARRIED_RHOMBUS)
+    assert "hold it between rigid bodies, so that it can't follow the links" in said and "Take preset rigid" in said
+
+
+def test_a_free_drive_beside_another_one_in_a_larger_loop(tmp_path, nothing_is_derived):
+    rocking = 'tail = {length = "50 mm", mass = "0.1 kg"}'
+    text = f"""schema = 1
+like = "six-bar"
+[bodies]
+{rocking}
+[joints]
+hook = {{revolute = ["ground", "tail.start"]}}
+[drives]
+hook = {{free = true}}
+[solve]
+start = "zero"
+duration = "0.05 s"
+"""
+    said = refused(tmp_path, text)
+    assert "drives.hook" in said and "of more than two bodies, needs a mechanism with this drive alone" in said
+
+
+BOOM = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground = {foot = ["400 mm", 0]}
+[bodies]
+boom = {length = "1 m", points = {lug = ["500 mm", 0]}}
+tube = {}
+stem = {}
+jib = {length = "1 m", beam = {E = "2e14 Pa", rho = 7850, A = "400 mm^2", I = "13333 mm^4"}}
+[joints]
+heel = {revolute = ["ground", "boom.start"]}
+eye = {revolute = ["ground.foot", "tube"]}
+stroke = {prismatic = ["tube", "stem"], direction = [1, 0]}
+lug = {revolute = ["stem", "boom.lug"], near = {boom = "35 deg"}}
+root = {weld = ["boom.end", "jib.start"]}
+[drives]
+stroke = {speed = 0, position = "300 mm"}
+[sensors]
+push = {drive_force = "stroke"}
+root_moment = {joint_force = "root", component = "angle"}
+heel_x = {joint_force = "heel", component = "x"}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 2
+"""
+
+
+def test_a_cylinder_raises_a_boom_with_an_elastic_jib(tmp_path, monkeypatch):
+    """Three rigid bodies that one drive places: a triangle of 400, 500 and 300 mm, and the jib's weight on the boom.
+
+    cos phi = 0.8 at the heel, a right angle at the eye: the cylinder stands upright below the lug, with the weight
+    m g at 1.5 m along the boom and its own lever of 0.4 m.
+    """
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "boom.toml").write_text(BOOM)
+    series = simulate(load(read_scene(tmp_path / "boom.toml"))).series
+    weight = 7850 * 400e-6 * 9.81
+    assert series["push"].values == pytest.approx(np.full(3, weight * 1.5 * 0.8 / 0.4), rel=1e-5)
+    assert abs(series["root_moment"].values) == pytest.approx(np.full(3, weight * 0.5 * 0.8), rel=1e-5)
+    assert abs(series["heel_x"].values).max() < 1e-5 * weight
+
