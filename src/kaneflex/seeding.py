@@ -161,7 +161,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
     # Where the drive only moves to one side of its start, the other sweep stands still.
     x, first = np.unique(np.concatenate([back.x[::-1], there.x]), return_index=True)
     if len(x) == 1:  # a drive that is held: the table has one value
-        x, first = x + np.array([-1.0, 0.0, 1.0]), np.zeros(3, dtype=int)
+        x, first = x + np.array([-1.0, 0.0, 1.0, 2.0]), np.zeros(4, dtype=int)
     return _Sweep(x, np.concatenate([back.poses[::-1], there.poses])[first], there.bodies, None)
 
 
