@@ -106,7 +106,9 @@ def _of_condition(found: Stability) -> str:
 def _of_speeds(found: Stability) -> str:
     swept, scene = found.sweep, found.model.scene
     ends = [written_speed(scene, swept.drive, float(swept.speeds[k])) for k in (0, -1)]
+    gap = written_speed(scene, swept.drive, swept.widest_gap)
+    missed = f"a band narrower than {gap} may be missed but at 2 f / k turns of a frozen frequency f"
     if not swept.bands:
-        return f"stable at all {len(swept.speeds)} speeds from {ends[0]} to {ends[1]}"
+        return f"stable at all {len(swept.speeds)} speeds from {ends[0]} to {ends[1]}; {missed}"
     bands = [" to ".join(written_speed(scene, swept.drive, edge) for edge in band) for band in swept.bands]
-    return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}"
+    return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}; {missed}"

@@ -73,6 +73,7 @@ class Stability:
         }
         if self.sweep is not None:
             data["drive"], data["unstable_bands"] = self.sweep.drive, [list(band) for band in self.sweep.bands]
+            data["widest_gap"] = self.sweep.widest_gap
             data["crossings"] = [crossing._asdict() for crossing in self.sweep.crossings()]
         return _plain(data)
 

@@ -15,7 +15,7 @@ from kaneflex.scene import Scene, with_settings
 from kaneflex.stability.campbell import FEW_INSTANTS, freeze
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
 
-_EDGE = 1e-4
+_EDGE = 2e-5
 """Share of the sweep's width to which a band's edge is found between two of its speeds."""
 
 ORDERS = 6
@@ -63,15 +63,37 @@ class Sweep:
 
     def crossings(self, orders: int = ORDERS) -> list[Crossing]:
         """Where multiples of the drive's turns meet the mean of a frequency, between two speeds by a straight line."""
-        found = []
-        for mode, frequencies in enumerate(self.mean.T):
-            for order in range(1, orders + 1):
-                gap = frequencies - order * self.speeds / (2.0 * np.pi)
-                for k in np.flatnonzero((gap[:-1] < 0.0) != (gap[1:] < 0.0)):
-                    share = gap[k] / (gap[k] - gap[k + 1])
-                    speed = self.speeds[k] + share * (self.speeds[k + 1] - self.speeds[k])
-                    found.append(Crossing(order, mode + 1, float(speed)))
-        return found
+        return _crossings(self.speeds, self.mean, orders)
+
+    @property
+    def widest_gap(self) -> float:
+        """Largest distance of two neighbouring speeds: a narrower unstable band between them may be missed."""
+        return float(np.diff(self.speeds).max())
+
+
+def _crossings(speeds: np.ndarray, frequencies: np.ndarray, orders: int, share: float = 1.0) -> list[Crossing]:
+    """Speeds at which a multiple of the turns meets ``share`` times a frequency, (n_speeds, count) in Hz."""
+    found = []
+    for mode, own in enumerate(frequencies.T):
+        for order in range(1, orders + 1):
+            gap = share * own - order * speeds / (2.0 * np.pi)
+            for k in np.flatnonzero((gap[:-1] < 0.0) != (gap[1:] < 0.0)):
+                part = gap[k] / (gap[k] - gap[k + 1])
+                found.append(Crossing(order, mode + 1, float(speeds[k] + part * (speeds[k + 1] - speeds[k]))))
+    return found
+
+
+def _resonances(speeds: np.ndarray, mean: np.ndarray) -> list[float]:
+    """Where bands begin as a pulsation grows from nothing, the widest first: at 2 f / k turns (Bolotin 1964, ch. 2).
+
+    As many as there are speeds at most, and none that is one of them.
+    """
+    width = _EDGE * (speeds[-1] - speeds[0])
+    found: list[float] = []
+    for crossing in sorted(_crossings(speeds, mean, ORDERS, share=2.0)):
+        if min(abs(np.array([*speeds, *found]) - crossing.speed)) > width:
+            found.append(crossing.speed)
+    return found[: len(speeds)]
 
 
 def speeds_between(low: float, high: float, points: int) -> np.ndarray:
@@ -93,6 +115,9 @@ def sweep(
 ) -> Sweep:
     """Multipliers and ``count`` lowest frozen frequencies of a scene at some speeds [rad/s or m/s], rising.
 
+    Speeds at which a pulsation can excite one of these frequencies are looked at beside them: a band around one may be
+    narrower than the distance of two speeds.
+
     Raises
     ------
     SceneError
@@ -109,12 +134,20 @@ def sweep(
         model = loaded(speed, first)
         return model, floquet_multipliers(model)
 
-    found, frozen = [], []
-    for k, speed in enumerate(speeds):
+    found: dict[float, tuple[Multipliers, np.ndarray]] = {}
+
+    def look(speed: float, done: float) -> None:
         model, multipliers = at(speed)
-        found.append(multipliers)
-        frozen.append(freeze(model, count, FEW_INSTANTS).frequencies)
-        progress((k + 1) / len(speeds))
+        found[float(speed)] = multipliers, freeze(model, count, FEW_INSTANTS).frequencies
+        progress(done)
+
+    for k, speed in enumerate(speeds):
+        look(speed, 0.5 * (k + 1) / len(speeds))
+    beside = _resonances(speeds, np.array([frequencies.mean(axis=0) for _, frequencies in found.values()]))
+    for k, speed in enumerate(beside):
+        look(speed, 0.5 + 0.5 * (k + 1) / len(beside))
+    speeds = np.array(sorted(found))
+    found, frozen = zip(*(found[speed] for speed in speeds), strict=True)
     bands = _bands(speeds, [one.unstable for one in found], lambda speed: at(speed)[1].unstable)
     keys = ("radius", "growth_rate", "settled")
     radii, rates, settled = (np.array([getattr(one, key) for one in found]) for key in keys)
