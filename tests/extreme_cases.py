@@ -17,8 +17,10 @@ from extreme_checks import (
     STEEL,
     against,
     against_scene,
+    as_rigid_crank,
     blade,
     ended,
+    forces,
     gas_alone,
     peak_of_spike,
     piston_at_rest,
@@ -38,8 +40,8 @@ def _speeds() -> list[Case]:
         Case(
             "speed", f"{rpm} rpm, gas force against F l / (E A)", "engine",
             (f"main.speed={rpm} rpm", "solve.start=periodic", "solve.steps=400"), gas_alone, 1e-3,
-            accurate=("quasistatic", "generalised-alpha") if rpm != "1" else (*ELASTIC, "coupled"), slow=("coupled",),
-            named={} if rpm == "1" else dict.fromkeys(("linear", "gauss", "newmark"), "no periodic state"),
+            accurate=(*ELASTIC, "coupled") if rpm == "1" else ("quasistatic", "linear", "radau", "generalised-alpha"),
+            named={} if rpm == "1" else {"newmark": "no periodic state"}, slow=("coupled",),
         )
         for rpm in ("1e-9", "1e-3", "1")
     ]  # fmt: skip
@@ -54,7 +56,7 @@ def _speeds() -> list[Case]:
         Case(
             "speed", f"{factor:g} times the rated, E by its square: the same motion", "slider-crank-150",
             scaled(factor), against(scaled(1.0), "mid_transverse"), 1e-6,
-            accurate=("quasistatic", "paper", "linear", "gauss", "newmark", "generalised-alpha", "coupled"),
+            accurate=("quasistatic", "paper", "linear", "radau", "newmark", "generalised-alpha", "coupled"),
             slow=("coupled",) if factor == 1e-6 else (),
         )
         for factor in (1e-6, 10.0)
@@ -65,18 +67,18 @@ def _speeds() -> list[Case]:
         Case(
             "speed", f"{share:g} of the critical speed without K_g", "rotating-cantilever",
             (f"shaft.speed={share * critical!r}", "solve.start=periodic"), ended, 0.0,
-            accurate=("gauss", "newmark", "generalised-alpha", *(stepped if share < 1 else ())),
+            accurate=("radau", "newmark", "generalised-alpha", *(stepped if share < 1 else ())),
             named={} if share < 1 else dict.fromkeys(stepped, "unstable: the motion grows beyond all bounds"),
         )
         for share in (0.99, 1.01)
     ]  # fmt: skip
     standing = Case(
         "speed", "0 rpm without a duration", "engine", ("main.speed=0",), ended, 0.0, accurate=(),
-        named=dict.fromkeys(("rigid", "quasistatic", "paper", "gauss", "coupled"), "no drive that turns has a cycle"),
+        named=dict.fromkeys(("rigid", "quasistatic", "paper", "radau", "coupled"), "no drive that turns has a cycle"),
     )  # fmt: skip
     beyond = Case(
         "speed", "1e61 rad/s", "engine", ("main.speed=1e61",), ended, 0.0, accurate=(),
-        named=dict.fromkeys(("rigid", "quasistatic", "paper", "gauss", "coupled"), "outside 1e-60 to 1e+60"),
+        named=dict.fromkeys(("rigid", "quasistatic", "paper", "radau", "coupled"), "outside 1e-60 to 1e+60"),
     )  # fmt: skip
     return [*slow, *similar, *instability, standing, beyond]
 
@@ -134,7 +136,7 @@ def _masses() -> list[Case]:
         Case(
             "mass ratio", f"{mass} kg of piston on 0.15 kg of rod: it stands still", "engine",
             (f"piston.mass={mass} kg", *common), piston_at_rest, 1e-3, accurate=("paper", "linear", "coupled"),
-            also=("gauss", "newmark", "generalised-alpha"), slow=METHODS if mass == "1e8" else ("coupled",),
+            also=("radau", "newmark", "generalised-alpha"), slow=METHODS if mass == "1e8" else ("coupled",),
         )
         for mass in ("1e8", "1e9")
     ]  # fmt: skip
@@ -142,7 +144,7 @@ def _masses() -> list[Case]:
     light = Case(
         "mass ratio", "1e-9 kg of piston on 0.15 kg of rod: as none", "engine", ("piston.mass=1e-9 kg", *common),
         against(weightless, "tip_axial", "mid_transverse"), 1e-5,
-        accurate=("quasistatic", "paper", "linear", "gauss", "newmark", "generalised-alpha", "coupled"),
+        accurate=("quasistatic", "paper", "linear", "radau", "newmark", "generalised-alpha", "coupled"),
         slow=("coupled",),
     )  # fmt: skip
     return [*heavy, light]
@@ -196,13 +198,14 @@ def _modes() -> list[Case]:
 
 def _links() -> list[Case]:
     no_mass = ("rod.mass=none", f"rod.beam={{E={STEEL!r}, rho=1e-6, A={ROD_AREA!r}, I=7.008e-9, elements=4}}")
-    rounding = dict.fromkeys(("linear", "gauss", "newmark"), "no periodic state: a Floquet multiplier equals one")
+    rounding = {"newmark": "no periodic state: a Floquet multiplier equals one"}
     found = [
         Case(
             "links", f"a crank {factor:g} times as stiff as the rod: as a rigid one", "engine-elastic-crank",
             (f"crank.beam={{E={STEEL * factor!r}, rho=7850, I=7.66008e-7, elements=2}}",),
             against_scene("engine", "tip_axial", "mid_transverse"), 1e-6,
-            accurate=("quasistatic", "generalised-alpha"), named=rounding, slow=ELASTIC if factor == 1e6 else (),
+            accurate=("quasistatic", "linear", "radau", "generalised-alpha"), named=rounding,
+            slow=ELASTIC if factor == 1e6 else (),
         )
         for factor in (1e6, 1e9)
     ]  # fmt: skip
@@ -222,6 +225,67 @@ def _links() -> list[Case]:
             named=dict.fromkeys(("rigid", "quasistatic", "paper", *STEPPED, "coupled"), "a mass must be above zero"),
         ),
     ]  # fmt: skip
+
+
+CONVERGED = ("solve.integrator=generalised-alpha", "solve.steps=23040")
+"""Second order, but it damps what it doesn't resolve, and sixteen times the default steps."""
+ENGINE_FORCES = ("rod_force_piston", "crank_pin_force_y", "piston_side_force", "main_bearing_force_y", "crank_torque")
+ENGINE_ACCELERATIONS = ("piston_acceleration", "rod_mid_acceleration_x", "rod_mid_acceleration_y")
+
+
+def _forces() -> list[Case]:
+    """Forces and accelerations: errors of displacements that are too small to be seen count there at any stiffness."""
+    undamped, damped = ("newmark", "gauss"), ("linear", "radau", "generalised-alpha")
+    measured = (*ENGINE_FORCES, *ENGINE_ACCELERATIONS)
+    found = [
+        Case(
+            "forces", f"{count} elements: joints, sections, accelerations as of 4, converged", "engine",
+            (f"rod.elements={count}",), forces(CONVERGED, *measured), 2e-3, accurate=damped[1:], also=undamped,
+            slow=undamped if count == 4 else METHODS if count == 64 else (),
+        )
+        for count in (4, 16, 64)
+    ]  # fmt: skip
+    start = "solve.start=quasistatic"
+    found.append(
+        Case(
+            "forces", "256 elements, from the quasi-static state: joints, sections, accelerations as of 4, converged",
+            "engine", ("rod.elements=256", start), forces((start, *CONVERGED), *measured), 5e-3, accurate=damped[1:],
+            also=undamped, slow=METHODS,
+        )
+    )  # fmt: skip
+    one = Case(
+        "forces", "1 element: joints, sections, torque as of 1, converged", "engine", ("rod.elements=1",),
+        forces(("rod.elements=1", *CONVERGED), *ENGINE_FORCES), 2e-3, accurate=damped[1:], also=undamped,
+    )  # fmt: skip
+    found += [one]
+    for rpm in (1, 6, 60):
+        speed = f"main.speed={rpm} rpm"
+        found.append(
+            Case(
+                "forces", f"{rpm} rpm: joints, sections, accelerations as the quasi-static ones", "engine", (speed,),
+                forces((speed, "solve.preset=quasistatic"), *measured), 5e-3, accurate=damped, also=undamped,
+                slow=METHODS if rpm == 1 else (),
+            )
+        )  # fmt: skip
+    crank = ("crank_pin_force_x", "crank_pin_force_y", "main_bearing_force_x", "main_bearing_force_y")
+    found += [
+        Case(
+            "forces", f"{count} elements a crank: joints as of 2, converged", "engine-elastic-crank",
+            (f"crank.elements={count}",), forces(CONVERGED, *crank), 5e-3, accurate=damped[1:], also=undamped,
+            slow=METHODS if count == 12 else (),
+        )
+        for count in (8, 12, 32)
+    ]  # fmt: skip
+    stiff = f"crank.beam={{E={STEEL * 1e6!r}, rho=7850, I=7.66008e-7, elements=2}}"
+    for start in ("zero", "quasistatic"):
+        found.append(
+            Case(
+                "forces", f"start = {start}, a crank 1e6 times as stiff as the rod: joints as of a rigid one",
+                "engine-elastic-crank", (stiff, f"solve.start={start}"), as_rigid_crank(start, *crank), 2e-2,
+                accurate=damped[1:] if start == "quasistatic" else ("radau",), also=("generalised-alpha", *undamped),
+            )
+        )  # fmt: skip
+    return found
 
 
 def spiked(table: Path, rows: np.ndarray, at: float) -> tuple[str, ...]:
@@ -262,10 +326,23 @@ def spike_cases(folder: Path) -> list[Case]:
             accurate=("quasistatic",) if steps > 1440 else (), also=() if steps > 1440 else ELASTIC,
         )
         for steps in (1440, 28800)
-    ]  # fmt: skip
+    ] + [_pulse(folder)]  # fmt: skip
+
+
+def _pulse(folder: Path) -> Case:
+    """A press: 50 kN within 1.9 degrees of crank at 60 rpm, slow beside the rod, in default steps of half a degree."""
+    rows, table = np.concatenate(([0.0], np.arange(360, 380.01, 0.1), [720.0])), folder / "pulse.csv"
+    force = 5e4 * np.where(abs(rows - 370.25) < 1.9, np.cos(0.5 * np.pi * (rows - 370.25) / 1.9) ** 2, 0.0)
+    table.write_text("deg,F\n" + "".join(f"{row:.2f},{F:.6g}\n" for row, F in zip(rows, force, strict=True)))
+    settings = (f"gas.table={table}", "gas.column=F", "main.speed=60 rpm")
+    return Case(
+        "forces", "a press's pulse of 1.9 degrees: joints and sections as the quasi-static ones", "engine", settings,
+        forces((*settings, "solve.preset=quasistatic"), *ENGINE_FORCES), 1e-2, accurate=("radau", "generalised-alpha"),
+        also=("linear", "newmark", "gauss"),
+    )  # fmt: skip
 
 
 CASES = (
-    *_speeds(), *_blades(), *_dead_centres(), *_masses(), *_dampings(), *_steps(), *_modes(), *_links(),
+    *_speeds(), *_blades(), *_dead_centres(), *_masses(), *_dampings(), *_steps(), *_modes(), *_links(), *_forces(),
 )  # fmt: skip
 """Every case but those of `spike_cases`, which need a folder for their table."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from extremes import METHODS, relative
 from scipy.linalg import expm
 
@@ -121,6 +122,31 @@ def same_rods(solution: Solution) -> float:
     return max(min(relative(np.roll(first, k * third), other) for k in (2, 4)) for other in others)
 
 
+def forces(settings: tuple[str, ...], *sensors: str) -> Callable[[Solution], float]:
+    """Forces and accelerations against those of another run of the scene; its steps are a multiple of the run's."""
+
+    def error(solution: Solution) -> float:
+        scene = solution.model.scene
+        other = simulate(kaneflex.load(with_settings(kaneflex.read_scene(scene.name), settings)))
+        every = (len(other.times) - 1) // (len(solution.times) - 1)
+        assert other.times[::every] == pytest.approx(solution.times)
+        return max(relative(solution.series[name].values, other.series[name].values[::every]) for name in sensors)
+
+    return error
+
+
+def as_rigid_crank(start: str, *sensors: str) -> Callable[[Solution], float]:
+    """Against the engine whose crank is rigid, after the first twentieth of a cycle: from rest a stiff crank rings."""
+
+    def error(solution: Solution) -> float:
+        other = simulate(kaneflex.load(with_settings(kaneflex.read_scene("engine"), [f"solve.start={start}"])))
+        after = len(solution.times) // 20
+        pairs = ((solution.series[name].values[after:], other.series[name].values[after:]) for name in sensors)
+        return max(relative(*pair) for pair in pairs)
+
+    return error
+
+
 def without_mass(solution: Solution) -> float:
     """A massless rod: -(F + m a) l / (E A cos(phi_2))."""
     push = solution.rigid["gas"] + 0.214 * solution.rigid["piston.a_x"]
@@ -131,7 +157,7 @@ def without_mass(solution: Solution) -> float:
 def _is_of(solution: Solution, method: tuple[str, ...]) -> bool:
     options = solution.model.options
     asked = dict(setting.removeprefix("solve.").split("=") for setting in method)
-    default = {"stiffened": "gauss", "linear": "gauss"}.get(options.preset, options.integrator)
+    default = {"stiffened": "radau", "linear": "radau"}.get(options.preset, options.integrator)
     return (options.preset, options.integrator) == (asked["preset"], asked.get("integrator", default))
 
 

@@ -347,7 +347,7 @@ BAD = {
         "Give a number between, like 1e-9."),
     "unknown integrator": (
         "[solve]", '[solve]\nintegrator = "rk4"',
-        "solve.integrator = 'rk4': must be 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' or "
+        "solve.integrator = 'rk4': must be 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' or "
         "'scipy'. "
         "Correct it."),
     "gravity as a speed": (
@@ -549,7 +549,7 @@ def test_unknown_scene(name):
      "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator."),
     (["solve.integrator=exact-modal"],
      "solve.integrator = 'exact-modal': the equations of preset stiffened are coupled. "
-     "Use newmark, generalised-alpha or gauss."),
+     "Use radau, generalised-alpha or newmark."),
     (["solve.integrator=newmark", "solve.preset=paper"],
      "solve.integrator = 'newmark': the equations of preset paper are decoupled. Leave the integrator out."),
 ])  # fmt: skip

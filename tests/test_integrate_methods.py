@@ -9,7 +9,7 @@ from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import integrate
 
-COMPILED = ("newmark", "generalised-alpha", "gauss")
+COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
 
 
 class Manufactured:

@@ -9,12 +9,12 @@ from integrate_cases import affine, constant, parametric
 
 from kaneflex.errors import UserError
 from kaneflex.integrate import periodic
-from kaneflex.integrate.methods import METHODS
+from kaneflex.integrate.methods import METHODS, tableau
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
 from kaneflex.integrate.run import cycle_map, integrate
 
-COMPILED = ("newmark", "generalised-alpha", "gauss")
+COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
 CYCLE = 2.0 * np.pi
 
 
@@ -50,7 +50,7 @@ def test_periodic_start_repeats_itself_and_equals_a_long_transient(method):
     np.testing.assert_allclose(last, run.z[: steps + 1], rtol=0, atol=1e-9 * np.abs(run.z).max())
 
 
-@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss"])
+@pytest.mark.parametrize("method", COMPILED)
 @pytest.mark.parametrize(("steps", "every"), [(200, 1), (203, 4), (9, 2), (7, 1)])
 def test_stretches_side_by_side_are_the_cycle_in_one_piece(method, steps, every, monkeypatch):
     system, table = coupled()
@@ -143,7 +143,7 @@ def test_exact_modal_periodic():
     assert np.abs(run.v).max() < 1e-13 and np.abs(run.a).max() < 1e-12
 
 
-@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss", "exact-modal"])
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss", "radau", "exact-modal"])
 def test_growth_stops_the_run_at_a_stated_time(method):
     """Negative damping: z grows as exp(5 t); the run must end before it overflows, with finite numbers."""
     system, table = constant(np.eye(1), np.full((1, 1), -10.0), np.full((1, 1), 100.0))
@@ -159,6 +159,9 @@ def vanishing(method, rho=0.8):
     """h^2 k < 0 for which the first pivot of z'' + k z = F vanishes: -1 / (beta kappa), for Gauss -24."""
     if method == "gauss":
         return -24.0
+    if method == "radau":
+        a, _ = tableau(((4.0 - 6.0**0.5) / 10.0, (4.0 + 6.0**0.5) / 10.0, 1.0))
+        return -1.0 / (a @ a)[0, 0]
     if method == "newmark":
         return -4.0
     alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
@@ -243,7 +246,7 @@ def test_a_run_can_be_interrupted(monkeypatch):
         ({"start": (np.zeros(4), np.full(4, np.nan))}, "must be 4 finite numbers"),
         ({"method": "generalised-alpha", "rho_infinity": 1.2}, "rho_infinity"),
         ({"method": "scipy", "scipy_method": "Euler"}, "DOP853"),
-        ({"method": "scipy", "start": "periodic", "period_steps": 10}, "gauss"),
+        ({"method": "scipy", "start": "periodic", "period_steps": 10}, "radau"),
     ],
 )
 def test_arguments_that_cannot_be_used(arguments, said):

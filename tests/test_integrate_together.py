@@ -11,7 +11,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import integrate
 from kaneflex.integrate.together import Run, integrate_together
 
-COMPILED = ("newmark", "generalised-alpha", "gauss")
+COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
 CYCLE = 2.0 * np.pi
 STEPS = 60
 

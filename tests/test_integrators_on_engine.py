@@ -8,7 +8,7 @@ from kaneflex.integrate.methods import METHODS
 
 ENGINE = ("engine", "rod.elements=2")
 PAPER = ("engine-paper",)
-FINEST = {"engine": ("solve.integrator=gauss", "solve.steps=11520"), "engine-paper": ("solve.steps=23040",)}
+FINEST = {"engine": ("solve.integrator=radau", "solve.steps=11520"), "engine-paper": ("solve.steps=23040",)}
 
 
 def error(scene: tuple[str, ...], method: str, steps: int, what: str) -> float:
@@ -22,12 +22,14 @@ def error(scene: tuple[str, ...], method: str, steps: int, what: str) -> float:
 
 
 @pytest.mark.parametrize("what", ["z", "v"])
-@pytest.mark.parametrize(("method", "steps"), [("newmark", 2880), ("generalised-alpha", 2880), ("gauss", 720)], ids=str)
+@pytest.mark.parametrize(
+    ("method", "steps"), [("newmark", 2880), ("generalised-alpha", 2880), ("gauss", 720), ("radau", 360)], ids=str
+)
 def test_measured_order_on_the_engine(method, steps, what):
     """Periodic cycle, coefficients that change with the crank angle, pressure from a table: steps halved twice."""
     errors = [error(ENGINE, method, steps * 2**k, what) for k in range(3)]
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
-    tolerance = 0.1 if method == "gauss" else 0.02
+    tolerance = {"gauss": 0.1, "radau": 0.4}.get(method, 0.02)  # stiff modes: rates of radau towards order 3
     assert orders == pytest.approx([METHODS[method].order] * 2, abs=tolerance)
 
 
@@ -38,11 +40,11 @@ def test_measured_order_of_exact_modes(what):
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([2, 2], abs=0.15)
 
 
-def test_gauss_at_one_degree_beats_the_second_order_methods_at_an_eighth():
-    gauss = error(ENGINE, "gauss", 720, "z")
-    assert gauss < 1e-5
-    for method in ("newmark", "generalised-alpha"):
-        assert error(ENGINE, method, 5760, "z") > gauss
+def test_radau_in_480_steps_beats_gauss_in_720_and_the_second_order_methods_in_5760():
+    radau = error(ENGINE, "radau", 480, "z")
+    assert radau < 1e-5
+    for method, steps in (("newmark", 5760), ("generalised-alpha", 5760), ("gauss", 720)):
+        assert error(ENGINE, method, steps, "z") > radau
 
 
 def test_methods_agree_on_what_is_measured():
@@ -55,7 +57,7 @@ def test_methods_agree_on_what_is_measured():
             assert np.abs(series[name].values - finest[name].values).max() < 2e-4 * scale, name
 
 
-@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss"])
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss", "radau"])
 def test_cycle_closes(method):
     """A periodic start comes back to itself, and nothing grows."""
     trajectory = run(*ENGINE, f"solve.integrator={method}", "solve.steps=1440").trajectory
@@ -67,5 +69,5 @@ def test_cycle_closes(method):
 def test_scipy_gives_a_second_opinion():
     """From rest over a fortieth of a cycle, where solve_ivp is still affordable."""
     short = ("engine-transient", "rod.elements=1", "solve.duration=0.0005 s", "solve.steps=400")
-    ours, theirs = (run(*short, f"solve.integrator={method}").trajectory for method in ("gauss", "scipy"))
+    ours, theirs = (run(*short, f"solve.integrator={method}").trajectory for method in ("radau", "scipy"))
     assert ours.z == pytest.approx(theirs.z, abs=1e-6 * np.abs(theirs.z).max())

@@ -65,7 +65,7 @@ print(integrate(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD, sta
 @pytest.mark.parametrize(
     ("method", "file", "before", "after"),
     [
-        ("gauss", "matrices.py", "return force - reaction", "return force + reaction"),
+        ("radau", "matrices.py", "return force - reaction", "return force + reaction"),
         ("newmark", "inverse.py", "m[k][k] = reciprocal", "m[k][k] = one"),
         ("newmark", "lanes.py", '((operator.add, operator.iadd), "fadd")', '((operator.add, operator.iadd), "fsub")'),
     ],
@@ -100,4 +100,4 @@ def test_a_first_run_compiles_the_motion_and_the_steps_once_and_nothing_else(tmp
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
     assert result.returncode == 0, result.stderr
     compiled = sorted(path.name.partition("-")[0] for path in (tmp_path / "cache").rglob("*.nbc"))
-    assert compiled == ["engine.motion", "engine.table", "engine.tabulate", "products._fill", "steppers.gauss"]
+    assert compiled == ["engine.motion", "engine.table", "engine.tabulate", "products._fill", "steppers.collocation"]

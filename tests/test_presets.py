@@ -21,8 +21,8 @@ PRESETS = {
     "rigid": ("rigid", 0, 0, 0, 0, 0, 0, 0, "none", "none"),
     "quasistatic": ("quasistatic", 1, 0, 1, 1, 0, 1, 1, "none", "none"),
     "paper": ("frozen", 1, 0, 1, 0, 0, 0, 0, "modal", "exact-modal"),
-    "linear": ("dynamic", 1, 1, 1, 0, 1, 1, 0, "none", "gauss"),
-    "stiffened": ("dynamic", 1, 1, 1, 1, 1, 1, 1, "none", "gauss"),
+    "linear": ("dynamic", 1, 1, 1, 0, 1, 1, 0, "none", "radau"),
+    "stiffened": ("dynamic", 1, 1, 1, 1, 1, 1, 1, "none", "radau"),
 }
 
 

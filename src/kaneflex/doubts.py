@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from kaneflex.deformation import deform
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.links import Link
 from kaneflex.options import FIXED_STEP
 from kaneflex.sampling import unseen
@@ -21,6 +23,9 @@ LARGEST_ERROR = 0.01
 """Error allowed in a coupled run's steps, as a share of its largest deformation, beyond which that is in doubt."""
 LARGEST_GAP = 1e-4
 """Share of the energy turned over that a run with free joints may lose or gain without a word."""
+LARGEST_PART, MEAN_PART = 0.05, 0.002
+"""Share of a sensor's peak by which its values by the equations of motion and by the change of velocities may part, at
+one instant, as where a start from rest is a shock, and in the root mean square of all."""
 LARGEST_STRETCH = 0.05
 """Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
 LARGEST_DEFLECTION = 0.05
@@ -34,6 +39,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
     if lowest is not None and (model.options.dynamics == "dynamic" or solution.coupled is not None):
         found.extend(_coarse(solution, lowest))
+    found.extend(_parted(solution))
     found.extend(unseen(model))
     if solution.coupled is not None:
         return [*found, *_of_coupled(solution)]
@@ -72,6 +78,48 @@ def _coarse(solution: Solution, lowest: float) -> list[str]:
     return [
         f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
         f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
+    ]
+
+
+def _parted(solution: Solution) -> list[str]:
+    """A warning where forces or accelerations found in two ways part: then they are no truer than that.
+
+    The equations of motion give accelerations from what loads and stiffness leave unbalanced, so that an error of a
+    displacement far too small to be seen, of a mode that the steps don't resolve, counts at that mode's stiffness. The
+    velocities know another acceleration, by Simpson's rule over two steps:
+
+        (v_2 - v_0) / (2 h) = (a_0 + 4 a_1 + a_2) / 6 + O(h^4)
+
+    Sensors are linear in the accelerations: they are read once more with what lies between the two.
+    """
+    options, run = solution.model.options, solution.trajectory
+    fixed = options.dynamics == "dynamic" and options.integrator != "scipy"
+    if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
+        return []
+    step = solution.model.step
+    even = abs(np.diff(run.times) / step - 1.0) < 1e-6  # not where steps were left out, or an event cut one short
+    inner = (even[:-1] & even[1:])[:, None]
+    apart = (run.v[2:] - run.v[:-2]) / (2.0 * step) - (run.a[:-2] + 4.0 * run.a[1:-1] + run.a[2:]) / 6.0
+    by_velocities = run.a.copy()
+    by_velocities[1:-1] += np.where(inner, apart, 0.0)
+    other = replace(solution, trajectory=replace(run, a=by_velocities)).series
+    parted = {}
+    for name, series in solution.series.items():
+        largest, parts = abs(series.values).max(), abs(other[name].values - series.values)
+        if parts.max() > LARGEST_PART * largest or np.sqrt(np.mean(parts**2)) > MEAN_PART * largest:
+            parted[name] = parts.max() / largest, run.times[parts.argmax()]
+    if not parted:
+        return []
+    worst = max(parted, key=parted.__getitem__)
+    share, at = parted[worst]
+    more = f", and {len(parted) - 1} sensors more" if len(parted) > 1 else ""
+    cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or take integrator radau")
+    if options.start != "periodic":
+        cure += ", or start on the slow motion, by solve.start = quasistatic or periodic"
+    return [
+        f"{worst} by the equations of motion and by the change of velocities part by {share:.2g} of its peak at "
+        f"t = {at:.6g} s{more}: vibrations are excited that the steps don't resolve; displacements may be "
+        f"right, but for forces and accelerations {cure}"
     ]
 
 

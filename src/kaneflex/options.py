@@ -127,7 +127,7 @@ COUPLED_INTEGRATORS = ("gauss", "generalised-alpha", "scipy")
 """What preset coupled can be integrated by."""
 FIXED_STEP = "generalised-alpha"
 """The one of them that keeps its step."""
-_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "gauss", "coupled": "gauss"}
+_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "gauss"}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
 
@@ -280,6 +280,6 @@ def _check(options: Options) -> None:
         )  # fmt: skip
     exact = options.integrator == "exact-modal"
     if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):
-        cure = "Use newmark, generalised-alpha or gauss" if exact else "Leave the integrator out"
+        cure = "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"
         reason = f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}"
         raise SceneError("solve.integrator", options.integrator, reason, cure)

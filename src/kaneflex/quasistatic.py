@@ -40,6 +40,19 @@ def quasistatic(
     return z, v, rate_of(v, step, periodic)
 
 
+def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """z, v at the first instant, shapes (n,), of a motion as slow as the rigid one: nothing vibrates.
+
+    The quasi-static answer with its rates, and its inertia and damping among the loads: K z = F - M z'' - C z'. Without
+    them the first accelerations, what is left of loads and stiffness, would be those of a small deformation let go.
+    """
+    times = model.step * np.arange(-4, 5)
+    _, v, a = quasistatic(model, times, periodic=False)
+    row = model.scalars(times[4:5])[0]
+    inertia, damping, load = (model.system.dense(name, row) for name in "MCF")
+    return answers(model, times[4:5], (load - inertia @ a[4] - damping @ v[4])[None])[0], v[4]
+
+
 def answers(
     model: Model, times: np.ndarray, load: np.ndarray, progress: Callable[[float], None] | None = None
 ) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from kaneflex.errors import SceneError, ValidityWarning
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model
-from kaneflex.quasistatic import quasistatic
+from kaneflex.quasistatic import quasistatic, slow_start
 from kaneflex.solution import Solution
 
 if TYPE_CHECKING:
@@ -187,9 +187,7 @@ def run_of(model: Model) -> Run:
     if options.start == "periodic":
         _check_repeats(model)
     if options.start == "quasistatic":
-        # A few instants around the first give the velocity of the quasi-static answer.
-        z, v, _ = quasistatic(model, model.step * np.arange(-4, 5), periodic=False)
-        start = (z[4], v[4])
+        start = slow_start(model)
     return Run(
         model.system,
         model.scalars,

@@ -90,5 +90,5 @@ class Feed:
         changed = np.argwhere(rows[:, self.constant] != first[self.constant])
         if changed.size:
             reason = f"the matrices change in time (at t = {times[changed[0][0]]:.9g} s)"
-            cure = "Use newmark, generalised-alpha or gauss, or a model that freezes the matrices"
+            cure = "Use radau, generalised-alpha or newmark, or a model that freezes the matrices"
             raise UserError("integrator", "exact-modal", reason, cure)

@@ -11,7 +11,7 @@ from kaneflex.integrate.lanes import FASTMATH, LANES, at, less, put, size, turn
 
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
-ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+ZERO, ONE, TWO, THREE, FOUR = (np.uint64(k) for k in range(5))
 COMPLETED, SINGULAR, UNBOUNDED = 0, 1, 2  # how a loop ended
 SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
@@ -69,21 +69,24 @@ def _handed_over(lanes, rows):
 
 
 @inlined
-def affine_sum(packed, scalars, row, sums):
-    """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each."""
+def affine_sum(packed, scalars, row, sums, begin):
+    """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each.
+
+    begin: where in `sums` they go
+    """
     quads, runs, data = packed.quads, packed.runs, packed.data
     for i in range(THREE * packed.layout.n_slots + packed.layout.n):
-        put(sums, i, 0.0)
+        put(sums, begin + i, 0.0)
     for k in range(runs.shape[0]):
         scalar = at(scalars, (row, runs[k, 0]))
-        start = runs[k, 1]
+        start = begin + runs[k, 1]
         offset = runs[k, 3]
         for i in range(runs[k, 2]):
             put(sums, start + i, at(sums, start + i) + scalar * at(data, offset + i))
     for k in range(quads.shape[0]):
         one, two = at(scalars, (row, quads[k, 0])), at(scalars, (row, quads[k, 1]))
         three, four = at(scalars, (row, quads[k, 2])), at(scalars, (row, quads[k, 3]))
-        start = quads[k, 4]
+        start = begin + quads[k, 4]
         for i in range(quads[k, 5]):
             number = quads[k, 6] + FOUR * i
             more = three * at(data, number + TWO) + four * at(data, number + THREE)
@@ -142,11 +145,11 @@ def solve(layout, lu, row, x, column):
 
 
 @inlined
-def unbalanced(layout, sums, row, load, z, z_row, v, column, i):
-    """Row i of F - C v - K z."""
-    c_row = layout.n_slots + layout.base[i]
+def unbalanced(layout, sums, row, begin, load, z, z_row, v, column, i):
+    """Row i of F - C v - K z, of the sums from `begin` on."""
+    c_row = begin + layout.n_slots + layout.base[i]
     k_row = c_row + layout.n_slots
-    force = load * at(sums, (row, THREE * layout.n_slots + i))
+    force = load * at(sums, (row, begin + THREE * layout.n_slots + i))
     reaction = 0.0 * force  # two sums, for an addition waits for the one before it
     for j in range(layout.first[i], layout.last[i]):
         force -= at(sums, (row, c_row + j)) * at(v, (column, j))
@@ -155,20 +158,20 @@ def unbalanced(layout, sums, row, load, z, z_row, v, column, i):
 
 
 @compiled
-def mass_matrices(packed, scalars, row, sums, mass, scale, good):
-    """All sums at one row of the table, and M factorised."""
+def mass_matrices(packed, scalars, row, sums, begin, mass, scale, good):
+    """All sums at one row of the table, put from `begin` on, and M factorised."""
     layout = packed.layout
-    affine_sum(packed, scalars, row, sums)
+    affine_sum(packed, scalars, row, sums, begin)
     for i in range(layout.n_slots):
-        put(mass, i, at(sums, i))
+        put(mass, i, at(sums, begin + i))
     for i in range(layout.n):
-        put(scale, i, size(at(sums, layout.base[i] + i)))
+        put(scale, i, size(at(sums, begin + layout.base[i] + i)))
     factor(layout, mass, scale, good)
 
 
 @inlined
-def true_accelerations(layout, sums, mass, row, load, z, v, q, column):
-    """q from M q = F - C v - K z."""
+def true_accelerations(layout, sums, mass, row, begin, load, z, v, q, column):
+    """q from M q = F - C v - K z, of the sums from `begin` on."""
     for i in range(layout.n):
-        put(q, (column, i), unbalanced(layout, sums, row, load[column], z, column, v, column, i))
+        put(q, (column, i), unbalanced(layout, sums, row, begin, load[column], z, column, v, column, i))
     solve(layout, mass, row, q, column)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ class Method:
     coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
     still: of those coefficients, the ones of a step of no length: z and v stay, the true accelerations are found
     lanes: whether that loop goes in lanes, too
+    stages: of the loop `collocation`; 0 where there are none
     """
 
     name: str
@@ -35,6 +36,7 @@ class Method:
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
     still: Callable[[object], object] | None
     lanes: bool = False
+    stages: int = 0
 
 
 def newmark_weights(step: float, alpha_m: float, alpha_f: float, beta: float, gamma: float) -> tuple[float, ...]:
@@ -72,8 +74,25 @@ def _generalised_alpha(system: AffineSystem, row: np.ndarray, step: float, rho_i
     return newmark_weights(step, alpha_m, alpha_f, beta=0.25 * surplus**2, gamma=0.5 - alpha_m + alpha_f)
 
 
-def _gauss(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> tuple[float]:
-    return (step,)
+def tableau(stages: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """a_sr and b_r of the collocation method with nodes c_s (Hairer and Wanner 1996, section IV.5).
+
+    They integrate 1, t, t^2 ... exactly from 0 to c_s, and to 1.
+    """
+    c, powers = np.array(stages), np.arange(len(stages))
+    inverse = np.linalg.inv(c[:, None] ** powers)
+    return (c[:, None] ** (powers + 1) / (powers + 1)) @ inverse, 1.0 / (powers + 1) @ inverse
+
+
+def _collocation(*stages: float) -> Callable[[AffineSystem, np.ndarray, float, float], np.ndarray]:
+    """Coefficients of the loop `collocation` with these nodes: see there."""
+    a, b = tableau(stages)
+
+    def coefficients(system: AffineSystem, row: np.ndarray, step: float, rho_infinity: float) -> np.ndarray:
+        parts = step * np.array(stages), step * a, step**2 * a @ a, step * b, step**2 * b @ a
+        return np.concatenate(([step], *(part.ravel() for part in parts)))
+
+    return coefficients
 
 
 def _still(*ones: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -99,11 +118,16 @@ def _exact_modal(system: AffineSystem, row: np.ndarray, step: float, rho_infinit
     return transition(system, row, step)
 
 
-_GAUSS_NODES = (0.0, 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+_GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+_RADAU = (0.4 - math.sqrt(6.0) / 10.0, 0.4 + math.sqrt(6.0) / 10.0, 1.0)  # the last one is the end of the step
 
 METHODS = {
     method.name: method
     for method in (
+        Method(
+            "radau", 5, "three-stage Radau IIA (Hairer and Wanner 1996): order 5, damps what steps don't resolve",
+            (0.0, *_RADAU[:2]), 2, "collocation", _collocation(*_RADAU), _still(), True, stages=3,
+        ),
         Method(
             "newmark", 2, "Newmark, average acceleration (Newmark 1959): no damping of its own",
             (0.0,), 2, "newmark", _average_acceleration, _still(3), True,
@@ -114,7 +138,7 @@ METHODS = {
         ),
         Method(
             "gauss", 4, "two-stage Gauss-Legendre (Hairer and Wanner 1996): order 4, no damping of its own",
-            _GAUSS_NODES, 2, "gauss", _gauss, _still(), True,
+            (0.0, *_GAUSS), 2, "collocation", _collocation(*_GAUSS), _still(), True, stages=2,
         ),
         Method(
             "exact-modal", 2, "decoupled modes, constant coefficients: exact for loads linear within a step",

@@ -73,4 +73,4 @@ def _diagonal(system: AffineSystem, name: str, row: np.ndarray) -> np.ndarray:
 
 
 def _not_decoupled(reason: str) -> UserError:
-    return UserError("integrator", "exact-modal", reason, "Use newmark, generalised-alpha or gauss")
+    return UserError("integrator", "exact-modal", reason, "Use radau, generalised-alpha or newmark")

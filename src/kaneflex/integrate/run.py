@@ -77,7 +77,7 @@ def integrate(
 
 
 def cycle_map(
-    system: AffineSystem, table: Table, t0: float, period: float, steps: int, method: str = "gauss",
+    system: AffineSystem, table: Table, t0: float, period: float, steps: int, method: str = "radau",
     rho_infinity: float = 0.8,
 ) -> Cycle:  # fmt: skip
     """What `steps` steps of a method over one period [s] make of every state: its discrete monodromy matrix.
@@ -174,4 +174,4 @@ def check_arguments(method: str, step: float, n_steps: int, start: Start, period
     if start == "periodic" and period_steps is None:
         raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
     if start == "periodic" and method == "scipy":
-        raise UserError("start", start, "scipy finds no cycle", "Start from a state that gauss found")
+        raise UserError("start", start, "scipy finds no cycle", "Start from a state that radau found")

@@ -16,6 +16,7 @@ from kaneflex.integrate.matrices import (
     SINGULAR,
     THREE,
     UNBOUNDED,
+    ZERO,
     affine_sum,
     compiled,
     hand_over,
@@ -34,7 +35,7 @@ def _columns(order, packed, scalars, block, c_weight, k_weight, sums, columns, s
     """The inverse of M + c_weight C + k_weight K, then C, K and F: LANES slots a column."""
     layout = packed.layout
     n, n_slots = np.uint64(len(order)), layout.n_slots
-    affine_sum(packed, scalars, block, sums)
+    affine_sum(packed, scalars, block, sums, ZERO)
     for i in range(n):
         for j in range(layout.first[i]):  # beyond the band: the last inverse is still there
             put(columns, _WIDTH * j + i, 0.0)

@@ -3,7 +3,7 @@
 Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`. Newmark's steps one after the other go
 faster in loops for small systems and for long chains: `kaneflex.integrate.small`, `kaneflex.integrate.chains`.
 
-Arguments of the loops `newmark`, `gauss` and `exact_modal`:
+Arguments of the loops `newmark`, `collocation` and `exact_modal`:
 
 packed        the system, :class:`kaneflex.integrate.system.Packed`
 scalars       table of the motion, see below
@@ -21,14 +21,12 @@ stored        z, v, true accelerations, each of shape (rows, n): row k belongs t
 They return the number of completed steps and a status.
 
 Lanes. Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `at`
-and written by `put`. So the table of `newmark` and `gauss` has the shape (blocks * nodes, n_scalars, LANES): step
-LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
+and written by `put`. So the table of `newmark` and `collocation` has the shape (blocks * nodes, n_scalars, LANES):
+step LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
 themselves follow one another. Where `state` and `stored` have an axis of LANES more, each lane is a motion of its own,
 takes the step of its lane in every block, and all go side by side; they stop where any lane would. So do motions of
 LANES systems, whose `packed.data` and `coefficients` have that axis, too.
 """
-
-import math
 
 import numpy as np
 from numba import njit
@@ -42,6 +40,7 @@ from kaneflex.integrate.matrices import (
     THREE,
     TWO,
     UNBOUNDED,
+    ZERO,
     affine_sum,
     compiled,
     factor,
@@ -58,7 +57,6 @@ from kaneflex.integrate.matrices import (
 )  # fmt: skip
 from kaneflex.stamp import made_of
 
-_STAGE_1, _STAGE_2 = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
@@ -78,7 +76,7 @@ def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale,
     """All sums, and M + c_weight C + k_weight K factorised."""
     layout = packed.layout
     n_slots = layout.n_slots
-    affine_sum(packed, scalars, row, sums)
+    affine_sum(packed, scalars, row, sums, ZERO)
     for i in range(n_slots):
         stiffness = at(sums, n_slots + n_slots + i)
         put(lu, i, at(sums, i) + c_weight * at(sums, n_slots + i) + k_weight * stiffness)
@@ -129,7 +127,7 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load, stat
                 put(v, here, speed + v_start * before + v_known * known)
                 put(a, here, known)
             for i in range(n):
-                put(q, (column, i), unbalanced(layout, sums_at, row, load[column], z, column, v, column, i))
+                put(q, (column, i), unbalanced(layout, sums_at, row, ZERO, load[column], z, column, v, column, i))
             solve(layout, lu_at, row, q, column)
             squares = 0.0 * at(z, (column, 0))
             for i in range(n):
@@ -154,92 +152,103 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load, stat
 
 
 @compiled
-def _gauss_matrices(packed, scalars, row, step, sums_1, sums_2, matrix, scale, good):
+def _stage_matrices(packed, stages, order, scalars, row, coefficients, sums, matrix, scale, good):
     """All sums at the stages; delta_sr M_s + h a_sr C_s + h^2 e_sr K_s at row (i, s), column (j, r), factorised."""
-    layout, pairs = packed.layout, packed.pairs
+    layout, count = packed.layout, np.uint64(len(order))
     n_slots = layout.n_slots
-    root = math.sqrt(3.0) / 6.0
-    c_same, c_12, c_21 = 0.25 * step, (0.25 - root) * step, (0.25 + root) * step
-    k_same, k_12, k_21 = step * step / 24.0, 0.5 * step * c_12, 0.5 * step * c_21
-    affine_sum(packed, scalars, row, sums_1)
-    affine_sum(packed, scalars, row + 1, sums_2)
+    apart = THREE * n_slots + layout.n
+    for s in range(count):
+        affine_sum(packed, scalars, row + s, sums, s * apart)
+    a_weights = ONE + count
+    e_weights = a_weights + count * count
     for i in range(layout.n):
         base = layout.base[i]
-        row_1 = pairs.base[TWO * i]
-        row_2 = pairs.base[TWO * i + ONE]
         for j in range(layout.first[i], layout.last[i]):
-            m, c, k = base + j, n_slots + base + j, n_slots + n_slots + base + j
-            c_1, k_1, c_2, k_2 = at(sums_1, c), at(sums_1, k), at(sums_2, c), at(sums_2, k)
-            put(matrix, row_1 + TWO * j, at(sums_1, m) + c_same * c_1 + k_same * k_1)
-            put(matrix, row_1 + TWO * j + ONE, c_12 * c_1 + k_12 * k_1)
-            put(matrix, row_2 + TWO * j, c_21 * c_2 + k_21 * k_2)
-            put(matrix, row_2 + TWO * j + ONE, at(sums_2, m) + c_same * c_2 + k_same * k_2)
-        m, c, k = base + i, n_slots + base + i, n_slots + n_slots + base + i
-        for stage in range(TWO):
-            sums = sums_1 if stage == 0 else sums_2
-            parts = size(at(sums, m)) + size(c_same * at(sums, c)) + size(k_same * at(sums, k))
-            put(scale, TWO * i + stage, parts)
-    factor(pairs, matrix, scale, good)
+            for s in range(count):
+                m = s * apart + base + j
+                c, k = at(sums, m + n_slots), at(sums, m + n_slots + n_slots)
+                slot = stages.base[count * i + s] + count * j
+                for r in range(count):
+                    place = s * count + r
+                    both = at(coefficients, a_weights + place) * c + at(coefficients, e_weights + place) * k
+                    put(matrix, slot + r, both)
+                put(matrix, slot + s, at(matrix, slot + s) + at(sums, m))
+        for s in range(count):
+            m, place = s * apart + base + i, s * count + s
+            c, k = at(sums, m + n_slots), at(sums, m + n_slots + n_slots)
+            parts = size(at(coefficients, a_weights + place) * c) + size(at(coefficients, e_weights + place) * k)
+            put(scale, count * i + s, parts + size(at(sums, m)))
+    factor(stages, matrix, scale, good)
 
 
 @_cached
 @_made_of_parts
-def gauss(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
-    """Two-stage Gauss-Legendre (Hairer and Wanner 1996, table IV.5.1); unknowns: accelerations at the stages.
+def collocation(
+    packed, stages, order, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored
+):
+    """Implicit Runge-Kutta methods of two or three stages, that many numbers in `order`, of which none matters.
 
-    With x_1, x_2 in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, the tableau's a_sr and e_sr = (A A)_sr:
+    Unknowns are the accelerations x_s in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, with the tableau's a_sr and
+    b_s (Hairer and Wanner 1996, section IV.5) and e = a a:
 
         v_s = v_0 + h sum_r a_sr x_r,  z_s = z_0 + c_s h v_0 + h^2 sum_r e_sr x_r
-        v_1 = v_0 + h/2 (x_1 + x_2),   z_1 = z_0 + h v_0 + h^2/2 ((1 - c_1) x_1 + (1 - c_2) x_2)
+        v_1 = v_0 + h sum_r b_r x_r,   z_1 = z_0 + h v_0 + h^2 sum_sr b_s a_sr x_r
 
-    The accelerations that are stored come from the equation of motion at the end of the step.
+    coefficients: h, then c_s h, a_sr h, e_sr h^2, b_r h and sum_s b_s a_sr h^2
+    stages: layout of the matrix of all stages' unknowns, those of a coordinate side by side
+
+    The table has three rows a step. Where they are three stages, the last one is at the end of the step (Radau IIA):
+    its x_s is the acceleration there, and satisfies the equation of motion. Two stages leave that equation to be
+    solved for the acceleration, which takes what the step did not resolve at its stiffness.
     """
-    layout, pairs, (z, v, _, q) = packed.layout, packed.pairs, state
-    n, n_slots = layout.n, layout.n_slots
+    layout, (z, v, _, q) = packed.layout, state
+    n, n_slots, count_s = layout.n, layout.n_slots, np.uint64(len(order))
+    apart = THREE * n_slots + n
     step = at(coefficients, 0)
-    v_weight = 0.5 * step
-    z_weight_1, z_weight_2 = v_weight * step * _STAGE_2, v_weight * step * _STAGE_1  # 1 - c_1 = c_2
-    sums_1, sums_2, sums_3 = room(THREE * n_slots + n), room(THREE * n_slots + n), room(THREE * n_slots + n)
-    matrix, mass, scale = room(pairs.n_slots), room(n_slots), room(TWO * n)
-    good, good_mass = room(1), room(1)
-    sums_1_at, sums_2_at, sums_3_at = rows_read(z, sums_1), rows_read(z, sums_2), rows_read(z, sums_3)
-    matrix_at, mass_at = rows_read(z, matrix), rows_read(z, mass)
-    good_at, good_mass_at = rows_read(z, good), rows_read(z, good_mass)
-    at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, 2 * z.shape[1], *z.shape[2:]))
+    v_weights = ONE + count_s + count_s * count_s + count_s * count_s
+    z_weights = v_weights + count_s
+    sums, matrix, scale, good = room(THREE * apart), room(stages.n_slots), room(count_s * n), room(1)
+    mass, good_mass = room(n_slots), room(1)
+    sums_at, matrix_at, good_at = rows_read(z, sums), rows_read(z, matrix), rows_read(z, good)
+    mass_at, good_mass_at = rows_read(z, mass), rows_read(z, good_mass)
+    at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, len(order) * z.shape[1], *z.shape[2:]))
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
         block, row = step_place(z, position)
         if row == 0 or count == 0:
-            _gauss_matrices(packed, scalars, 3 * block, step, sums_1, sums_2, matrix, scale, good)
-            hand_over(sums_1, sums_1_at)
-            hand_over(sums_2, sums_2_at)
-            hand_over(matrix, matrix_at)
-            if due <= good_at.shape[0]:
-                mass_matrices(packed, scalars, 3 * block + 2, sums_3, mass, scale, good_mass)
-                hand_over(sums_3, sums_3_at)
+            _stage_matrices(packed, stages, order, scalars, 3 * block, coefficients, sums, matrix, scale, good)
+            if count_s == TWO and due <= good_at.shape[0]:
+                mass_matrices(packed, scalars, 3 * block + 2, sums, TWO * apart, mass, scale, good_mass)
                 hand_over(mass, mass_at)
                 hand_over(good_mass, good_mass_at)
+            hand_over(sums, sums_at)
+            hand_over(matrix, matrix_at)
             hand_over(good, good_at)
         if not everywhere(less(0.0, at(good_at, (row, 0)))):
             return count, SINGULAR
         for column in range(z.shape[0]):
-            for stage in range(TWO):
-                ahead = step * (_STAGE_1 if stage == 0 else _STAGE_2)
-                sums = sums_1_at if stage == 0 else sums_2_at
+            for s in range(count_s):
+                ahead = at(coefficients, ONE + s)
                 for i in range(n):
                     put(at_stage, (0, i), at(z, (column, i)) + ahead * at(v, (column, i)))
                 for i in range(n):
-                    rest = unbalanced(layout, sums, row, load[column], at_stage, 0, v, column, i)
-                    put(x, (0, TWO * i + stage), rest)
-            solve(pairs, matrix_at, row, x, 0)
+                    rest = unbalanced(layout, sums_at, row, s * apart, load[column], at_stage, 0, v, column, i)
+                    put(x, (0, count_s * i + s), rest)
+            solve(stages, matrix_at, row, x, 0)
             squares = 0.0 * at(z, (column, 0))
             for i in range(n):
                 here = (column, i)
-                x_1, x_2, speed = at(x, (0, TWO * i)), at(x, (0, TWO * i + ONE)), at(v, here)
-                moved = at(z, here) + step * speed + z_weight_1 * x_1 + z_weight_2 * x_2
+                faster = 0.0 * squares
+                moved = step * at(v, here)
+                for s in range(count_s):
+                    found = at(x, (0, count_s * i + s))
+                    faster += at(coefficients, v_weights + s) * found
+                    moved += at(coefficients, z_weights + s) * found
+                moved += at(z, here)
                 put(z, here, moved)
-                put(v, here, speed + v_weight * (x_1 + x_2))
+                put(v, here, at(v, here) + faster)
+                put(q, here, at(x, (0, count_s * i + count_s - ONE)))
                 squares += moved * moved
             if not everywhere(less(squares, bound)):
                 return count + 1, UNBOUNDED
@@ -249,9 +258,10 @@ def gauss(packed, scalars, period, position, n_steps, coefficients, load, state,
         due -= 1
         if due == 0:
             due = every
-            if not everywhere(less(0.0, at(good_mass_at, (row, 0)))):
-                return count, SINGULAR
-            true_accelerations(layout, sums_3_at, mass_at, row, load, z, v, q, 0)
+            if count_s == TWO:
+                if not everywhere(less(0.0, at(good_mass_at, (row, 0)))):
+                    return count, SINGULAR
+                true_accelerations(layout, sums_at, mass_at, row, TWO * apart, load, z, v, q, 0)
             _store(stored, out, z, v, q)
             out += 1
     return n_steps, COMPLETED

@@ -18,7 +18,7 @@ from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.sliced import Chain, chain_of
 from kaneflex.integrate.stretches import Stretches
-from kaneflex.integrate.system import AffineSystem
+from kaneflex.integrate.system import AffineSystem, Layout, layout_of
 
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""
@@ -98,6 +98,11 @@ class Setup:
         chain = chain_of(self.system, *self.coefficients[4:6])
         return chain if chain.numbers < _FULL * self.system.packed.data.size else None
 
+    @property
+    def stages(self) -> Layout:
+        """Of the matrix that a step factorises: every coordinate as often as the method has stages."""
+        return layout_of(self.system.n, self.system.half_bandwidth, max(self.method.stages, 1))
+
     def loop(self, state: State, coefficients: np.ndarray) -> Callable[..., tuple[int, int]]:
         """The compiled loop that takes these states furthest in a second, with what it reads of the system."""
         one_after_the_other = state.z.ndim == 2
@@ -106,7 +111,8 @@ class Setup:
         if one_after_the_other and self.chain is not None:
             own = coefficients is self.coefficients
             return partial(chains.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6]))
-        return partial(getattr(steppers, self.method.stepper), self.system.packed)
+        loop = partial(getattr(steppers, self.method.stepper), self.system.packed)
+        return partial(loop, self.stages, (1.0,) * self.method.stages) if self.method.stages else loop
 
     def consistent(self, state: State, load: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
@@ -145,7 +151,7 @@ def advance(
     """
     loop = setup.loop(state, setup.coefficients)
     bound = _Bound(setup, state, n_steps) if bounded else None
-    most = _steps_of_a_call(setup.system, state.z.shape[0], len(setup.method.nodes))
+    most = _steps_of_a_call(setup, state.z.shape[0])
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
     end = begin + n_steps
     while done < end and outcome is Outcome.COMPLETED:
@@ -196,10 +202,8 @@ def _free_acceleration(system: AffineSystem, rows: np.ndarray) -> float:
         return float(np.nan_to_num(force / mass, nan=0.0, posinf=_LARGEST).max())
 
 
-def _steps_of_a_call(system: AffineSystem, columns: int, nodes: int) -> int:
-    packed = system.packed
-    matrix = packed.pairs if nodes > 1 else packed.layout
-    n_slots = int(matrix.n_slots)
-    factor = n_slots * (system.half_bandwidth + 1)
-    work = nodes * packed.data.size + factor + columns * 4 * n_slots
+def _steps_of_a_call(setup: Setup, columns: int) -> int:
+    n_slots, stages = int(setup.stages.n_slots), max(setup.method.stages, 1)
+    factor = n_slots * stages * (setup.system.half_bandwidth + 1)
+    work = len(setup.method.nodes) * setup.system.packed.data.size + factor + columns * 4 * n_slots
     return max(1, int(_WORK_OF_A_CALL / work))

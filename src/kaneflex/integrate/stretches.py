@@ -82,5 +82,10 @@ class Stretches:
         return self.scalars, self.most, done, n_steps
 
     def joined(self, stored: np.ndarray) -> np.ndarray:
-        """Rows of the whole cycle, shape (period_steps, n), from those of its stretches, (most + 1, n, LANES)."""
-        return np.concatenate([stored[:count, :, lane] for lane, count in enumerate(self.counts)])
+        """Rows of the whole cycle, shape (period_steps, n), from those of its stretches, (most + 1, n, LANES).
+
+        All are the ends of steps. What begins a stretch was found by products of the stretches' matrices: its
+        accelerations, what is left of loads and stiffness, would be those of their rounding.
+        """
+        ends = np.concatenate([stored[1 : count + 1, :, lane] for lane, count in enumerate(self.counts)])
+        return np.roll(ends, 1, axis=0)

@@ -37,7 +37,6 @@ class Packed(NamedTuple):
     """
 
     layout: Layout
-    pairs: Layout  # of the matrix of order 2 n in which every coordinate is two neighbouring unknowns
     quads: np.ndarray
     runs: np.ndarray
     data: np.ndarray
@@ -135,7 +134,7 @@ def pack(systems: Sequence[AffineSystem]) -> Packed:
     The band is that of the widest, the runs are those of all of them.
     """
     n, half_bandwidth = systems[0].n, max(system.half_bandwidth for system in systems)
-    layout = _layout(n, half_bandwidth, 1)
+    layout = layout_of(n, half_bandwidth, 1)
     entries = [system.entries(layout) for system in systems]
     scalars, slots, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     lanes = np.repeat(np.arange(len(systems)), [len(each[2]) for each in entries])
@@ -152,7 +151,7 @@ def pack(systems: Sequence[AffineSystem]) -> Packed:
     numbers = np.zeros((int(lengths.sum()), len(systems)))
     np.add.at(numbers, ((offsets - keys[starts])[run][places] + keys[places], lanes), values)
     found = np.stack((keys[starts] // far % n_scalars, keys[starts] % far, lengths, offsets), axis=1)
-    return Packed(layout, _layout(n, half_bandwidth, 2), *_grouped(found, numbers))
+    return Packed(layout, *_grouped(found, numbers))
 
 
 def _grouped(runs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -177,7 +176,7 @@ def _grouped(runs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndar
     return *tables, np.concatenate(data) if data else numbers
 
 
-def _layout(n: int, half_bandwidth: int, copies: int) -> Layout:
+def layout_of(n: int, half_bandwidth: int, copies: int) -> Layout:
     """Layout of a band with every coordinate `copies` times, side by side; nothing beyond the matrix."""
     blocks = np.repeat(np.arange(n, dtype=np.int64), copies)
     first = np.maximum(blocks - half_bandwidth, 0) * copies

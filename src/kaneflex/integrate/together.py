@@ -137,7 +137,8 @@ def _periodic(group: Sequence[Ready]) -> list[Trajectory | None] | None:
         return None
     stored = Stored.of(state, run.period_steps + 1)
     came = advance(lanes, state, np.ones(1), run.period_steps, 1, stored, False, None)
-    rows = run.every * np.arange(run.n_steps // run.every + 1) % run.period_steps
+    steps = run.every * np.arange(run.n_steps // run.every + 1)
+    rows = (steps - 1) % run.period_steps + 1  # ends of steps, as `Stretches.joined` has them
     return _told(group, beginnings, came, stored, rows)
 
 

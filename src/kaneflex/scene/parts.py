@@ -237,7 +237,7 @@ class Solve(SceneTable):
     steps: WholeNumber | None = Field(
         default=None, description="per cycle, or per run where there is no cycle"
     )
-    integrator: Literal["newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None = None
+    integrator: Literal["radau", "newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None = None
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None

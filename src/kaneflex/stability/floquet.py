@@ -102,7 +102,7 @@ def check_periodic(model: Model) -> None:
 
 
 def _multipliers(model: Model, period: float, steps: int) -> np.ndarray:
-    cycle = cycle_map(model.system, model.scalars, 0.0, period, steps)
+    cycle = cycle_map(model.system, model.scalars, 0.0, period, steps, "gauss")
     if cycle.outcome is not Outcome.COMPLETED:
         raise SceneError("stability", None, cycle.message, "Change the model: such a motion has no multipliers")
     return leading(np.linalg.eigvals(cycle.monodromy), model.reduced.size)
