@@ -14,13 +14,15 @@ from kaneflex.links import Link
 from kaneflex.model import Model, RigidMotion
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
+Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
     """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (3 n_nodes, n_times).
 
-    ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it.
+    ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it. ``shortened``
+    are the displacements that foreshortening asks of the nodes, those of the bent axis apart.
     """
 
     model: Model
@@ -30,24 +32,27 @@ class Deformation:
     q_rate: np.ndarray
     q_accel: np.ndarray
     turned: tuple[np.ndarray, np.ndarray] | None = None
+    shortened: Rates | None = None
 
     def at(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(u, v, theta) and first and second rates at distance x [m] from the start; each (3, n_times).
 
-        Under the geometric term u holds the foreshortening -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987).
+        With foreshortening u holds -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987), and all of them what closes
+        the joints then, see :mod:`kaneflex.foreshortening`.
         """
         e, local = self.link.locate(x)
         shape = self.link.shape(e, local)[:3]
         rows = slice(3 * e, 3 * e + 6)
         d, d_rate, d_accel = (shape @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
-        if self.model.options.foreshortening:
-            shortening = self._foreshortening(x)
-            d[0] -= shortening[0]
-            d_rate[0] -= shortening[1]
-            d_accel[0] -= shortening[2]
+        if self.shortened is None:
+            return d, d_rate, d_accel
+        closing = (shape @ series[rows] for series in self.shortened)
+        d, d_rate, d_accel = (part + more for part, more in zip((d, d_rate, d_accel), closing, strict=True))
+        for part, shortening in zip((d, d_rate, d_accel), self.foreshortening(x), strict=True):
+            part[0] -= shortening
         return d, d_rate, d_accel
 
-    def _foreshortening(self, x: float) -> np.ndarray:
+    def foreshortening(self, x: float) -> np.ndarray:
         """1/2 int_0^x v'^2 and its rates, (3, n_times)."""
         e, local = self.link.locate(x)
         return self._shortened_before[e] + self._shortened(e, local)
@@ -223,9 +228,6 @@ class Deformation:
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
         gyroscopic = options.gyroscopic or self.turned is not None
         return {"C_s": options.damping, "C_d": gyroscopic, "K_g": options.geometric}.get(key, True)
-
-
-Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:

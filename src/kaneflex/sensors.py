@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.deformation import Deformation, deform, follow
+from kaneflex.deformation import Deformation, follow
+from kaneflex.foreshortening import Displaced, displaced
 from kaneflex.reactions import consistent_reactions
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
@@ -84,8 +85,12 @@ class _Reader(LinkForces):
         return not (self.scene.is_frame or (self.solution.coupled is not None and self.model.module.FREE))
 
     @cached_property
-    def deformed(self) -> dict[str, Deformation]:
-        return {name: deform(self.model, self.rigid, self.solution.coordinates, name) for name in self.model.links}
+    def deformed(self) -> Mapping[str, Deformation]:
+        return self._displaced.links
+
+    @cached_property
+    def _displaced(self) -> Displaced:
+        return displaced(self.model, self.rigid, self.solution.coordinates)
 
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
@@ -139,7 +144,7 @@ class _Reader(LinkForces):
             return d, d_rate, d_accel
         if self.model.frame is not None and address.body in self.model.frame.bodies:
             L = self.model.frame.body_point(address.body, self.scene.point(address))
-            d, d_rate, d_accel = follow(self.model, self.rigid, self.solution.coordinates, L)
+            d, d_rate, d_accel = follow(self.model, self.rigid, self._displaced.coordinates, L)
             omega, epsilon = self.rigid[f"{address.body}.omega"], self.rigid[f"{address.body}.epsilon"]
             # Rates in the body's axes: R^T (d' - omega S d), R^T (d'' - 2 omega S d' - epsilon S d - omega^2 d).
             rate = np.array([d_rate[0] + omega * d[1], d_rate[1] - omega * d[0]])

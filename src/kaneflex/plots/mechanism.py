@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.deformation import deform, follow
+from kaneflex.deformation import follow
+from kaneflex.foreshortening import displaced
 from kaneflex.model import Model, RigidMotion
 from kaneflex.placing import Placement
 from kaneflex.scene import Scene
@@ -133,7 +134,8 @@ class _Pose:
 
     def __init__(self, scene: Scene, rigid, fixed: Scenery, model: Model | None, coordinates, factor: float):
         self.scene, self.rigid, self.fixed = scene, rigid, fixed
-        self.model, self.coordinates, self.factor = model, coordinates, factor
+        self.model, self.factor = model, factor
+        self.moved = None if model is None else displaced(model, rigid, coordinates)
         self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
 
     def outline(self) -> Outline:
@@ -154,7 +156,7 @@ class _Pose:
         axis = np.zeros((len(self.rigid.times), _ALONG_LINK, 2))
         axis[:, :, 0] = x
         if self.model is not None:
-            deformation = deform(self.model, self.rigid, self.coordinates, name)
+            deformation = self.moved.links[name]
             for k, at in enumerate(x):
                 axis[:, k] += self.factor * deformation.at(at)[0][:2].T
         return axis
@@ -165,7 +167,7 @@ class _Pose:
             place = _rigid_point(self.rigid, body, at)
             if self.model is None or body not in self.model.frame.bodies:
                 return place
-            moved = follow(self.model, self.rigid, self.coordinates, self.model.frame.body_point(body, at))[0]
+            moved = follow(self.model, self.rigid, self.moved.coordinates, self.model.frame.body_point(body, at))[0]
             return place + self.factor * moved[:2].T
         x, y = at
         share = x / self.scene.bodies[body].length * (_ALONG_LINK - 1)

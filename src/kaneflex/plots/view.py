@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from kaneflex.deformation import Deformation, deform
+from kaneflex.deformation import Deformation
+from kaneflex.foreshortening import displaced
 from kaneflex.model import RigidMotion
 from kaneflex.plots.style import mark_angles, readable
 
@@ -56,10 +58,9 @@ class View:
         return tuple(part[:, self.instants] for part in self.solution.coordinates)
 
     @cached_property
-    def links(self) -> dict[str, Deformation]:
+    def links(self) -> Mapping[str, Deformation]:
         """Every elastic link's deformation at the instants."""
-        model = self.solution.model
-        return {name: deform(model, self.rigid, self.coordinates, name) for name in model.links}
+        return displaced(self.solution.model, self.rigid, self.coordinates).links
 
     @cached_property
     def x(self) -> np.ndarray:

@@ -1,0 +1,84 @@
+"""Joints stay closed when bent links are shorter than straight ones: places, speeds and accelerations of both sides."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs import run
+
+import kaneflex
+from kaneflex.scene import read_scene
+from kaneflex.scene.sensors import Sensor
+from kaneflex.sensors import sensor_values
+
+SCENES = sorted(path.stem for path in (Path(kaneflex.__file__).parent / "scenes").glob("*.toml"))
+PRESETS = ("quasistatic", "linear", "stiffened", "coupled")
+COUPLED = {"elastic-double-pendulum", "elastic-pendulum", "four-bar-motor", "slider-crank-150", "spin-up-torque"}
+"""Scenes whose coupled equations are shipped; more of them would take minutes to derive."""
+
+
+def motion_of(solution, address, kind):
+    """x and y of a point's position, velocity or acceleration, global, (2, n_times)."""
+    if address.body == "ground":
+        at = solution.model.scene.point(address) if kind == "position" else (0.0, 0.0)
+        return np.outer(at, np.ones(len(solution.times)))
+    sensors = (Sensor.model_validate({kind: address, "axes": "global", "component": k}) for k in "xy")
+    return np.array([sensor_values(solution, sensor) for sensor in sensors])
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("name", SCENES)
+def test_no_joint_opens(name, preset):
+    """To rounding, though the deformation is of any size."""
+    scene = read_scene(name)
+    if preset == "coupled" and name not in COUPLED:
+        pytest.skip("its coupled equations are not shipped")
+    if not any(body.elastic for body in scene.bodies.values()) or name == "engine-paper":
+        pytest.skip("nothing bends, or a preset of its own")
+    solution = run(name, f"solve.preset={preset}", "solve.start=zero", "solve.steps=12")
+    for joint_name, joint in scene.joints.items():
+        if joint.kind == "prismatic" and joint.addresses[0].body != "ground":
+            continue
+        for kind in ("position", "velocity", "acceleration"):
+            first, second = (motion_of(solution, address, kind) for address in joint.addresses)
+            size = max(abs(second).max(), 1e-3 * abs(first).max())
+            gap = second - first
+            if joint.kind == "prismatic":
+                t = joint.direction
+                gap = t[0] * gap[1] - t[1] * gap[0]
+            assert abs(gap).max() <= 1e-7 * size, (joint_name, kind)
+
+
+def test_the_slider_comes_nearer_as_its_rod_bends():
+    """By the chord's shortening and its turn: as far as in the coupled equations, which close the loop themselves."""
+    one_way = run("slider-crank-150", "solve.start=zero", "solve.integrator=generalised-alpha")
+    coupled = run("slider-crank-150-coupled")
+    early = slice(0, 700)
+    here, there = (found.series["slider_position"].values for found in (one_way, coupled))
+    rigid = run("slider-crank-150", "solve.preset=rigid").series["slider_position"].values
+    assert abs(there - rigid)[early].max() > 1e-4
+    assert abs(here - there)[early].max() < 0.1 * abs(there - rigid)[early].max()
+
+
+CLAMPED_AT_ITS_END = """
+schema = 1
+[bodies]
+bar = {length = 1, beam = {E = 2e11, rho = 7800, A = 1e-4, I = 1e-10, elements = 8}}
+[joints]
+wall = {weld = ["ground", "bar.end"]}
+[loads]
+push = {force_on = "bar.start", direction = [0, 1], law = "2"}
+[solve]
+preset = "quasistatic"
+duration = 1
+steps = 4
+"""
+
+
+def test_a_beam_held_at_its_end_stays_there(tmp_path):
+    """It is the start that comes nearer: by F^2 l^5 / (15 (E I)^2), from v' = F (l^2 - x^2) / (2 E I)."""
+    (tmp_path / "bar.toml").write_text(CLAMPED_AT_ITS_END)
+    solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "bar.toml")))
+    for point, expected in (("start", 4 / (15 * 20.0**2)), ("end", 0.0)):
+        place = sensor_values(solution, Sensor.model_validate({"displacement": f"bar.{point}"}))
+        assert place == pytest.approx(expected, rel=1e-9, abs=1e-15)
