@@ -12,10 +12,11 @@ import numpy as np
 from kaneflex.binding import bind_parameters, find_module
 from kaneflex.building import build_model
 from kaneflex.carried import check_elastic
+from kaneflex.closing import SWEEP, check_closure
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.freedom import check_determined
-from kaneflex.model import Model, Motion, RigidMotion
+from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -28,12 +29,8 @@ ONE_WAY = (
 """Said of every run with free joints."""
 _MEETING = 1e-3
 """Share of a spring's greatest length under which it has no direction."""
-_OPEN = 1e-9
-"""Share of the mechanism's size by which a loop may be open."""
 _MOST = 20_000
 """Instants at most at which laws must have values before anything is computed."""
-_SWEEP = 720
-"""Samples of a cycle at which the linkage must close before anything is computed."""
 
 
 def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None) -> Model:
@@ -156,44 +153,6 @@ def _compile(motion: Motion) -> None:
     motion.table(np.zeros(1))
 
 
-def check_closure(scene: Scene, motion: Motion, options: Options) -> None:
-    """Sweep the drives' range: every loop must close with a margin, or the error names loop, angle and value."""
-    margins = [name for name in motion.column if name.endswith(".closure")]
-    if not margins:
-        return
-    horizon = scene.period if options.cycles else options.duration
-    rigid = motion.at(np.linspace(0.0, horizon, _SWEEP + 1))
-    check_loops(scene, motion, rigid)
-    for name in margins:
-        joint = name.removesuffix(".closure")
-        margin = rigid[name]
-        if (margin > 0.0).all():
-            continue
-        index = int(np.argmax(~(margin > 0.0)))
-        drive = next(iter(scene.drives))
-        at = scene.written_coordinate(drive, float(rigid[f"{drive}.angle"][index]))
-        raise SceneError(
-            f"joints.{joint}", scene.joints[joint].branch,
-            f"the loop can't close: at {drive} = {at} the rod does not reach the guide",
-            "Lengthen the rod or shorten the crank, or limit the drive's range",
-        )  # fmt: skip
-
-
-def check_loops(scene: Scene, motion: Motion, rigid: RigidMotion) -> None:
-    """What Newton's method leaves open of a loop must be rounding, or its seeds were too far away."""
-    for name in (name for name in motion.column if name.endswith(".gap")):
-        size = max(abs(rigid[f"{body}.{axis}"]).max() for body in scene.bodies for axis in "xy")
-        worst = int(np.argmax(np.nan_to_num(rigid[name], nan=np.inf)))
-        if not rigid[name][worst] <= _OPEN * size:
-            drive = next(iter(scene.drives))
-            at = scene.written_coordinate(drive, float(rigid[f"{drive}.angle"][worst]))
-            raise SceneError(
-                f"joints.{name.removesuffix('.gap')}", None,
-                f"the loop that it closes is left open by {rigid[name][worst]:.2g} m at {drive} = {at}, about to lock",
-                "Change the lengths, or limit the drive's range",
-            )  # fmt: skip
-
-
 def check_finite(scene: Scene, motion: Motion, options: Options) -> None:
     """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
     horizon = scene.period if options.cycles else options.duration
@@ -222,12 +181,12 @@ def check_springs(scene: Scene, motion: Motion, options: Options) -> None:
     directed = {name: s for name, s in scene.springs.items() if s.ends and (s.length or s.damping)}
     if not directed:
         return
-    rigid = motion.at(np.linspace(0.0, scene.period if options.cycles else options.duration, _SWEEP + 1))
+    rigid = motion.at(np.linspace(0.0, scene.period if options.cycles else options.duration, SWEEP + 1))
 
     def place(address: Address) -> np.ndarray:
         x, y = scene.point(address)
         if address.body == "ground":
-            return np.tile([[x], [y]], _SWEEP + 1)
+            return np.tile([[x], [y]], SWEEP + 1)
         c, s, x_0, y_0 = (rigid[f"{address.body}.{key}"] for key in ("c", "s", "x", "y"))
         return np.array([x_0 + c * x - s * y, y_0 + s * x + c * y])
 

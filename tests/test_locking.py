@@ -1,0 +1,55 @@
+"""Free joints that can't start or go on: the error names joint, place and cure, and comes at once."""
+
+import math
+import re
+
+import pytest
+from runs import model
+
+from kaneflex.errors import SceneError
+
+RIGID = ("four-bar-motor", "solve.preset=rigid", "coupler.length=100 mm")
+GROUND, CRANK, COUPLER, ROCKER = 0.254, 0.108, 0.100, 0.2705
+LIMIT = 360 - math.degrees(
+    math.acos((GROUND**2 + CRANK**2 - (ROCKER - COUPLER) ** 2) / (2 * GROUND * CRANK))
+)
+"""Where coupler and rocker fold onto each other (law of cosines), on the way round [deg]."""
+
+
+@pytest.fixture(autouse=True)
+def few_evaluations(monkeypatch):
+    """All of this is known long before the budget of evaluations is spent."""
+    monkeypatch.setattr("kaneflex.forward._MOST", 100_000)
+
+
+@pytest.mark.parametrize("preset", ["rigid", "stiffened", "coupled"])
+def test_a_free_crank_that_does_not_close_where_it_starts(preset):
+    with pytest.raises(SceneError) as error:
+        model("four-bar-motor", f"solve.preset={preset}", "coupler.length=100 mm", "main.angle=10 deg")
+    assert str(error.value) == (
+        "joints.rocker = '+': the loop can't close: at main = 10 deg ground and follower do not meet. "
+        "Change the lengths, or let main start elsewhere."
+    )
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA"])
+@pytest.mark.parametrize("branch", ["+", "-"])
+def test_a_linkage_that_swings_into_its_limit(method, branch):
+    """Both branches fold at the same crank angle."""
+    settings = ("main.angle=60 deg", "solve.duration=0.6 s", f"rocker.branch={branch}", "solve.forward.tolerance=1e-7")
+    with pytest.raises(SceneError) as error:
+        model(*RIGID, *settings, f"solve.forward.method={method}")
+    text = str(error.value)
+    assert text.startswith("joints.rocker: the linkage swings into its limit: at t = 0.2")
+    assert float(re.search(r"main = ([\d.]+) deg", text).group(1)) == pytest.approx(LIMIT, abs=0.05)
+    assert "ground and follower do not meet" in text and "preset coupled" in text
+    assert "rod" not in text and "guide" not in text
+
+
+def test_a_link_without_mass_is_named():
+    with pytest.raises(SceneError) as error:
+        model("double-pendulum", "lower.mass=none")
+    assert str(error.value) == (
+        "drives.elbow = 'free': nothing that it moves has mass or inertia, at pivot = 0 deg, elbow = 0 deg. "
+        "Give the bodies that move with it a mass or an inertia, or prescribe it."
+    )
