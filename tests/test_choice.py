@@ -2,6 +2,7 @@
 
 import json
 import re
+import stat
 import tomllib
 from pathlib import Path
 
@@ -272,6 +273,17 @@ def test_a_file_that_cannot_be_changed_line_by_line_stays_as_it_is(tmp_path):
     with pytest.raises(SceneError, match=r"solve.steps=360.*Write these settings into it yourself"):
         write_settings(path, ["solve.steps=360"])
     assert path.read_text() == text and [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_write_back_keeps_line_ends_mode_and_links(tmp_path):
+    file, link = tmp_path / "real" / "mine.toml", tmp_path / "link.toml"
+    file.parent.mkdir()
+    file.write_bytes(b'schema = 1\r\nlike = "engine"\r\n[solve]  # mine\r\nsteps = 90\r\n')
+    file.chmod(0o640)
+    link.symlink_to(file)
+    write_settings(link, ["solve.steps=360"])
+    assert link.is_symlink() and stat.S_IMODE(file.stat().st_mode) == 0o640
+    assert file.read_bytes() == b'schema = 1\r\nlike = "engine"\r\n[solve]  # mine\r\nsteps = 360\r\n'
 
 
 @pytest.mark.parametrize(

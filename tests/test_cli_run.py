@@ -1,6 +1,8 @@
 """`kaneflex run`: what it writes and prints, and that it leaves all or nothing."""
 
+import contextlib
 import json
+import os
 import re
 import signal
 import subprocess
@@ -10,6 +12,8 @@ from pathlib import Path
 import pytest
 from command_line import cli, refused
 
+from kaneflex.errors import OutputError
+from kaneflex.folders import _locked, whole_folder
 from kaneflex.scene import read_scene
 from kaneflex.summary import Summary
 
@@ -185,6 +189,43 @@ def test_a_folder_that_cannot_be_put_in_place_leaves_the_old_one(monkeypatch):
     assert Path("r/summary.json").read_text() == "old"
 
 
+def test_what_a_killed_process_left_goes_with_the_next_run_and_what_another_writes_stays():
+    killed, other, alike = Path(".r.0123abcd"), Path(".r.89ab0123"), Path(".r.txt")
+    for folder in (killed, other, alike):
+        folder.mkdir()
+        (folder / "results.nc").write_text("half")
+    writing = _locked(other)  # as a run does that is not finished
+    for folder in (killed, other, alike):
+        os.utime(folder, (0, 0))
+    with whole_folder(Path("r"), "summary.json") as folder:
+        (folder / "summary.json").write_text("new")
+    assert sorted(path.name for path in Path().iterdir()) == [other.name, alike.name, "r"]
+    os.close(writing)
+
+
+def test_an_old_folder_that_a_killed_process_did_not_put_back_returns():
+    for folder in (Path(".r.0123abcd.old"), Path(".r.0123abcd")):
+        folder.mkdir()
+        (folder / "summary.json").write_text(folder.name)
+        os.utime(folder, (0, 0))
+    with pytest.raises(OutputError, match="the folder exists"), whole_folder(Path("r"), "summary.json"):
+        pass
+    assert Path("r/summary.json").read_text() == ".r.0123abcd.old"
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [("../x", "_x"), ("", "scene"), ("a/b\\c", "a_b_c"), ("..", "scene"), (".hidden", "hidden"), ("Rod 5", "Rod 5")],
+)
+def test_results_stay_in_this_folder_whatever_the_scene_is_called(name, stem):
+    Path("in").mkdir()
+    Path("in/mine.toml").write_text(f"schema = 1\nlike = 'engine'\nname = '{name}'\n[solve]\npreset = 'rigid'\n")
+    with contextlib.chdir("in"):
+        assert cli("run", "mine.toml", "--no-plots").exit_code == 0
+    assert sorted(path.name for path in Path("in").iterdir()) == sorted([f"{stem}-results", "mine.toml"])
+    assert [path.name for path in Path().iterdir()] == ["in"]
+
+
 def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
     def to_netcdf(self, path):
         raise OSError(28, "No space left on device")
@@ -195,7 +236,8 @@ def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
     assert list(Path().iterdir()) == []
 
 
-def test_interrupting_a_process_leaves_nothing(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupting_a_process_leaves_nothing(tmp_path, number):
     command = [sys.executable, "-m", "kaneflex", "run", "engine-transient", "--steps", "20000000", "-o", "r"]
     process = subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
@@ -205,7 +247,7 @@ def test_interrupting_a_process_leaves_nothing(tmp_path):
         for line in process.stderr:
             if line.startswith("solving"):
                 break
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, stderr = process.communicate(timeout=120)
     finally:
         process.kill()

@@ -18,16 +18,15 @@ from kaneflex.contract import (
     COUPLED_ATTRIBUTES,
     COUPLED_TANGENT_ATTRIBUTES,
     COURSES,
-    FORMAT,
     REQUIRED_ATTRIBUTES,
     TANGENT_ATTRIBUTES,
 )
 from kaneflex.errors import SceneError
+from kaneflex.module_cache import cache_folder, keep, kept, sealed
 from kaneflex.options import acting, left_out, resolve_options
 from kaneflex.scene import Scene
 from kaneflex.scene.bodies import Body
 from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
-from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
 
@@ -90,14 +89,18 @@ def _find(
 
     if structure in STRUCTURES:
         return importlib.import_module(f"kaneflex.generated.{STRUCTURES[structure]}"), 0.0
+    if _module_name(structure) in sys.modules:
+        return sys.modules[_module_name(structure)], 0.0
     path = cache_folder() / f"{structure}.py"
-    seconds = 0.0
-    if not path.exists():
-        progress("deriving the equations, first time only")
+    data, seconds = kept(path), 0.0
+    if data is None:
+        progress("deriving the equations, first time only" if not path.exists() else
+                 "deriving the equations anew: what was kept of them is not as it was written")  # fmt: skip
         started = time.perf_counter()
-        write_text(path, text())
+        data = sealed(text())
+        keep(path, data)
         seconds = time.perf_counter() - started
-    return import_file(path, structure, required), seconds
+    return _execute(data, path, structure, required), seconds
 
 
 def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
@@ -160,30 +163,25 @@ def derivable(scene: Scene) -> Iterator[None]:
         ) from error
 
 
-def cache_folder() -> Path:
-    """Where modules that kaneflex derived for the user are kept: a folder for each state of the generator."""
-    import hashlib
-    from importlib.util import find_spec
-
-    import platformdirs
-
-    digest = hashlib.sha256()
-    for source in sorted(Path(find_spec("kaneflex.derive").origin).parent.glob("*.py")):
-        digest.update(source.read_bytes())
-    folder = f"format-{FORMAT}-{digest.hexdigest()[:12]}"
-    return Path(platformdirs.user_cache_dir("kaneflex", appauthor=False)) / folder
+def _module_name(structure: str) -> str:
+    """What numba's cache files are keyed by."""
+    return f"kaneflex_{structure}"
 
 
 def import_file(path: Path, structure: str, required: Sequence[str] = REQUIRED_ATTRIBUTES) -> ModuleType:
-    """Import a generated file under a name made of its structure, which numba's cache files are keyed by."""
-    name = f"kaneflex_{structure}"
-    if name in sys.modules:
-        return sys.modules[name]
+    """Import a generated file under a name made of its structure."""
+    found = sys.modules.get(_module_name(structure))
+    return found if found is not None else _execute(path.read_bytes(), path, structure, required)
+
+
+def _execute(data: bytes, path: Path, structure: str, required: Sequence[str]) -> ModuleType:
+    """Run the text of a generated module, which was read from ``path``, as a module."""
+    name = _module_name(structure)
     specification = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module  # before it is executed: numba looks its functions' module up
     try:
-        specification.loader.exec_module(module)
+        exec(compile(data, str(path), "exec"), module.__dict__)
     except BaseException:
         del sys.modules[name]
         raise

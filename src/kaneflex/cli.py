@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +20,7 @@ from kaneflex.cli_stability import stability
 from kaneflex.cli_sweep import sweep
 from kaneflex.cli_trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
 from kaneflex.errors import SceneError, UserError
+from kaneflex.folders import file_stem
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,12 +38,30 @@ class _Refusal(click.ClickException):
             click.echo(f"Error: {line}", file=file, err=True)
 
 
+@contextmanager
+def _ended_like_interrupted() -> Iterator[None]:
+    """SIGTERM, as a batch system's or a shutdown's, cleans up as Ctrl-C does."""
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 class _Commands(click.Group):
-    """Turns what a user can cure, and Ctrl-C, into a message and an exit code."""
+    """Turns what a user can cure, and Ctrl-C or the system's request to end, into a message and an exit code."""
 
     def invoke(self, ctx: click.Context) -> object:
         try:
-            return super().invoke(ctx)
+            with _ended_like_interrupted():
+                return super().invoke(ctx)
         except UserError as error:
             raise _Refusal(str(error)) from error
         except KeyboardInterrupt:
@@ -152,7 +175,7 @@ def run(
     share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():
         scene = read(name, chosen)
-    folder = output or Path(f"{scene.name}-results")
+    folder = output or Path(f"{file_stem(scene.name)}-results")
     names = [name.strip() for text in parameters for name in text.split(",")]
     summary = run_into(
         scene, folder, chosen, plots, force, after, names, basis == "frozen", share, sensors or None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli_scene import all_settings, read
+from kaneflex.folders import file_stem
 
 if TYPE_CHECKING:
     from kaneflex.comparison import Comparison, Difference
@@ -51,7 +52,7 @@ def compare(
     chosen = all_settings(None, settings, steps)
     scene = read(name, chosen)
     asked = None if presets is None else [part.strip() for part in presets.split(",")]
-    folder = output or Path(f"{scene.name}-comparison")
+    folder = output or Path(f"{file_stem(scene.name)}-comparison")
     resolution = Resolution(peer_elements, peer_steps)
     comparison = compare_into(scene, folder, asked, against, chosen, plots, force, peer, resolution)
     click.echo(difference_table(comparison))

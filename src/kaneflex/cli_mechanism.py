@@ -10,6 +10,7 @@ import click
 from kaneflex.cli_scene import all_settings, configuration, mode_angle, read
 from kaneflex.cli_trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.errors import OutputError, SceneError
+from kaneflex.folders import file_stem
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -49,7 +50,7 @@ def show(
     from kaneflex.writing import refuse_existing, write_bytes
 
     scene = read(name, all_settings(preset, settings))
-    path = output or Path(f"{scene.name}.png")
+    path = output or Path(f"{file_stem(scene.name)}.png")
     if path.suffix not in _PICTURES:
         raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
     refuse_existing(path, force, "mechanism.png")

@@ -14,6 +14,7 @@ import click
 from kaneflex.cli_mechanism import preset_option, set_option
 from kaneflex.cli_scene import all_settings, read
 from kaneflex.errors import Fault, SceneError
+from kaneflex.folders import file_stem
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
@@ -56,7 +57,7 @@ def stability(
     speeds = None
     if speed is not None:
         speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points)
-    folder = output or Path(f"{scene.name}-stability")
+    folder = output or Path(f"{file_stem(scene.name)}-stability")
     with whole_folder(folder, mark=STABILITY_FILE, force=force) as partial, Waiting() as waiting:
         found = judge(scene, speeds, waiting.stage)
         waiting.stage("writing")

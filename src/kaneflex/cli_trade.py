@@ -10,6 +10,7 @@ import click
 
 from kaneflex.cli_scene import all_settings, read
 from kaneflex.errors import Fault, SceneError
+from kaneflex.folders import file_stem
 
 if TYPE_CHECKING:
     from kaneflex.trade.evidence import Choice
@@ -60,7 +61,7 @@ def trade(
     share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
     chosen = all_settings(None, settings)
     scene = read(name, chosen)
-    folder = output or Path(f"{scene.name}-trade")
+    folder = output or Path(f"{file_stem(scene.name)}-trade")
     found = trade_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
     click.echo(trade_table(found))
     click.echo(reference_lines(found))
@@ -86,7 +87,7 @@ def terms(
     share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
     chosen = all_settings(None, settings)
     scene = read(name, chosen)
-    folder = output or Path(f"{scene.name}-terms")
+    folder = output or Path(f"{file_stem(scene.name)}-terms")
     found = terms_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
     click.echo(terms_table(found))
     full = found.full

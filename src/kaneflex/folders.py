@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import shutil
+import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kaneflex.errors import OutputError
+
+_JUST_NOW = 2.0
+"""Seconds in which a folder that is being made gets its lock."""
+_LONGEST = 50
+"""Letters of a scene's name in the name of a file: of four bytes each at most, where 255 bytes are a name."""
+
+
+def file_stem(name: str) -> str:
+    """A scene's name as the beginning of a file's: letters, digits and "._- ", of one folder and not hidden."""
+    plain = "".join(letter if letter.isalnum() or letter in "._- " else "_" for letter in name)
+    return plain.strip(". ")[:_LONGEST] or "scene"
 
 
 @contextmanager
@@ -17,7 +31,7 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
     """A temporary folder beside ``path`` to write into, which becomes ``path`` when the block ends without an error.
 
     It is made at once, so that a place that can't be written is known before anything is computed. A block that
-    raises leaves ``path`` as it was and nothing beside it.
+    raises leaves ``path`` as it was and nothing beside it. What a process that was killed left there goes, too.
 
     Parameters
     ----------
@@ -34,13 +48,15 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
         If ``path`` exists and may not be replaced, or can't be written.
     """
     path = path.resolve()
+    _remove_abandoned(path)
     with writing(path):
         _refuse_existing(path, mark, force)
     missing = [parent for parent in path.parents if not parent.exists()]
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    partial, lock = path.with_name(f".{path.name}.{secrets.token_hex(4)}"), None
     try:
         with writing(path):
             partial.mkdir(parents=True)
+            lock = _locked(partial)
         yield partial
         with writing(path):
             _replace(path, partial)
@@ -50,6 +66,9 @@ def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
             if parent.exists() and not any(parent.iterdir()):
                 parent.rmdir()
         raise
+    finally:
+        if lock is not None:
+            os.close(lock)
 
 
 @contextmanager
@@ -60,6 +79,44 @@ def writing(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = f"can't be written ({error.strerror or error})"
         raise OutputError(str(path), None, reason, "Choose a writable place") from error
+
+
+def _locked(folder: Path) -> int | None:
+    """A lock on a folder, which the system lifts when this process ends, however it does; None where another has it.
+
+    Windows has no such lock on folders.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        return None
+    return handle
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove unfinished folders beside ``path`` whose process has ended; an old one that was never replaced returns.
+
+    One that has just been made is not locked yet: it is left to the next time.
+    """
+    known = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}(\.old)?")
+    for folder in [entry for entry in path.parent.glob(".*") if known.fullmatch(entry.name)]:
+        new = folder.with_suffix("") if folder.suffix == ".old" else folder
+        with suppress(OSError):
+            made = time.time() - folder.stat().st_mtime
+            lock = _locked(new if new.exists() else folder) if made > _JUST_NOW else None
+            if lock is None:
+                continue
+            if folder is not new and not path.exists():
+                folder.rename(path)
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
 
 
 def _refuse_existing(path: Path, mark: str, force: bool) -> None:
@@ -87,4 +144,4 @@ def _replace(path: Path, partial: Path) -> None:
     except BaseException:
         old.rename(path)
         raise
-    shutil.rmtree(old)
+    shutil.rmtree(old, ignore_errors=True)

@@ -14,8 +14,10 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8"))
 
 
-def write_bytes(path: Path, data: bytes) -> None:
+def write_bytes(path: Path, data: bytes, mode: int | None = None) -> None:
     """Write a file by renaming a finished temporary one, so that no reader meets half of it.
+
+    ``mode`` is who may do what with it; left out, what the user's other new files allow.
 
     Raises
     ------
@@ -28,7 +30,8 @@ def write_bytes(path: Path, data: bytes) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
-            os.chmod(temporary, 0o666 & ~_umask())  # a temporary file is the user's alone, a written one is not
+            # a temporary file is the user's alone, a written one need not be
+            os.chmod(temporary, 0o666 & ~_umask() if mode is None else mode)
             os.replace(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import stat
 import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -14,8 +15,9 @@ from kaneflex.errors import SceneError
 from kaneflex.scene.merge import REMOVED
 from kaneflex.scene.read import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.scene import Scene
-from kaneflex.writing import write_text
+from kaneflex.writing import write_bytes
 
+_MARK = "\N{BYTE ORDER MARK}".encode()
 _HEADER = re.compile(r"^\s*\[([^\[\]]+)\]\s*(#.*)?$")
 _ENTRY = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*")
 
@@ -42,7 +44,7 @@ def file_to_write(name: str, settings: Sequence[str]) -> Path:
 
 
 def write_settings(path: Path, settings: Sequence[str]) -> None:
-    """Lay settings of ``solve`` and of links' elements over a scene's file, atomically.
+    """Lay settings of ``solve`` and of links' elements over a scene's file, atomically; its line ends and mode stay.
 
     The new text is read and compared with the scene that the settings give before it replaces the file.
 
@@ -55,7 +57,9 @@ def write_settings(path: Path, settings: Sequence[str]) -> None:
     """
     before = read_scene(path)
     wanted = with_settings(before, settings)
-    text = path.read_text(encoding="utf-8")
+    path = path.resolve()  # a link stays one: what it leads to is changed
+    data = path.read_bytes()
+    mark, text = data[:3] * data.startswith(_MARK), data.decode("utf-8-sig").replace("\r\n", "\n")
     new = _with_solve(text, before.raw.get("solve", {}), wanted.raw.get("solve", {}))
     for name, body in wanted.bodies.items():
         if body.elastic and body.beam.elements != before.bodies[name].beam.elements:
@@ -65,7 +69,8 @@ def write_settings(path: Path, settings: Sequence[str]) -> None:
             str(path), ", ".join(settings), "the file is written in a way that can't be changed line by line",
             "Write these settings into it yourself",
         )  # fmt: skip
-    write_text(path, new)
+    lines = new.replace("\n", "\r\n") if b"\r\n" in data else new
+    write_bytes(path, mark + lines.encode(), stat.S_IMODE(path.stat().st_mode))
 
 
 def _gives(text: str, path: Path, wanted: Scene) -> bool:

@@ -10,13 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.binding import cache_folder
 from kaneflex.errors import SceneError
+from kaneflex.module_cache import cache_folder, is_module, keep, sources_digest
 from kaneflex.scene import Scene, with_settings
 from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
 from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.run import Record, solve_chunk
-from kaneflex.writing import write_bytes
 
 if TYPE_CHECKING:
     from distributed import Client, Future, WorkerPlugin
@@ -74,17 +73,22 @@ class Shipment:
             for path in (Path(module.__file__) for name, module in list(sys.modules.items()) if _derived(name))
             if path.parent == folder
         }
+        self.digests = {name: hashlib.sha256(data).hexdigest() for name, data in plan.files.items()}
         self.moved: dict[str, str] = {}
 
     def unpack(self) -> None:
-        """In a worker: put modules and files in their places."""
+        """In a worker: put modules and files in their places, if they are what was sent."""
         if _maker() != self.maker:
             raise RuntimeError(f"it has kaneflex {' '.join(_maker())}, not {' '.join(self.maker)}")
-        for name, text in self.modules.items():
-            _keep(cache_folder() / name, text)
+        for name, data in self.modules.items():
+            if not is_module(name, data):
+                raise RuntimeError(f"the module {name} did not arrive as it was derived")
+            _keep(cache_folder() / name, data)
         for name, data in self.plan.files.items():
-            digest = hashlib.sha256(data).hexdigest()[:16]
-            place = cache_folder() / "files" / digest / Path(name).name
+            digest = hashlib.sha256(data).hexdigest()
+            if digest != self.digests[name]:
+                raise RuntimeError(f"the file {name} did not arrive as it was sent")
+            place = cache_folder() / "files" / digest[:16] / Path(name).name
             _keep(place, data)
             self.moved[name] = str(place)
         self.plan = replace(self.plan, scene=_at_new_places(self.plan.scene, self.moved), files={})
@@ -104,15 +108,16 @@ def _derived(module: str) -> bool:
 
 
 def _maker() -> tuple[str, str]:
-    """Version of kaneflex, and the state of its generator."""
+    """Version of kaneflex, and the state of its sources."""
     import kaneflex
 
-    return kaneflex.__version__, cache_folder().name
+    return kaneflex.__version__, sources_digest()
 
 
 def _keep(path: Path, data: bytes) -> None:
-    if not path.exists():
-        write_bytes(path, data)
+    """Write what is not there, or there as something else."""
+    if not path.exists() or path.read_bytes() != data:
+        keep(path, data)
 
 
 def _at_new_places(scene: Scene, moved: Mapping[str, str]) -> Scene:
@@ -134,7 +139,7 @@ class Cluster:
             client.register_plugin(_delivery(self._shipment), name=self._name)
         except (RuntimeError, ImportError) as error:
             client.unregister_worker_plugin(self._name)
-            cure = "Install the same kaneflex, with the same generator, on every worker"
+            cure = "Install the same kaneflex, from the same sources, on every worker"
             raise SceneError("--scheduler", address, f"a worker can't take part: {error}", cure) from error
 
     @property

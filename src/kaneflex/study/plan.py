@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from kaneflex.errors import SceneError, nearest
+from kaneflex.module_cache import sources_digest
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.settings import nested, resolved
 from kaneflex.study.points import Point, points_of
@@ -59,11 +60,9 @@ class Plan:
 
     @cached_property
     def digest(self) -> str:
-        """Sixteen hexadecimal digits of all that the results depend on, the version of kaneflex included."""
-        import kaneflex
-
+        """Sixteen hexadecimal digits of all that the results depend on, kaneflex's own sources included."""
         contents = {path: hashlib.sha256(data).hexdigest() for path, data in self.files.items()}
-        about = [kaneflex.__version__, self.scene.raw, list(self.points.values()), self.series, contents]
+        about = [sources_digest(), self.scene.raw, list(self.points.values()), self.series, contents]
         if self.sensitivities:
             about += [self.sensitivities, self.frozen]
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]

@@ -9,17 +9,14 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from kaneflex.binding import cache_folder
+from kaneflex.module_cache import cache_folder, keep, sources_digest
 from kaneflex.scene import Scene
 from kaneflex.study.plan import file_places
 from kaneflex.trade.choice import choose
 from kaneflex.trade.evidence import Choice
 from kaneflex.trade.ranking import check_request
-from kaneflex.writing import write_text
 
 Progress = Callable[[str], None]
-_RULE = 2
-"""Number of the way in which models are weighed: what was chosen in another way is chosen anew."""
 
 
 def remembered_choice(
@@ -36,18 +33,16 @@ def remembered_choice(
         return Choice.model_validate_json(path.read_text(encoding="utf-8")).model_copy(update={"remembered": True})
     except (OSError, UnicodeDecodeError, ValidationError):
         found = choose(scene, tolerance, sensors, progress)
-    write_text(path, found.model_dump_json(indent=2) + "\n")
+    keep(path, (found.model_dump_json(indent=2) + "\n").encode())
     return found
 
 
 def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str]) -> Path:
     """Where the choice for a scene is kept: by its structure, and by all else that it depends on.
 
-    That is every entry of the scene, the contents of its tables, the sensors, the tolerance, the version and the rule.
+    That is every entry of the scene, the contents of its tables, the sensors, the tolerance and kaneflex's own sources.
     """
-    import kaneflex
-
     tables = {place: hashlib.sha256(Path(file).read_bytes()).hexdigest() for place, file in file_places(scene).items()}
-    about = [kaneflex.__version__, _RULE, scene.raw, tables, sorted(sensors), tolerance]
+    about = [sources_digest(), scene.raw, tables, sorted(sensors), tolerance]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()[:16]
     return cache_folder() / "choices" / f"{scene.structure_hash()}-{digest}.json"

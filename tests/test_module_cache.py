@@ -1,0 +1,218 @@
+"""Derived modules are code: a scene's text does not get into it, and what is kept of it is not run unseen."""
+
+import ast
+import keyword
+import os
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from kaneflex import module_cache
+from kaneflex.binding import find_module
+from kaneflex.derive import generate
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene
+
+PENDULUM = """
+schema = 1
+name = 'NAME'
+gravity = [0, -9.81]
+[bodies]
+rod = {length = "LENGTH", mass = 2, inertia = 0.1, points = {"POINT" = [0.3, 0.1]}}
+[joints]
+main = {revolute = ["ground", "rod"]}
+[drives]
+main = {speed = 3, cycle = "360 deg"}
+[loads]
+push = {force_on = "rod.POINT", direction = [1, 0], law = "LAW"}
+[solve]
+preset = "rigid"
+"""
+
+
+def pendulum(folder: Path, **words: str):
+    text = PENDULUM
+    for word, value in ({"NAME": "plain", "LENGTH": "1 m", "POINT": "eye", "LAW": "2 * t"} | words).items():
+        text = text.replace(word, value)
+    file = folder / "pendulum.toml"
+    file.write_text(text, encoding="utf-8")
+    return read_scene(file)
+
+
+# ---- what a scene says stays data -----------------------------------------------------------------------------------
+
+INJECTED = 'x"; import os; os.system("echo run"); y="'
+
+
+@pytest.mark.parametrize("name", [INJECTED, 'Motor "A"', "rod 5\" long", '"""', "\\", "{title}"])
+def test_a_modules_text_does_not_hang_on_what_its_scene_is_called(name, tmp_path):
+    assert generate(pendulum(tmp_path, NAME=name)) == generate(pendulum(tmp_path))
+
+
+nasty = st.sampled_from([INJECTED, '"""', "{}", "__import__('os').system('true')", "p[0]", "x = 1", "\\N{BULLET}", "#"])
+names = st.one_of(
+    st.from_regex(r"[A-Za-zµφﬁ_][A-Za-z0-9µφﬁ_]{0,12}", fullmatch=True),
+    st.sampled_from(keyword.kwlist),
+    nasty,
+)
+laws = st.recursive(
+    st.sampled_from(["t", "main", "main_speed", "pi", "2.5", "1e3"]),
+    lambda inner: st.builds("({} {} {})".format, inner, st.sampled_from("+-*"), inner)
+    | st.builds("{}({})".format, st.sampled_from(["sin", "cos", "tanh"]), inner),
+    max_leaves=5,
+)
+
+
+@settings(
+    max_examples=10, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
+@given(point=names, law=laws | nasty, length=st.sampled_from(["700 mm", "1 m"]) | nasty)
+def test_whatever_a_scene_says_its_module_holds_tables_and_kernels_alone(tmp_path_factory, point, law, length):
+    try:
+        scene = pendulum(tmp_path_factory.mktemp("fuzz"), POINT=point, LAW=law, LENGTH=length)
+    except SceneError:
+        return
+    text = generate(scene)
+    assert text.isascii() or ast.literal_eval(repr(point)) in text  # names beyond ASCII are literals
+    tree = ast.parse(text)
+    about, *nodes = tree.body
+    assert isinstance(about.value, ast.Constant)
+    for node in nodes:
+        assert isinstance(node, (ast.Import, ast.ImportFrom, ast.Assign, ast.FunctionDef))
+        if isinstance(node, ast.Assign):
+            ast.literal_eval(node.value)
+    imports = [ast.unparse(node) for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom))]
+    assert imports == ["import math", "from numba import njit"]
+    called = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    assert called <= {"math.sin", "math.cos", "math.tanh", "njit", "motion", "range"}
+    read = {name.id for name in ast.walk(tree) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Load)}
+    assert not read & {"os", "__import__", "exec", "eval", "open"}
+
+
+# ---- what is kept ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def found(tmp_path, monkeypatch):
+    """A function that finds the pendulum's module as a new process would, and says what it was told."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    scene = pendulum(tmp_path)
+    name = f"kaneflex_{scene.structure_hash()}"
+
+    def find():
+        sys.modules.pop(name, None)
+        told = []
+        module = find_module(scene, told.append)[0]
+        return Path(module.__file__), told
+
+    yield find
+    sys.modules.pop(name, None)
+
+
+def test_what_is_kept_is_the_users_alone_and_is_found_again(found):
+    path, told = found()
+    assert told == ["deriving the equations, first time only"]
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == stat.S_IMODE(path.parent.parent.stat().st_mode) == 0o700
+    before = path.read_bytes()
+    assert found() == (path, []) and path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda path: path.write_bytes(path.read_bytes().replace(b"rod_mass", b"2.0*rod_mass", 3)),
+        lambda path: path.write_bytes(path.read_bytes()[:700]),
+        lambda path: path.write_bytes(path.read_bytes() + b"import os\n"),
+        lambda path: path.write_bytes(b"\xff\x00"),
+        lambda path: path.write_bytes(b""),
+        lambda path: path.chmod(0o666),
+    ],
+    ids=["a coefficient", "cut off", "longer", "no text", "empty", "others may write"],
+)
+def test_what_is_not_as_it_was_derived_is_derived_anew(found, spoil):
+    path, _ = found()
+    before = path.read_bytes()
+    spoil(path)
+    again, told = found()
+    assert again == path and path.read_bytes() == before and stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert told == ["deriving the equations anew: what was kept of them is not as it was written"]
+
+
+def test_a_folder_that_others_may_write_is_closed(found):
+    path, _ = found()
+    path.parent.chmod(0o777)
+    assert found() == (path, []) and stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+
+
+@pytest.fixture
+def no_temporary():
+    module_cache._temporary.cache_clear()
+    yield
+    module_cache._temporary.cache_clear()
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owners here")
+def test_another_users_folder_is_left_alone(found, monkeypatch, no_temporary):
+    path, _ = found()
+    before = path.read_bytes()
+    path.write_bytes(b"raise SystemExit\n")
+    monkeypatch.setattr(os, "getuid", lambda: path.stat().st_uid + 1)
+    with pytest.warns(UserWarning, match=r"another user's\), so they are derived anew.*set XDG_CACHE_HOME"):
+        again, _ = found()
+    assert not again.is_relative_to(path.parents[1]) and again.read_bytes() == before
+
+
+def test_where_nothing_can_be_kept_a_run_goes_on_and_says_so(tmp_path, found, monkeypatch, no_temporary):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "below"))
+    with pytest.warns(UserWarning, match="can't be kept in .* set XDG_CACHE_HOME to a folder of your own"):
+        path, _ = found()
+    assert path.exists() and not path.is_relative_to(tmp_path)
+
+
+# ---- which kaneflex -------------------------------------------------------------------------------------------------
+
+
+def test_every_source_counts(tmp_path, monkeypatch):
+    package = tmp_path / "some_package"
+    (package / "inner").mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "inner" / "summary.py").write_text("FACTOR = 1.0\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = module_cache._digest("some_package")
+    assert module_cache._digest("some_package") == before
+    (package / "inner" / "summary.py").write_text("FACTOR = 2.0\n")
+    assert module_cache._digest("some_package") != before
+
+
+def test_what_is_sent_is_checked(tmp_path, monkeypatch):
+    from kaneflex.study.cluster import Shipment
+    from kaneflex.study.plan import make_plan
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "study.toml").write_text('scene = "engine"\n[parameters]\n"rod.length" = ["137 mm"]\n')
+    shipment = Shipment(make_plan(tmp_path / "study.toml"))
+    good = module_cache.sealed("FORMAT = 1\n")
+    for name, data in {"0" * 16 + ".py": good[:-9], "../" + "0" * 16 + ".py": good}.items():
+        shipment.modules = {name: data}
+        with pytest.raises(RuntimeError, match="did not arrive as it was derived"):
+            shipment.unpack()
+    shipment.modules = {"0" * 16 + ".py": good}
+    (table,) = shipment.digests
+    shipment.digests[table] = "0" * 64
+    with pytest.raises(RuntimeError, match="did not arrive as it was sent"):
+        shipment.unpack()
+
+
+def test_another_state_of_the_sources_makes_another_study(tmp_path, monkeypatch):
+    from kaneflex.study.plan import make_plan
+
+    (tmp_path / "study.toml").write_text('scene = "engine"\n[parameters]\n"rod.length" = ["137 mm"]\n')
+    before = make_plan(tmp_path / "study.toml").digest
+    monkeypatch.setattr("kaneflex.study.plan.sources_digest", lambda: "another")
+    assert make_plan(tmp_path / "study.toml").digest != before
