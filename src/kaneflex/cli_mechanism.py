@@ -45,8 +45,9 @@ def show(
     Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
     """
     from kaneflex.freedom import count_freedom, elastic_coordinates
-    from kaneflex.placing import place
-    from kaneflex.presentation import freedom, parts
+    from kaneflex.placing import place, with_branches
+    from kaneflex.presentation import block, freedom, parts
+    from kaneflex.reach import followed, reach_lines
     from kaneflex.writing import refuse_existing, write_bytes
 
     scene = read(name, all_settings(preset, settings))
@@ -62,7 +63,12 @@ def show(
         click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
         elastic = None
     click.echo(freedom(count_freedom(scene), elastic))
+    scene = with_branches(scene)
     placement = place(scene, at)
+    if not scene.is_frame:
+        courses = {name: pose[:, None] for name, pose in placement.poses.items()} if at else followed(scene, placement)
+        several = len(next(iter(courses.values()))[0]) > 1
+        click.echo(block("over the run" if several else "where it is shown", reach_lines(scene, courses)))
     from kaneflex.plots.scheme import scheme_picture
 
     write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))

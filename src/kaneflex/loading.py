@@ -18,6 +18,7 @@ from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.freedom import check_determined
 from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
+from kaneflex.placing import with_branches
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.seeding import check_free, seed_loops
@@ -59,6 +60,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
     options = resolve_options(scene)
     check_determined(scene)
     check_free(scene)
+    scene = with_branches(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
     module, derived = find_module(scene, progress)
@@ -111,6 +113,7 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
     slopes : ModuleType, optional
         The module of the model's slopes: the elements then differ by them, to first order; else by what they are.
     """
+    scene = with_branches(scene)
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
     scene = acting(scene, options)

@@ -77,6 +77,30 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     return Placement(poses, drives)
 
 
+def with_branches(scene: Scene) -> Scene:
+    """The scene with the branch of every dyad whose closing joint says by `near` which of its two places is meant.
+
+    Raises
+    ------
+    SceneError
+        If the linkage can't close at the start, or both places are as near.
+    """
+    if scene.is_frame or not any(joint.near for joint in scene.joints.values()):
+        return scene
+    poses, placed, joints = None, {"ground": _GROUND}, dict(scene.joints)
+    while len(placed) <= len(scene.bodies):
+        group = _next_group(scene, placed)
+        around = _joints_of(scene, placed, group)
+        closing = next((name for name in around if name in scene.loop_joints()), None)
+        if closing and scene.joints[closing].near and not _is_larger(scene, group, around):
+            poses = poses or {"ground": _GROUND, **place(scene).poses}
+            plus = scene.joints | {closing: scene.joints[closing].model_copy(update={"branch": "+"})}
+            ahead = _on_branch(scene.model_copy(update={"joints": plus}), placed, poses, group, around)
+            joints[closing] = scene.joints[closing].model_copy(update={"branch": "+" if ahead else "-"})
+        placed |= dict.fromkeys(group, _GROUND) if poses is None else {name: poses[name] for name in group}
+    return scene.model_copy(update={"joints": joints})
+
+
 def larger_group(scene: Scene) -> tuple[str, ...]:
     """The first bodies that are neither driven or welded nor a dyad, whose loop has no closed form; or none."""
     placed = {"ground": _GROUND}
@@ -90,14 +114,24 @@ def larger_group(scene: Scene) -> tuple[str, ...]:
 
 def start_coordinate(scene: Scene, name: str) -> float:
     """Coordinate of a drive at t = 0 [rad or m]."""
+    return coordinate_at(scene, name, 0.0)
+
+
+def coordinate_at(scene: Scene, name: str, t: float) -> float:
+    """Coordinate of a drive at the time t [rad or m]; a free joint's where it starts."""
     drive = scene.drives[name]
     if drive.kind == "law":
-        return float(parse_law(drive.law, ("t",)).on_arrays({"t": 0.0}))
+        return float(parse_law(drive.law, ("t",)).on_arrays({"t": t}))
     if drive.kind == "table":
         from kaneflex.tables import evaluate_block
 
-        return float(evaluate_block(drive.curve(), 0.0))
-    return drive.start
+        return float(evaluate_block(drive.read_table().coefficients(drive.period), t))
+    if drive.kind == "spin up":  # speed (t / T - sin(2 pi t / T) / 2 pi) until T, integrated
+        T = drive.spin_up
+        inside = min(t, T)
+        course = inside**2 / (2 * T) + T / (2 * math.pi) ** 2 * (math.cos(2 * math.pi * inside / T) - 1.0)
+        return drive.start + drive.speed * (course + max(t - T, 0.0))
+    return drive.start + (0.0 if drive.free else drive.speed * t)
 
 
 def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
@@ -148,12 +182,7 @@ def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.nd
 
     scene, joints = rows.scene, _joints_of(rows.scene, poses, group)
     closing = ([name for name in joints if name in scene.loop_joints()] or joints)[-1]
-    many = _is_larger(scene, group, joints)
-    if scene.joints[closing].near and not many:
-        raise SceneError(
-            f"joints.{closing}.near", None, "a loop of two bodies closes in two ways, which branch chooses from",
-            "Leave near out",
-        )  # fmt: skip
+    many = _is_larger(scene, group, joints) or bool(scene.joints[closing].near)
     assemblies: list[dict[str, np.ndarray]] = []
     in_vain = 0
 

@@ -119,6 +119,7 @@ def description(model: Model) -> str:
     blocks = [
         parts(scene),
         block("assumptions", scene.assumptions),
+        block("over the run" if _followed(model) else "at the start", _reach(model)),
         block("options in force", _options(model)),
         block(
             "equations",
@@ -131,6 +132,21 @@ def description(model: Model) -> str:
         ),
     ]
     return "\n".join(filter(None, blocks))
+
+
+def _followed(model: Model) -> bool:
+    """Whether the rigid motion is that of the run: not under preset coupled where joints are free."""
+    return bool(model.scene.drives) and not (model.coupled is not None and model.module.FREE)
+
+
+def _reach(model: Model) -> dict[str, str]:
+    """Where the joints go in the rigid mechanism."""
+    from kaneflex.reach import courses_of, reach_lines
+
+    if model.scene.is_frame:
+        return {}
+    times = np.linspace(0.0, model.options.duration, 721) if _followed(model) else np.zeros(1)
+    return reach_lines(model.scene, courses_of(model.scene, model.motion.at(times)))
 
 
 def _options(model: Model) -> dict[str, str]:

@@ -174,6 +174,17 @@ def _at_all(scene: Scene, drives: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in drives.items())
 
 
+def follow(scene: Scene, times: np.ndarray, drives: Coordinates) -> np.ndarray:
+    """Poses (n_times, bodies, 3) of the assembly that the scene starts from, by numbers alone.
+
+    Raises
+    ------
+    SceneError
+        If it can't close at the start, or locks on the way.
+    """
+    return _Follower(scene).over(times, drives, None, lambda t: _at_all(scene, drives(t))).poses
+
+
 class _Follower:
     """Follows the assembly that a scene starts from."""
 

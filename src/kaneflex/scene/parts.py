@@ -45,7 +45,7 @@ class Joint(SceneTable):
     `weld`.
 
     `branch` chooses between the two ways in which a loop of two bodies closes and stands at the joint that closes
-    it; a larger loop may close in more ways, and `near` names rough angles of its bodies at the start.
+    it; a larger loop may close in more ways. `near` names rough angles of its bodies at the start instead.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
     paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld.
     """
