@@ -266,13 +266,13 @@ def test_what_it_refuses(tmp_path, change, message):
     assert message in str(error.value)
 
 
-def test_a_dyad_is_chosen_by_its_branch(tmp_path):
+def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
     (tmp_path / "near.toml").write_text(
-        'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {near = {coupler = "10 deg"}}\n'
+        'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {near = {crank = "10 deg"}}\n'
     )
     from kaneflex.placing import place as placed
 
-    with pytest.raises(SceneError, match="a loop of two bodies closes in two ways, which branch chooses from"):
+    with pytest.raises(SceneError, match="the loop that rocker closes moves coupler, follower"):
         placed(read_scene(tmp_path / "near.toml"))
 
 
