@@ -192,8 +192,10 @@ class _Moved:
                 spring["between"] = [self.address(Address(*end)) for end in spring["between"]]
             elif "angle" in spring or self.shift(spring["torsional_at"]):
                 spring["angle"] = self.coordinate(spring["torsional_at"], spring.get("angle", 0.0))
-        if "mode_angle" in raw["solve"] or (scene.drives and self.shift(next(iter(scene.drives)))):
-            raw["solve"]["mode_angle"] = self.coordinate(next(iter(scene.drives)), scene.solve.mode_angle)
+        first = next(iter(scene.drives), None)
+        turns = first is not None and scene.drives[first].kind == "constant speed"  # and comes by its angle zero
+        if "mode_angle" in raw["solve"] or (turns and self.shift(first)):
+            raw["solve"]["mode_angle"] = self.coordinate(first, scene.solve.mode_angle)
         for sensor in raw["sensors"].values():
             self._sensor(sensor)
         return raw
