@@ -25,6 +25,7 @@ _HOMES = {
     "StateSpace": "kaneflex.statespace",
     "UserError": "kaneflex.errors",
     "ValidityWarning": "kaneflex.errors",
+    "checked": "kaneflex.checking",
     "compare": "kaneflex.comparison",
     "judge": "kaneflex.stability.report",
     "linearise": "kaneflex.statespace",

@@ -1,0 +1,114 @@
+"""Generated kernels that look at their arrays before they read and write them.
+
+Compiled kernels check nothing: an array that is too short is read beyond its end, silently. These wrappers cost some
+microseconds a call; they are for trying things out, and can't be called from jitted code.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+
+Shape = tuple[int, ...]
+_TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
+"""Last words of the numbers in p that say where a table begins."""
+_NODES = 6
+"""Displacements and rotations of an element's two nodes."""
+
+
+def checked(module: ModuleType) -> SimpleNamespace:
+    """A generated module whose kernels raise where an array does not fit.
+
+    Parameters
+    ----------
+    module : ModuleType
+        Like ``kaneflex.generated.engine``, ``model.module`` or ``model.coupled.module``.
+
+    Returns
+    -------
+    SimpleNamespace
+        The module's tables, and its kernels by their names. A kernel raises TypeError for what is no array of float64,
+        and ValueError for a wrong shape, or a table in p that reaches beyond it; both name the argument. Of p, a longer
+        one is right.
+
+    >>> from kaneflex.generated import engine
+    >>> checked(engine).M(np.zeros(4), np.zeros((6, 6)))
+    Traceback (most recent call last):
+        ...
+    ValueError: M: p has shape (4,), at least (5,) is wanted
+    """
+    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    kernels = {name: _wrapped(name, module, shapes) for name, shapes in _shapes(module).items() if name in public}
+    return SimpleNamespace(**public | kernels)
+
+
+def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
+    """Kernel -> argument -> its shape; -1 for any length."""
+    terms = {name: (_NODES, 1) if target == "F" else (_NODES, _NODES) for name, _, target, _ in module.TERMS}
+    element = {"p": (len(module.ELEMENT_PARAMETERS),)}
+    found = {f"term_{name}": element | {"out": shape} for name, shape in terms.items()}
+    numbers = {"p": (len(module.PARAMETERS),)}
+    if hasattr(module, "COORDINATES"):
+        n, m = len(module.COORDINATES), len(module.CONSTRAINTS)
+        state = numbers | {"q": (n,), "v": (n,)}
+        return found | {
+            "equations": state | {"M": (n, n), "f": (n,)},
+            "constraints": state | {"g": (m,), "g_t": (m,), "G": (m, n), "gamma": (m,)},
+            "tangent": state | {"a": (n,), "multipliers": (m,), "K": (n + m, n), "C": (n + m, n)},
+            "energy": state | {"out": (3 + len(module.LOADS),)},
+        }
+    scalars, free = len(module.SCALARS), len(module.FREE)
+    element |= {"s": (len(module.LINK_SCALARS),)}
+    found |= {name: element | {"out": (_NODES, _NODES)} for name in ("M", "K_s", "K_d", "K_g", "C")}
+    return found | {
+        "F": element | {"out": (_NODES,)},
+        "F_t": numbers | {"out": (len(module.LINKS), _NODES)},
+        "motion": numbers | {"s": (scalars,)},
+        "tabulate": numbers | {"times": (-1,), "out": (-1, scalars)},
+        "inverse": numbers | {"y": (3 * free,), "out": (free,)},
+    }
+
+
+def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Callable[..., None]:
+    kernel = getattr(module, name)
+    signature = inspect.signature(kernel.py_func)
+    whole = shapes["p"] == (len(module.PARAMETERS),) and not name.startswith("term_")
+    tables = [k for k, (path, _) in enumerate(module.PARAMETERS) if whole and path.endswith(_TABLES)]
+
+    @functools.wraps(kernel.py_func)
+    def call(*arguments: object) -> None:
+        given = signature.bind(*arguments).arguments
+        for argument, shape in shapes.items():
+            if argument in given:
+                _check(f"{name}: {argument}", given[argument], shape, longer=argument == "p")
+        if "times" in given and len(given["out"]) < len(given["times"]):
+            raise ValueError(f"{name}: out has {len(given['out'])} rows for {len(given['times'])} times")
+        for k in tables:
+            _check_table(f"{name}: p", given["p"], module.PARAMETERS[k][0], given["p"][k])
+        kernel(*arguments)
+
+    return call
+
+
+def _check(what: str, array: object, shape: Shape, longer: bool) -> None:
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
+        kind = f"an array of {array.dtype}" if isinstance(array, np.ndarray) else f"a {type(array).__name__}"
+        raise TypeError(f"{what} is {kind}, an array of float64 is wanted")
+    right = array.ndim == len(shape) and all(
+        wanted in (-1, size) or (longer and size > wanted) for size, wanted in zip(array.shape, shape, strict=True)
+    )
+    if not right:
+        wanted = str(shape).replace("-1", "any")
+        raise ValueError(f"{what} has shape {array.shape}, {'at least ' if longer else ''}{wanted} is wanted")
+
+
+def _check_table(what: str, p: np.ndarray, path: str, start: float) -> None:
+    """A block is its number of intervals, the period, the breakpoints and four coefficients an interval."""
+    first = int(start) if np.isfinite(start) else -1
+    count = p[first] if 0 <= first < len(p) else np.nan
+    if not (count >= 1 and first + 3 + 5 * count <= len(p)):
+        raise ValueError(f"{what} does not hold the table of {path}, which begins at {start:g} of {len(p)} numbers")
