@@ -1,5 +1,6 @@
 """Modal data of links as arrays: what `kaneflex modes --export` writes, and what a scene takes instead of beams."""
 
+import json
 import re
 from pathlib import Path
 
@@ -155,7 +156,16 @@ def test_the_rigid_preset_takes_mass_centre_and_inertia(fed_back):
 def test_a_run_writes_its_results(fed_back, tmp_path):
     result = CliRunner().invoke(main, ["run", str(fed_back), "--steps", "200", "-o", str(tmp_path / "results")])
     assert result.exit_code == 0, result.output
-    assert (tmp_path / "results" / "summary.json").exists()
+    summary = json.loads((tmp_path / "results" / "summary.json").read_text())
+    assert (summary["degrees_of_freedom"], summary["modes_kept"]) == (5, 5)
+    assert "preset coupled: 5 degrees of freedom, 5 coordinates solved for" in result.output
+    assert kaneflex.load(read_scene(fed_back)).in_short.endswith("coupled, 5 degrees of freedom")
+
+
+def test_the_shapes_are_counted_where_the_mechanism_is_shown(fed_back, tmp_path):
+    result = CliRunner().invoke(main, ["show", str(fed_back), "-o", str(tmp_path / "fed-back.png")])
+    assert result.exit_code == 0, result.output
+    assert re.search(r"^  elastic +5  ", result.output, flags=re.MULTILINE)
 
 
 def test_modes_and_state_space_are_those_of_the_beam(fed_back):
@@ -172,6 +182,7 @@ def test_check_says_where_the_shapes_come_from(fed_back):
     result = CliRunner().invoke(main, ["check", str(fed_back)])
     assert result.exit_code == 0, result.output
     assert "elastic by modal data, 300 mm" in result.output and "those of the modal data" in result.output
+    assert re.search(r"degrees of freedom +5\n +coordinates +rod\.axial_0 rod\.axial_1 rod\.", result.output)
 
 
 def asymmetric(data):

@@ -307,3 +307,13 @@ def test_hundreds_of_elements_stay_sparse():
     matrices = [matrix for affine in found.equations.matrices().values() for matrix in affine.terms.values()]
     entries = sum(matrix.nnz if issparse(matrix) else matrix.size for matrix in matrices)
     assert entries < 768 * 250
+
+
+def test_what_a_rigid_mechanism_has_no_use_for_is_said():
+    """Nothing deforms, so nothing follows a motion; another preset, or an integrator, is not what is solved."""
+    assert model("double-pendulum").warnings == ()
+    (said,) = model("double-pendulum", "solve.preset=coupled").warnings
+    assert said == "no body is elastic: preset coupled solves the rigid mechanism, as preset rigid does"
+    still = model("engine", "solve.preset=rigid", "solve.integrator=newmark")
+    assert still.warnings == ("preset rigid integrates nothing: solve.integrator = newmark is left out",)
+    assert still.options.integrator == "none"

@@ -1,5 +1,7 @@
 """Rayleigh and Timoshenko elements: closed forms, limits, exact statics, no locking, frequencies and their order."""
 
+import re
+
 import closed_forms as by_hand
 import closed_forms_shear as with_shear
 import numpy as np
@@ -9,6 +11,7 @@ from scipy.linalg import eigh
 from sympy import Matrix, diff
 
 from kaneflex.building import reference_modes
+from kaneflex.cli import mesh_hint
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.shapes import (
     E_I,
@@ -255,6 +258,17 @@ def test_deep_simply_supported_beam(folder, theory):
     axial = [np.abs(found - exact).argmin() for exact in (125.0, 375.0)]
     assert found[axial] == pytest.approx([125.0, 375.0], rel=4e-3)
     assert np.delete(found, axial)[:3] == pytest.approx(DEEP_HZ[theory], rel=5e-4)
+
+
+def test_a_mesh_too_coarse_for_a_mode_is_named(folder):
+    """FV5 with the default of 4 elements: the third flexural frequency, after the axial one the fourth of all."""
+    coarse = derived_on_the_fly(DEEP.replace("elements = 16\n", ""), folder)
+    omega = reference_modes(coarse, 6)[0]
+    assert omega[3] / (2 * np.pi * DEEP_HZ["timoshenko"][2]) - 1 == pytest.approx(-0.018, abs=0.001)
+    said = mesh_hint(coarse, omega)
+    assert re.fullmatch(r"mode 4 is 1\.\d% off that with beam\.elements = 8: give the links more elements", said)
+    fine = derived_on_the_fly(DEEP, folder)
+    assert mesh_hint(fine, reference_modes(fine, 4)[0]) == ""
 
 
 def test_the_shapes_own_shear_coefficient_is_that_of_the_published_values(folder):

@@ -244,7 +244,10 @@ def modes(
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
         names, omega, shapes = _modes_of(model, count)
+        too_few = mesh_hint(model, omega)
     hertz = omega / (2.0 * math.pi)
+    if too_few:
+        click.echo(f"Warning: {too_few}", err=True)
     if as_json:
         click.echo(json.dumps(_modes_as_data(model, names, hertz, shapes), indent=2, ensure_ascii=False))
         return
@@ -264,6 +267,32 @@ def _modes_of(model: Model, count: int | None) -> tuple[tuple[str, ...], np.ndar
     names, omega, shapes = modes_at_rest(model)
     count = _mode_count(len(names), model, count)
     return names, omega[:count], shapes[:, :count]
+
+
+_LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
+"""Modes whose frequencies are compared with a mesh of twice the elements, the change that is said, and elements of a
+link beyond which none is looked for."""
+
+
+def mesh_hint(model: Model, omega: np.ndarray) -> str:
+    """Which of the lowest frequencies change by how much with twice the elements; empty where none does by 1 %."""
+    from kaneflex.building import reference_modes
+    from kaneflex.loading import load
+    from kaneflex.scene import with_settings
+
+    scene = model.scene
+    finer = {name: 2 * body.beam.elements for name, body in scene.bodies.items() if body.elastic}
+    if model.coupled is not None or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
+        return ""
+    refined = load(with_settings(scene, [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]))
+    count = min(_LOOKED_AT, len(omega))
+    exact = reference_modes(refined, count)[0]
+    change = abs(omega[:count] - exact) / exact.clip(min=1e-6 * exact[-1])
+    if (change < _TOO_FAR).all():
+        return ""
+    mode = int((change > _TOO_FAR).argmax())
+    elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
+    return f"mode {mode + 1} is {change[mode]:.1%} off that with {elements}: give the links more elements"
 
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:

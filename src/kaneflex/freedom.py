@@ -209,11 +209,13 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     from kaneflex.frame import build_frame
     from kaneflex.interfaces import find_interfaces
     from kaneflex.options import resolve_options
+    from kaneflex.scene.floating import shapes_given
 
     options = resolve_options(scene)
     if options.dynamics == "rigid":
         return ()
     check_elastic(scene)
+    given = shapes_given(scene) if options.dynamics == "coupled" else ()
     links = {
         name: _mesh_of(scene, name, options.elements or body.beam.elements)
         for name, body in scene.bodies.items()
@@ -221,7 +223,8 @@ def elastic_coordinates(scene: Scene) -> tuple[str, ...]:
     }
     carried = carried_bodies(scene)
     interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
-    return build_frame(scene, {name: link.part for name, link in links.items()}, carried, interfaces).coordinates
+    frame = build_frame(scene, {name: link.part for name, link in links.items()}, carried, interfaces)
+    return (*frame.coordinates, *given)
 
 
 def _mesh_of(scene: Scene, name: str, elements: int) -> Link:

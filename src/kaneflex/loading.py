@@ -88,7 +88,8 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
     elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
-        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+        if options.dynamics != "rigid":
+            warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     check_closure(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
@@ -133,6 +134,11 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     """What the scene asks for and its preset overrules."""
     found = []
+    solve, integrates = scene.solve, options.dynamics not in ("rigid", "quasistatic")
+    if options.dynamics == "rigid" and "preset" in solve.model_fields_set and solve.preset != "rigid":
+        found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
+    if solve.integrator is not None and not integrates:
+        found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
     finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
     if options.elements is not None and finer:
         count = "one element" if options.elements == 1 else f"{options.elements} elements"

@@ -21,6 +21,7 @@ from kaneflex.links import Link, Part
 from kaneflex.options import Options
 from kaneflex.products import Products
 from kaneflex.scene import Scene
+from kaneflex.scene.floating import shapes_given
 
 if TYPE_CHECKING:
     from kaneflex.coupled.system import CoupledSystem
@@ -161,7 +162,19 @@ class Model:
     @property
     def in_short(self) -> str:
         """Name, preset and degrees of freedom."""
-        return f"{self.scene.name}, {self.options.preset}, {self.equations.size} degrees of freedom"
+        return f"{self.scene.name}, {self.options.preset}, {self.degrees_of_freedom} degrees of freedom"
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Elastic ones before any reduction; bodies with modal data have their shapes."""
+        nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
+        return nodal + len(self.shapes_given)
+
+    @property
+    def shapes_given(self) -> tuple[str, ...]:
+        """Coordinates of the shapes of bodies with modal data, which preset coupled solves for as they are."""
+        return () if self.coupled is None else shapes_given(self.scene)
+
 
     @property
     def reference_coordinates(self) -> dict[str, float]:

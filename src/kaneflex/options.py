@@ -173,7 +173,7 @@ def resolve_options(scene: Scene) -> Options:
         modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
         start="zero" if paper else solve.start,
-        integrator=solve.integrator or _INTEGRATOR[dynamics],
+        integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _INTEGRATOR[dynamics],
         steps=solve.steps or default_steps(scene, duration),
         cycles=period is not None,
         duration=duration,

@@ -124,8 +124,8 @@ def description(model: Model) -> str:
         block(
             "equations",
             {
-                "degrees of freedom": str(model.equations.size),
-                "coordinates": " ".join(model.coordinates) or "none",
+                "degrees of freedom": str(model.degrees_of_freedom),
+                "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
                 "structure": model.motion.module.STRUCTURE,
                 "module": _module(model),
             },

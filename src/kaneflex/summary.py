@@ -123,7 +123,9 @@ class Summary(_Table):
         description="natural frequencies at options.mode_angle, or at the start where the first drive never stands "
         f"there, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; empty where nothing is elastic"
     )
-    degrees_of_freedom: int = Field(description="elastic degrees of freedom before reduction")
+    degrees_of_freedom: int = Field(
+        description="elastic degrees of freedom before reduction; of bodies with modal data their shapes"
+    )
     modes_kept: int = Field(description="coordinates solved for: the degrees of freedom where nothing is reduced")
     floquet_multiplier_max: float | None = Field(
         description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
@@ -170,8 +172,8 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         sensors=sensor_summaries(solution) if len(times) else {},
         mode_angle_spread=_spread(solution),
         frequencies_hz=list(solution.frequencies),
-        degrees_of_freedom=model.equations.size + sum(len(basis) - basis.shape[1] for basis in model.bases.values()),
-        modes_kept=model.reduced.size,
+        degrees_of_freedom=model.degrees_of_freedom,
+        modes_kept=model.reduced.size + len(model.shapes_given),
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),

@@ -110,3 +110,14 @@ def _counts(scene: Scene, name: str, modes: int) -> tuple[int, int]:
     axial = 0 if scene.bodies[name].beam.axially_rigid else len(away) + 1
     # A mean frame makes the turn of the undeformed link itself: one of the static shapes, where there are any.
     return axial, held + modes - (frame == "mean" and held > 0)
+
+
+def shapes_given(scene: Scene) -> tuple[str, ...]:
+    """Coordinates of the shapes that bodies with modal data bring along, as the coupled equations name them."""
+    return tuple(
+        f"{name}.{kind}_{k}"
+        for name, body in scene.bodies.items()
+        if body.modal is not None
+        for kind, count in zip(("axial", "transverse"), body.modal.counts, strict=True)
+        for k in range(count)
+    )
