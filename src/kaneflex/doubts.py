@@ -11,6 +11,7 @@ from kaneflex.deformation import deform
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.links import Link
 from kaneflex.options import FIXED_STEP
+from kaneflex.quasistatic import lost_digits, mechanism_modes
 from kaneflex.sampling import unseen
 from kaneflex.solution import Solution
 from kaneflex.stability.lost import lost_stiffness
@@ -26,6 +27,8 @@ LARGEST_GAP = 1e-4
 LARGEST_PART, MEAN_PART = 0.05, 0.002
 """Share of a sensor's peak by which its values by the equations of motion and by the change of velocities may part, at
 one instant, as where a start from rest is a shock, and in the root mean square of all."""
+LARGEST_ROUNDING = 1e-5
+"""Share of a quasi-static answer that rounding may change without a word."""
 LARGEST_STRETCH = 0.05
 """Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
 LARGEST_DEFLECTION = 0.05
@@ -40,6 +43,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     if lowest is not None and (model.options.dynamics == "dynamic" or solution.coupled is not None):
         found.extend(_coarse(solution, lowest))
     found.extend(_parted(solution))
+    found.extend(_ill_conditioned(solution))
     found.extend(unseen(model))
     if solution.coupled is not None:
         return [*found, *_of_coupled(solution)]
@@ -78,6 +82,23 @@ def _coarse(solution: Solution, lowest: float) -> list[str]:
     return [
         f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
         f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
+    ]
+
+
+def _ill_conditioned(solution: Solution) -> list[str]:
+    """A warning where rounding alone may change quasi-static displacements, forces and torques."""
+    model = solution.model
+    static = model.options.dynamics == "quasistatic" or (
+        model.options.dynamics == "dynamic" and model.options.start == "quasistatic"
+    )
+    if not static or not len(solution.times) or mechanism_modes(model, solution.times[0]):
+        return []
+    share = lost_digits(model, solution.times[0])
+    if share <= LARGEST_ROUNDING:
+        return []
+    return [
+        f"the stiffness is ill-conditioned: rounding alone may change the quasi-static answer by some {share:.1g} of "
+        "it; make the stiffest links rigid, or give fewer elements"
     ]
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array, vstack
 
 from kaneflex.affine import Affine, as_array
 from kaneflex.model import Model, RigidMotion
+from kaneflex.springs import place_springs
 
-_RIGID = 64 * np.finfo(float).eps  # a coordinate: share of its stiffness that eliminating the others leaves by rounding
+_DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same
+_RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
 LARGEST_DENSE = 64
 """Coordinates up to which all instants are solved as one stack of dense matrices; beyond, by bands, one by one."""
 _CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
@@ -60,7 +62,7 @@ def answers(
     z = np.zeros_like(load)
     size = model.reduced.size
     batch = max(1, _CHUNK // max(size * size, 1))
-    relief = has_mechanism_modes(model, times[0])
+    relief = mechanism_modes(model, times[0])
     for first in range(0, len(times), batch):
         rows = slice(first, first + batch)
         if size > LARGEST_DENSE and not relief:
@@ -70,7 +72,7 @@ def answers(
             stiffness = _dense(model.kept["K"], rigid)
             if relief:
                 elastic, mass = _dense(model.reduced.K_s, rigid), _dense(model.kept["M"], rigid)
-                z[rows] = _relieved(elastic, stiffness, mass, load[rows])
+                z[rows] = _relieved(elastic, stiffness, mass, load[rows], relief)
             else:
                 z[rows] = np.linalg.solve(stiffness, load[rows, :, None])[..., 0]
         if progress is not None:
@@ -106,20 +108,56 @@ def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.nda
     return answer
 
 
-def has_mechanism_modes(model: Model, t: float) -> bool:
-    """Whether K_s alone leaves the mechanism a motion.
+def mechanism_modes(model: Model, t: float) -> int:
+    """How many motions of the mechanism deform nothing at an instant: those that K_s does not oppose.
 
-    Then eliminating one coordinate after the other (Cholesky) leaves nothing of the last one's stiffness but rounding.
-    Frequencies don't tell: a fine mesh or a slender link has lowest ones that look like nothing beside its highest.
+    In them every link moves as a rigid one, by (u, v, theta) of its start, and takes its nodes at joints and springs to
+    where L z has them, while springs keep their length or angle. The rank of these conditions is a matter of geometry:
+    no stiffness enters, however far apart those of two links are, nor what rounding leaves of them.
+    """
+    rigid, links = model.motion.at(t), model.links
+    length = max(link.length for link in links.values())
+    held = set(model.interfaces.displaced)
+    for spring in model.scene.springs.values():
+        ends = (end for end in spring.ends if end.body in links)
+        held |= {(end.body, links[end.body].node_at(model.scene.point(end)[0])) for end in ends}
+    rows, shapes = [], []
+    for k, (name, part) in enumerate(model.parts.items()):
+        moved = _at(model.frame.maps[name], rigid)
+        for node in (node for node in part.place if (name, node) in held):
+            x = links[name].nodes[node] / length
+            for row, shape in zip(part.place[node], ((1.0, 0.0, 0.0), (0.0, 1.0, x), (0.0, 0.0, 1.0)), strict=True):
+                if row is not None:
+                    rows.append(moved[[row]] * (length if shape[0] == shape[1] else 1.0))
+                    shapes.append(np.pad(-np.array(shape), (3 * k, 3 * (len(links) - k - 1))))
+    for part, parted in place_springs(model.scene, links, model.parts, model.frame):
+        stiff = np.flatnonzero(_at(part.matrices["K_s"], rigid).diagonal())
+        rows.extend(_at(parted, rigid)[[row]] for row in stiff)
+        shapes.extend([np.zeros(3 * len(links))] * len(stiff))
+    bodies = [_at(motion, rigid) for motion in model.frame.bodies.values()]
+    columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
+    conditions = np.hstack([vstack(rows).toarray()[:, columns], np.array(shapes)])
+    sizes = np.linalg.norm(conditions, axis=0)
+    conditions /= np.where(sizes > 0.0, sizes, 1.0)
+    return conditions.shape[1] - int(np.linalg.matrix_rank(conditions, tol=_DEPENDENT))
+
+
+def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
+    """An affine matrix at the first instant of a rigid motion."""
+    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
+
+
+def lost_digits(model: Model, t: float) -> float:
+    """Share of the answer of K z = F that rounding may change: its unit over the least pivot of the scaled K_s.
+
+    Eliminating one coordinate after the other (Cholesky) leaves of the last ones' stiffness what holds the mechanism.
     """
     from scipy.linalg import LinAlgError, cholesky_banded
 
-    rigid = model.motion.at(t)
-    names = {name for monomial in model.reduced.K_s.terms for name in monomial}
-    stiffness = coo_array(model.reduced.K_s.at({name: rigid[name][0] for name in names}))
+    stiffness = coo_array(_at(model.reduced.K_s, model.motion.at(t)))
     size, diagonal = stiffness.shape[0], stiffness.diagonal()
     if not diagonal.min() > 0.0:
-        return True
+        return 1.0
     scaled = stiffness.data / np.sqrt(diagonal[stiffness.row] * diagonal[stiffness.col])
     upper = stiffness.col >= stiffness.row
     width = int((stiffness.col - stiffness.row).max(initial=0))
@@ -128,11 +166,13 @@ def has_mechanism_modes(model: Model, t: float) -> bool:
     try:
         pivots = cholesky_banded(band)[-1] ** 2
     except LinAlgError:
-        return True
-    return bool(pivots.min() < _RIGID * size)
+        return 1.0
+    return float(np.finfo(float).eps / pivots.min())
 
 
-def _relieved(elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load: np.ndarray) -> np.ndarray:
+def _relieved(
+    elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load: np.ndarray, modes: int
+) -> np.ndarray:
     """K z = F in the space that is M-orthogonal to the mechanism modes R of K_s: an orthonormal basis spans it."""
     from scipy.linalg import eigh
 
@@ -140,8 +180,8 @@ def _relieved(elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load
     for k in range(len(load)):
         diagonal = elastic[k].diagonal()
         scale = 1 / np.sqrt(np.where(diagonal > _RIGID * diagonal.max(), diagonal, diagonal.max()))
-        shares, shapes = eigh(scale[:, None] * elastic[k] * scale)
-        R = scale[:, None] * shapes[:, shares < _RIGID * len(scale)]
+        shapes = eigh(scale[:, None] * elastic[k] * scale)[1]
+        R = scale[:, None] * shapes[:, :modes]
         basis = np.linalg.qr(mass[k] @ R, mode="complete")[0][:, R.shape[1] :]
         answer[k] = basis @ np.linalg.solve(basis.T @ stiffness[k] @ basis, basis.T @ load[k])
     return answer

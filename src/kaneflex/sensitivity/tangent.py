@@ -22,7 +22,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.periodic import Cycle
 from kaneflex.integrate.run import cycle_map, integrate
 from kaneflex.model import Model, affine_system
-from kaneflex.quasistatic import has_mechanism_modes, quasistatic, rate_of, solve_banded_at
+from kaneflex.quasistatic import mechanism_modes, quasistatic, rate_of, solve_banded_at
 from kaneflex.sensitivity.varied import Varied
 from kaneflex.simulation import storing
 from kaneflex.solution import Solution
@@ -83,7 +83,7 @@ def _rates_of_quasistatic(
 def _of_quasistatic(varied: Varied, times: np.ndarray, z: np.ndarray) -> np.ndarray:
     """K z' = F' - K' z at each instant; (n_times, n)."""
     model = varied.model
-    if has_mechanism_modes(model, times[0]):
+    if mechanism_modes(model, times[0]):
         raise SceneError(
             "solve.preset", model.options.preset, "mechanism modes are left to inertia relief, which has no derivative",
             "Take preset stiffened, or hold the mechanism",
