@@ -138,3 +138,70 @@ def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deforma
                 "top": P / EA + 0.005 * wall / EI}  # fmt: skip
     for name, value in expected.items():
         assert solution.series[name].values == pytest.approx(value, rel=1e-5), name
+
+
+LADEN = """
+schema = 1
+[bodies.arm]
+length = "1 m"
+points = {spot = ["250 mm", 0], cut = ["630 mm", 0]}
+beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", A_end = "300 mm^2", I = "13333 mm^4", axially_rigid = true}
+[joints]
+hub = {revolute = ["ground", "arm.start"]}
+[masses]
+tip = {at = "arm.end", mass = "2 kg"}
+spot = {at = "arm.spot", mass = "3 kg", inertia = "0.7 kg m^2"}
+[drives]
+hub = {law = "5 * t**2"}
+[loads]
+wind = {spread_on = "arm", direction = [0, 1], axes = "body", value = "40 N/m", profile = [1, 3]}
+[sensors]
+N = {axial_force = "arm.cut"}
+V = {shear_force = "arm.cut"}
+M = {bending_moment = "arm.cut"}
+N_tip = {axial_force = "arm.end"}
+felt = {acceleration = "arm.end", component = "x"}
+[solve]
+preset = "rigid"
+duration = "0.5 s"
+steps = 4
+"""
+
+
+@pytest.fixture(scope="module")
+def laden(tmp_path_factory) -> dict[str, Model]:
+    folder = tmp_path_factory.mktemp("laden")
+    ways = ("rigid", "quasistatic", "linear")
+    return {way: derived_on_the_fly(LADEN, folder, f"solve.preset={way}") for way in ways}
+
+
+def test_a_cut_through_a_tapered_arm_with_lumps_and_a_load_carries_what_lies_beyond(laden):
+    """The part beyond the cut at x is in balance, with rho A(X), p(X) linear and a mass m at its tip:
+
+    N = omega^2 (int rho A X + m L), V = int p - epsilon (int rho A X + m L), M = int p (X - x) - epsilon (int rho A X
+    (X - x) + m L (L - x)). What lies before the cut, the other lump and its inertia, has no part in it.
+    """
+    poly, x, L, m, epsilon = np.polynomial.Polynomial, 0.63, 1.0, 2.0, 10.0
+    X, density, load = poly([0.0, 1.0]), 7850 * poly([900e-6, -600e-6]), 40 * poly([1.0, 2.0])
+
+    def beyond(density: np.polynomial.Polynomial) -> float:
+        whole = density.integ()
+        return float(whole(L) - whole(x))
+
+    first, second = beyond(density * X) + m * L, beyond(density * X * (X - x)) + m * L * (L - x)
+    for preset in ("rigid", "quasistatic"):
+        solution = simulate(laden[preset])
+        expected = {"N": (10 * solution.times) ** 2 * first, "V": beyond(load) - epsilon * first,
+                    "M": beyond(load * (X - x)) - epsilon * second}  # fmt: skip
+        for name, value in expected.items():
+            scale = abs(np.asarray(value)).max()
+            bound = 1e-9 if preset == "rigid" else 1e-4  # almost stiff
+            assert abs(solution.series[name].values - value).max() <= bound * scale, (preset, name)
+
+
+def test_an_axially_rigid_beam_is_pulled_by_what_the_mass_at_its_end_feels(laden):
+    """N = -m (a - g) along the bent beam's axis, of any deformation: Coriolis and Euler terms, too."""
+    series = waving(laden["linear"], np.linspace(0.1, 0.5, 9), 0.1).series
+    felt = series["felt"].values
+    assert np.ptp(felt) > 10.0
+    assert series["N_tip"].values == pytest.approx(-2.0 * felt, rel=1e-9, abs=1e-6)
