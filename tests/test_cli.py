@@ -11,6 +11,7 @@ import pytest
 from command_line import cli, refused
 
 import kaneflex
+from kaneflex.binding import deriving, find_module, seconds_to_derive
 from kaneflex.freedom import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.presentation import PRESETS_IN_WORDS
@@ -63,6 +64,54 @@ def test_module_runs_as_a_program(tmp_path):
         [sys.executable, "-m", "kaneflex", "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
     assert kaneflex.__version__ in shown.stdout
+
+
+def test_a_full_disk_under_the_cache_of_kernels_is_named(tmp_path):
+    """No file may grow beyond 3 kB: the system refuses numba's cache as a full disk does."""
+    limited = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))"
+    shown = subprocess.run(
+        [sys.executable, "-c", f"{limited}; from kaneflex.cli import main; main()", "modes", "pin-ended-cross"],
+        cwd=tmp_path, env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert shown.returncode == 2 and "Traceback" not in shown.stderr
+    assert "Error: File too large. Free some space, or keep caches elsewhere: set NUMBA_CACHE_DIR" in shown.stderr
+
+
+def test_a_plain_number_of_millimetres_is_named_before_anything_is_solved():
+    assert "rod.length = 137 is 137 m" in cli("check", "engine", "--set", "rod.length=137").stderr
+    for meant in ("137 mm", "137 m", "0.137"):
+        assert "is 137 m" not in cli("check", "engine", "--set", f"rod.length={meant}").stderr
+
+
+OWN = """
+schema = 1
+bodies = {wheel = {mass = 1, inertia = 1, points = {pen = [0.1, 0.2]}}, bob = {mass = 1}}
+joints = {shaft = {revolute = ["ground", "wheel"]}, tack = {revolute = ["wheel.pen", "bob"]}}
+drives = {shaft = {speed = 1, cycle = "360 deg"}, tack = {law = "sin(3 * t)"}}
+solve = {preset = "rigid"}
+"""
+"""Of a structure that no shipped module serves."""
+
+
+def test_deriving_names_its_stages_and_says_beforehand_if_it_takes_long(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    Path("own.toml").write_text(OWN)
+    stages = []
+    find_module(read_scene("own.toml"), stages.append)
+    head = "deriving the equations, first time only: "
+    assert stages == [head + stage for stage in ("reading the scene", "Kane's equations", "programs", "module text")]
+    find_module(read_scene("own.toml"), stages.append)
+    assert len(stages) == 4  # from the cache
+    deriving(stages.append, 40.0)("programs")
+    assert stages[4] == "deriving the equations, first time only, some 40 s: programs"
+
+
+@pytest.mark.parametrize(
+    ("count", "modes", "measured"), [(1, 1, 0.6), (1, 6, 6.1), (2, 6, 20.3), (4, 3, 14.7), (4, 6, 34.9)]
+)
+def test_the_seconds_that_deriving_is_said_to_take(count, modes, measured):
+    """Within a factor of three of docs/derive-times.md: what counts is whether it is a moment or minutes."""
+    assert 1 / 3 < seconds_to_derive({str(k): (1, modes + 1) for k in range(count)}) / measured < 3
 
 
 # ---- what is refused --------------------------------------------------------------------------------------------

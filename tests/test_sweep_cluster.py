@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -65,11 +66,9 @@ def until(condition: Callable[[], object]) -> object:
     raise TimeoutError
 
 
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
-    """Address of the scheduler, its two workers, and the cache that these have for themselves."""
-    peer("distributed")
-    folder = tmp_path_factory.mktemp("cluster")
+@contextmanager
+def started(folder: Path, count: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """Address of a scheduler, and the processes: its own first, then those of so many workers."""
     file = folder / "scheduler.json"
     environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
 
@@ -82,17 +81,26 @@ def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen
     try:
         until(file.exists)
         single = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder))
-        processes += [start("dask_worker", *single) for _ in range(2)]
+        processes += [start("dask_worker", *single) for _ in range(count)]
         from distributed import Client
 
         with Client(scheduler_file=str(file), set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=PATIENCE)
+            client.wait_for_workers(count, timeout=PATIENCE)
             address = client.scheduler.address
-        yield address, processes[1:], folder / "cache"
+        yield address, processes
     finally:
         for process in processes:
             process.kill()
             process.wait()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory, peer) -> Iterator[tuple[str, list[subprocess.Popen], Path]]:
+    """Address of the scheduler, its two workers, and the cache that these have for themselves."""
+    peer("distributed")
+    folder = tmp_path_factory.mktemp("cluster")
+    with started(folder, 2) as (address, processes):
+        yield address, processes[1:], folder / "cache"
 
 
 def dataset(path: Path, engine: str) -> xarray.Dataset:
@@ -130,6 +138,25 @@ def test_a_killed_workers_chunks_are_solved_again_and_the_dataset_is_that_of_one
     assert set(there.data_vars) == set(here.data_vars) and there["point"].values.tolist() == list(range(60))
     assert len(list(cache.rglob("format-*/*.py"))) == 1  # the module, by its hash
     assert {path.name for path in cache.rglob("files/*/*.csv")} >= {"weak.csv", "strong.csv"}
+
+
+def test_a_killed_scheduler_is_named_and_what_is_solved_is_kept(tmp_path, plan, peer, monkeypatch):
+    from kaneflex.study import cluster as ours
+
+    peer("distributed")
+    monkeypatch.setattr(ours, "_CONNECTING", 3.0)  # seconds for which Dask tries to find it again
+    with started(tmp_path, 1) as (address, processes):
+
+        def kill(progress):
+            if progress.now >= 4 and processes[0].poll() is None:
+                processes[0].kill()
+                processes[0].wait()
+
+        began = time.monotonic()
+        with pytest.raises(SceneError, match=r"^--scheduler = .*: the scheduler is gone.*the same command goes on"):
+            sweep(plan, tmp_path / "out", ours.on_cluster(address), kill)
+        assert time.monotonic() - began < PATIENCE
+    assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) >= 4
 
 
 def test_a_worker_with_another_kaneflex_takes_no_part(tmp_path, plan, cluster, monkeypatch):

@@ -29,6 +29,8 @@ from kaneflex.scene.bodies import Body
 from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
 
 Progress = Callable[[str], None]
+_MOMENT = 15.0
+"""Seconds of deriving that are announced."""
 
 
 def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
@@ -36,7 +38,14 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
 
     Returns the module and the seconds spent on deriving it.
     """
-    return _find(scene.structure_hash(), lambda: generate_text(scene), REQUIRED_ATTRIBUTES, progress)
+    stages = deriving(progress)
+    return _find(scene.structure_hash(), lambda: generate_text(scene, stages), REQUIRED_ATTRIBUTES, stages)
+
+
+def deriving(progress: Progress, seconds: float = 0.0) -> Progress:
+    """Names stages of deriving as such, and says beforehand how long it may take where that is more than a moment."""
+    about = f", some {seconds:.0f} s" if seconds > _MOMENT else ""
+    return lambda stage: progress(f"deriving the equations, first time only{about}: {stage}")
 
 
 Counts = Mapping[str, tuple[int, int]]
@@ -45,20 +54,25 @@ Counts = Mapping[str, tuple[int, int]]
 
 def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
     """The coupled module of a scene's structure with so many shapes; otherwise as :func:`find_module`."""
-    structure = coupled_hash(scene, shapes)
-    return _find(structure, lambda: coupled_text(scene, shapes), COUPLED_ATTRIBUTES, progress)
+    structure, stages = coupled_hash(scene, shapes), deriving(progress, seconds_to_derive(shapes))
+    return _find(structure, lambda: coupled_text(scene, shapes, stages), COUPLED_ATTRIBUTES, stages)
 
 
-def coupled_text(scene: Scene, shapes: Counts) -> str:
+def seconds_to_derive(shapes: Counts) -> float:
+    """About how long deriving the coupled equations takes [s], by the times of docs/derive-times.md."""
+    return sum(0.2 * transverse**2 for _, transverse in shapes.values())
+
+
+def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:
     """Text of the coupled module of a scene's structure with so many shapes."""
     from kaneflex.derive import generate_coupled
 
-    return generate_coupled(scene, shapes, coupled_hash(scene, shapes))
+    return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
 
 
 def find_tangent_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     """The module of the slopes of a scene's motion and elements; otherwise as :func:`find_module`."""
-    return _find(tangent_hash(scene), lambda: tangent_text(scene), TANGENT_ATTRIBUTES, progress)
+    return _find(tangent_hash(scene), lambda: tangent_text(scene), TANGENT_ATTRIBUTES, deriving(progress))
 
 
 def tangent_text(scene: Scene) -> str:
@@ -72,7 +86,7 @@ def tangent_text(scene: Scene) -> str:
 def find_coupled_tangent_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
     """The module of the slopes of the coupled equations; otherwise as :func:`find_module`."""
     structure = coupled_tangent_hash(scene, shapes)
-    return _find(structure, lambda: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, progress)
+    return _find(structure, lambda: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, deriving(progress))
 
 
 def coupled_tangent_text(scene: Scene, shapes: Counts) -> str:
@@ -94,8 +108,7 @@ def _find(
     path = cache_folder() / f"{structure}.py"
     data, seconds = kept(path), 0.0
     if data is None:
-        progress("deriving the equations, first time only" if not path.exists() else
-                 "deriving the equations anew: what was kept of them is not as it was written")  # fmt: skip
+        progress("reading the scene" if not path.exists() else "what was kept of them is not as it was written")
         started = time.perf_counter()
         data = sealed(text())
         keep(path, data)

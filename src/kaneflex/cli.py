@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import signal
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from kaneflex.model import Model
     from kaneflex.scene import Scene
     from kaneflex.summary import Summary
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class _Refusal(click.ClickException):
@@ -64,9 +68,20 @@ class _Commands(click.Group):
                 return super().invoke(ctx)
         except UserError as error:
             raise _Refusal(str(error)) from error
+        except OSError as error:
+            if error.errno not in _FULL:
+                raise
+            raise _Refusal(_no_room(error)) from error
         except KeyboardInterrupt:
             click.echo("Interrupted; nothing was left behind.", err=True)
             ctx.exit(INTERRUPTED)
+
+
+def _no_room(error: OSError) -> str:
+    """What to say of a full disk, as under numba's cache of compiled kernels, which names no file."""
+    file = f"{error.filename}: " if error.filename else ""
+    caches = "set NUMBA_CACHE_DIR for compiled kernels, XDG_CACHE_HOME for derived equations"
+    return f"{file}{error.strerror}. Free some space, or keep caches elsewhere: {caches}."
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -20,6 +20,7 @@ from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.placing import with_branches
 from kaneflex.scene import Scene
+from kaneflex.scene.plausible import implausible
 from kaneflex.scene.quantities import Address
 from kaneflex.seeding import check_free, seed_loops
 
@@ -78,7 +79,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
     if coupled is not None:
         coupled.compile()
     compiled = time.perf_counter()
-    warnings, energy = ignored, None
+    warnings, energy = (*implausible(scene), *ignored), None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
         horizon = scene.period if options.cycles else options.duration

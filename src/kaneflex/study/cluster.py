@@ -6,6 +6,7 @@ import hashlib
 import sys
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -147,30 +148,44 @@ class Cluster:
         """How many chunks the cluster solves at a time: its workers' threads, one at least."""
         now = time.monotonic()
         if now - self._counted >= _RECOUNT:
-            self._counted, self._workers = now, max(1, sum(self._client.nthreads().values()))
+            with _answering(self._address):
+                self._counted, self._workers = now, max(1, sum(self._client.nthreads().values()))
         return self._workers
 
     def submit(self, points: Points) -> Future:
-        future = self._client.submit(_solve, self._shipment.digest, points, pure=False)
+        with _answering(self._address):
+            future = self._client.submit(_solve, self._shipment.digest, points, pure=False)
         self._futures.add(future)
         return future
 
     def finished(self) -> Iterator[tuple[Future, Callable[[], Answer]]]:
-        from distributed import CancelledError, wait
+        from distributed import wait
 
-        try:
-            with self._client.as_current():
-                done = wait(self._futures, return_when="FIRST_COMPLETED").done
-        except (CancelledError, OSError) as error:
-            cure = "Start a scheduler; the same command goes on with what is left"
-            raise SceneError("--scheduler", self._address, "the scheduler is gone", cure) from error
+        with _answering(self._address), self._client.as_current():
+            done = wait(self._futures, return_when="FIRST_COMPLETED").done
         self._futures -= done
         for future in done:
-            yield future, lambda future=future: _answer(future)
+            yield future, lambda future=future: _answer(future, self._address)
 
     def close(self) -> None:
-        self._client.cancel(list(self._futures))
-        self._client.unregister_worker_plugin(self._name)
+        if self._client.status != "running":
+            return  # of a scheduler that is gone there is nothing left to take back
+        with suppress(SceneError), _answering(self._address):
+            self._client.cancel(list(self._futures))
+            self._client.unregister_worker_plugin(self._name)
+
+
+@contextmanager
+def _answering(address: str) -> Iterator[None]:
+    """Turn what Dask raises, in many ways, when its scheduler has gone into one SceneError."""
+    from distributed import CancelledError
+    from distributed.client import ClosedClientError
+
+    try:
+        yield
+    except (CancelledError, ClosedClientError, OSError) as error:
+        cure = "Start a scheduler; the same command goes on with what is left"
+        raise SceneError("--scheduler", address, "the scheduler is gone", cure) from error
 
 
 def _delivery(shipment: Shipment) -> WorkerPlugin:
@@ -187,11 +202,12 @@ def _delivery(shipment: Shipment) -> WorkerPlugin:
     return Delivery()
 
 
-def _answer(future: Future) -> Answer:
+def _answer(future: Future, address: str) -> Answer:
     from distributed import KilledWorker
 
     try:
-        return future.result()
+        with _answering(address):
+            return future.result()
     except KilledWorker as error:
         raise Lost from error
 
