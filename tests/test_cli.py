@@ -11,7 +11,7 @@ import pytest
 from command_line import cli, refused
 
 import kaneflex
-from kaneflex.binding import deriving, find_module, seconds_to_derive
+from kaneflex.binding import find_coupled_module, find_module, seconds_to_derive
 from kaneflex.freedom import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.presentation import PRESETS_IN_WORDS
@@ -98,12 +98,15 @@ def test_deriving_names_its_stages_and_says_beforehand_if_it_takes_long(tmp_path
     Path("own.toml").write_text(OWN)
     stages = []
     find_module(read_scene("own.toml"), stages.append)
-    head = "deriving the equations, first time only: "
-    assert stages == [head + stage for stage in ("reading the scene", "Kane's equations", "programs", "module text")]
+    head = "deriving the equations"
+    later = [f"{head}: {stage}" for stage in ("Kane's equations", "programs", "module text")]
+    assert stages == [f"{head}, first time only", *later]
     find_module(read_scene("own.toml"), stages.append)
     assert len(stages) == 4  # from the cache
-    deriving(stages.append, 40.0)("programs")
-    assert stages[4] == "deriving the equations, first time only, some 40 s: programs"
+    monkeypatch.setattr("kaneflex.binding.coupled_text", lambda scene, shapes, progress: progress("programs"))
+    with pytest.raises(AttributeError):  # no text came of it
+        find_coupled_module(read_scene("own.toml"), {"wheel": (1, 15)}, stages.append)
+    assert stages[4:] == [f"{head}, first time only, some 45 s", f"{head}, some 45 s: programs"]
 
 
 @pytest.mark.parametrize(

@@ -38,14 +38,7 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
 
     Returns the module and the seconds spent on deriving it.
     """
-    stages = deriving(progress)
-    return _find(scene.structure_hash(), lambda: generate_text(scene, stages), REQUIRED_ATTRIBUTES, stages)
-
-
-def deriving(progress: Progress, seconds: float = 0.0) -> Progress:
-    """Names stages of deriving as such, and says beforehand how long it may take where that is more than a moment."""
-    about = f", some {seconds:.0f} s" if seconds > _MOMENT else ""
-    return lambda stage: progress(f"deriving the equations, first time only{about}: {stage}")
+    return _find(scene.structure_hash(), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
 
 
 Counts = Mapping[str, tuple[int, int]]
@@ -54,8 +47,8 @@ Counts = Mapping[str, tuple[int, int]]
 
 def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
     """The coupled module of a scene's structure with so many shapes; otherwise as :func:`find_module`."""
-    structure, stages = coupled_hash(scene, shapes), deriving(progress, seconds_to_derive(shapes))
-    return _find(structure, lambda: coupled_text(scene, shapes, stages), COUPLED_ATTRIBUTES, stages)
+    structure, seconds = coupled_hash(scene, shapes), seconds_to_derive(shapes)
+    return _find(structure, lambda stage: coupled_text(scene, shapes, stage), COUPLED_ATTRIBUTES, progress, seconds)
 
 
 def seconds_to_derive(shapes: Counts) -> float:
@@ -72,7 +65,7 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
 
 def find_tangent_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     """The module of the slopes of a scene's motion and elements; otherwise as :func:`find_module`."""
-    return _find(tangent_hash(scene), lambda: tangent_text(scene), TANGENT_ATTRIBUTES, deriving(progress))
+    return _find(tangent_hash(scene), lambda stage: tangent_text(scene), TANGENT_ATTRIBUTES, progress)
 
 
 def tangent_text(scene: Scene) -> str:
@@ -86,7 +79,7 @@ def tangent_text(scene: Scene) -> str:
 def find_coupled_tangent_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
     """The module of the slopes of the coupled equations; otherwise as :func:`find_module`."""
     structure = coupled_tangent_hash(scene, shapes)
-    return _find(structure, lambda: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, deriving(progress))
+    return _find(structure, lambda stage: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, progress)
 
 
 def coupled_tangent_text(scene: Scene, shapes: Counts) -> str:
@@ -97,8 +90,9 @@ def coupled_tangent_text(scene: Scene, shapes: Counts) -> str:
 
 
 def _find(
-    structure: str, text: Callable[[], str], required: Sequence[str], progress: Progress
+    structure: str, text: Callable[[Progress], str], required: Sequence[str], progress: Progress, expected: float = 0.0
 ) -> tuple[ModuleType, float]:
+    """The module and the seconds of deriving it; ``expected`` is how many it may take."""
     from kaneflex.generated import STRUCTURES
 
     if structure in STRUCTURES:
@@ -108,9 +102,11 @@ def _find(
     path = cache_folder() / f"{structure}.py"
     data, seconds = kept(path), 0.0
     if data is None:
-        progress("reading the scene" if not path.exists() else "what was kept of them is not as it was written")
+        about = f", some {expected:.0f} s" if expected > _MOMENT else ""
+        progress(f"deriving the equations, first time only{about}" if not path.exists() else
+                 "deriving the equations anew: what was kept of them is not as it was written")  # fmt: skip
         started = time.perf_counter()
-        data = sealed(text())
+        data = sealed(text(lambda stage: progress(f"deriving the equations{about}: {stage}")))
         keep(path, data)
         seconds = time.perf_counter() - started
     return _execute(data, path, structure, required), seconds
