@@ -16,6 +16,7 @@ from kaneflex.closing import SWEEP, check_closure
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.freedom import check_determined
+from kaneflex.memory import check_memory
 from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.placing import with_branches
@@ -66,6 +67,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
         check_elastic(scene)
     module, derived = find_module(scene, progress)
     ignored, scene = _ignored(scene, options), acting(scene, options)
+    check_memory(scene, options, len(module.SCALARS))
     coupled = None
     if options.dynamics == "coupled":
         from kaneflex.coupled.system import build_system, with_stretch

@@ -12,6 +12,7 @@ import numpy as np
 
 from kaneflex.errors import SceneError, ValidityWarning
 from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.memory import MAX_STORED
 from kaneflex.model import Model
 from kaneflex.quasistatic import quasistatic, slow_start
 from kaneflex.solution import Solution
@@ -25,8 +26,6 @@ _REPEATS = 1e-6
 """Relative change over a cycle that rounding and tables may leave."""
 _ROUNDING = 1e-12
 """Change over a cycle, as a share of all that has the same unit, that rounding leaves of what is zero."""
-_MAX_STORED = 40_000
-"""Steps stored at most; longer runs keep every second, third, ... step."""
 
 
 def simulate(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
@@ -110,7 +109,7 @@ def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
 
 def storing(model: Model) -> int:
     """One step in so many is stored."""
-    return max(1, -(-model.options.steps // _MAX_STORED))
+    return max(1, -(-model.options.steps // MAX_STORED))
 
 
 def not_repeated(model: Model) -> str | None:

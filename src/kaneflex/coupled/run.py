@@ -15,8 +15,9 @@ from kaneflex.energy import Energy
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.model import RigidMotion
 
-_PIECE = 100
-"""Stored instants between two reports of progress, at each of which a run can be interrupted."""
+_PIECE, _FEW, _QUICK = 100, 10, 0.2
+"""Stored instants, at most and with an event to look for at first, between two reports of progress, at each of which a
+run can be interrupted; as many as take about so long [s]."""
 FIRST_PASSES = 5
 """Projections that put the first state onto the constraints: it may be undeformed, or deformed to the first order."""
 
@@ -166,9 +167,13 @@ class _Run:
         if not self.settled:
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}"
         advance = {"gauss": self._gauss, "generalised-alpha": self._alpha, "scipy": self._scipy}[self.method.integrator]
+        rows = _PIECE if self.method.integrator == "scipy" else 1 if stop is None else _FEW
         while self.filled + 1 < len(self.times):
-            before = self.filled
-            ended = advance(slice(before, before + 1 + _PIECE))
+            before, began = self.filled, time.perf_counter()
+            ended = advance(slice(before, before + 1 + rows))
+            seconds = time.perf_counter() - began
+            if self.method.integrator != "scipy":  # which starts anew, and can be interrupted anywhere
+                rows = min(2 * rows, _PIECE) if seconds < _QUICK else max(1, int(rows * _QUICK / seconds))
             if ended != stepping.DONE:
                 outcome, words = _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")

@@ -1,0 +1,69 @@
+"""What a run needs is known before it starts, and a run that asks for more than the machine has is refused."""
+
+import _thread
+import threading
+import time
+
+import numpy as np
+import pytest
+from runs import model
+
+from kaneflex import memory
+from kaneflex.errors import SceneError
+from kaneflex.loading import load
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.simulation import simulate
+
+
+@pytest.fixture(autouse=True)
+def eight_gigabytes(monkeypatch):
+    monkeypatch.setattr(memory, "installed", lambda: 8 * 2**30)
+
+
+@pytest.mark.parametrize("preset", ["rigid", "quasistatic", "coupled"])
+def test_a_thousand_million_instants(preset):
+    with pytest.raises(SceneError, match=r"^solve\.steps = 1000000000: the run needs [\d.e+]+ GiB, and"):
+        load(with_settings(read_scene("engine"), [f"solve.preset={preset}", "solve.steps=1000000000"]))
+
+
+@pytest.mark.parametrize("preset", ["stiffened", "coupled"])
+def test_a_hundred_thousand_elements(preset):
+    """A periodic start takes the 2 n unit states, coupled's shapes the eigenvectors of a dense matrix."""
+    refusal = r"^bodies\.rod\.beam\.elements = 100000: the run needs [\d.e+]+ GiB, .* has 8 GiB\. Take fewer elements"
+    with pytest.raises(SceneError, match=refusal):
+        load(with_settings(read_scene("engine"), [f"solve.preset={preset}", "rod.elements=100000"]))
+
+
+def test_what_is_proposed_is_taken(monkeypatch):
+    """The motion of the rigid engine, 33 numbers an instant: half of the machine's memory."""
+    monkeypatch.setattr(memory, "installed", lambda: 10_000_000)
+    with pytest.raises(SceneError) as error:
+        load(with_settings(read_scene("engine"), ["solve.preset=rigid", "solve.steps=100000"]))
+    most = int(error.value.cure.split("Ask for ")[1].split()[0].replace(",", ""))
+    found = load(with_settings(read_scene("engine"), ["solve.preset=rigid", f"solve.steps={most}"]))
+    assert 8 * most * len(found.motion.column) == pytest.approx(5e6, rel=1e-3)
+
+
+def test_tables_of_free_joints_are_bounded(monkeypatch):
+    """However many steps an integrator takes; the motion stays what it was."""
+    settings = ("solve.duration=2 s", "solve.steps=20", "solve.forward.tolerance=1e-12")
+    whole = model("double-pendulum", *settings)
+    monkeypatch.setattr("kaneflex.forward._MOST_NUMBERS", 1e4)
+    few = model.__wrapped__("double-pendulum", *settings)
+    assert len(few.motion.parameters) < 1.5e4 < 0.5 * len(whole.motion.parameters)
+    times = np.linspace(0.0, 2.0, 101)
+    for name in ("pivot.angle", "elbow.angle"):
+        np.testing.assert_allclose(few.motion.at(times)[name], whole.motion.at(times)[name], rtol=0, atol=1e-6)
+    assert few.energy.drift < 1e-7
+
+
+def test_a_coupled_run_is_interrupted_at_once():
+    """Some ten thousand steps from one stored instant to the next."""
+    settings = ("solve.tolerance=1e-13", "solve.duration=10 s", "solve.steps=100")
+    slow = model("elastic-pendulum", *settings)
+    timer = threading.Timer(1.5, _thread.interrupt_main)
+    began = time.perf_counter()
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        simulate(slow)
+    assert time.perf_counter() - began < 1.5 + 2.0  # a second, on a machine that does nothing else
