@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from runs import run
+from runs import model, run
 
 from kaneflex.integrate.methods import METHODS
+from kaneflex.simulation import simulate
 
 ENGINE = ("engine", "rod.elements=2")
 PAPER = ("engine-paper",)
@@ -71,3 +72,14 @@ def test_scipy_gives_a_second_opinion():
     short = ("engine-transient", "rod.elements=1", "solve.duration=0.0005 s", "solve.steps=400")
     ours, theirs = (run(*short, f"solve.integrator={method}").trajectory for method in ("radau", "scipy"))
     assert ours.z == pytest.approx(theirs.z, abs=1e-6 * np.abs(theirs.z).max())
+
+
+def test_an_instability_of_the_steps_is_not_one_of_the_machine():
+    """The four-bar at a thousandth of its speed, in default steps: nothing but a slow response, as the statics say."""
+    slow = ("four-bar", "main.speed=0.3 rpm")
+    found, static = (run(*slow, f"solve.preset={preset}").series for preset in ("stiffened", "quasistatic"))
+    for name in ("coupler_force", "crank_torque"):
+        expected = static[name].values
+        assert found[name].values == pytest.approx(expected, abs=1e-3 * abs(expected).max()), name
+    grown = simulate(model("engine-elastic-crank", "crank.elements=8", "solve.integrator=newmark")).trajectory
+    assert grown.message.startswith("unstable steps: those of newmark") and "take integrator radau" in grown.message

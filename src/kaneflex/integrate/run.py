@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -64,7 +65,7 @@ def integrate(
         return solve_ivp_run(system, feed, n_steps, every, given_state(system, start), scipy_method)
     setup = set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
     if start == "periodic":
-        found = periodic_state(setup, period_steps, progress)
+        found = _of_whom(periodic_state(setup, period_steps, progress), system, table, t0, step, method, period_steps)
     elif isinstance(start, Cycle):
         found = periodic_pair(start, setup, period_steps)
     else:
@@ -87,6 +88,22 @@ def cycle_map(
     chosen = method_named(method)
     check_arguments(chosen.name, period / steps, steps, "periodic", steps, 1)
     return over_a_cycle(set_up(system, table, t0, period / steps, chosen, steps, rho_infinity), steps, None)
+
+
+def _of_whom(
+    found: Beginning, system: AffineSystem, table: Table, t0: float, step: float, method: str, steps: int
+) -> Beginning:  # fmt: skip
+    """What a growing cycle says where it is the steps that grow, not the machine: in as many of radau nothing does."""
+    if found.outcome is not Outcome.UNSTABLE or method == "radau" or found.multipliers is None:
+        return found
+    own = cycle_map(system, table, t0, step * steps, steps)
+    if own.monodromy is None or abs(np.linalg.eigvals(own.monodromy)).max() > 1.0:
+        return found
+    message = (
+        f"unstable steps: those of {method} let a disturbance grow by {abs(found.multipliers[0]):.4g} in a cycle, the "
+        "machine does not; take integrator radau, or more steps"
+    )
+    return replace(found, message=message)
 
 
 def set_up(
