@@ -24,8 +24,8 @@ from kaneflex.derive.places import CoupledBody, Places
 from kaneflex.derive.program import Program
 from kaneflex.derive.steps import Steps
 
-Shapes = Mapping[str, tuple[int, int]]
-"""Elastic link -> its numbers of axial and of transverse modal coordinates."""
+Shapes = Mapping[str, tuple[int, ...]]
+"""Elastic link -> numbers of its axial and transverse modal coordinates, and 1 where its start moves in its frame."""
 
 
 @dataclass(frozen=True)
@@ -188,9 +188,9 @@ def _moment_unit(of: str, factors: tuple[str, ...]) -> str:
     return "kg" + {0: "", 1: " m"}.get(power, f" m^{power}")
 
 
-def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism, number: Parameters) -> CoupledBody:
+def _body(name: str, shapes: tuple[int, ...], rotary: bool, mechanism: Mechanism, number: Parameters) -> CoupledBody:
     """Kane's equations of a body in symbols of its own, with the stiffness and damping of its modal coordinates."""
-    axial, transverse = shapes
+    axial, transverse, *moves = shapes
     free = flexible_body(axial, transverse, rotary or not axial + transverse)
     own = {symbol: sm.Symbol(f"{name}_{symbol}") for symbol in (*free.q, *free.v)}
     own |= {
@@ -214,6 +214,7 @@ def _body(name: str, shapes: tuple[int, int], rotary: bool, mechanism: Mechanism
         name,
         axial,
         transverse,
+        bool(moves),
         q,
         v,
         free.mass.xreplace(own),

@@ -3,7 +3,9 @@
 A slice rho A dx of the body stands at the distance X from the body's start; axial coordinates b_j stretch it by the
 shapes s_j(X), transverse ones a_j bend it by w_j(X) and turn it by psi_j(X):
 
-    p = r + R(phi) (X + s_j b_j - 1/2 H_jk a_j a_k, Y + w_j a_j),    H_jk(X) = int_0^X w_j' w_k' dx
+    p = r + R(phi) (X + s_j b_j - 1/2 H_jk a_j a_k, Y + w_j a_j),    H_jk(X) = int_X_0^X w_j' w_k' dx
+
+s and w vanish where the link holds its frame, at X_0; there H begins. r is where the start was before the deformation.
 
 The foreshortening -1/2 H_jk a_j a_k is part of the position before partial velocities are formed, so that geometric
 stiffening comes out of Kane's equations by itself (Kane, Ryan & Banerjee 1987). The sum over all slices turns products
@@ -31,6 +33,10 @@ from kaneflex.derive.rigid import TIME
 
 HIGHEST_ORDER = 2
 """Highest order of a moment in the displacements (H counts two): kinetic energy is complete to the second order.
+
+A frame that hangs at a free end moves against the shortening by as much as the link shortens; then the squares of H'
+that are left out are those of its own motion, and without them the mass matrix loses its definiteness. So the frame has
+to be attached where joints hold the link.
 
 What is kept is still the exact equation of a mechanical system: kinetic energy is linear in the moments, so leaving
 some out leaves its energy integral intact.

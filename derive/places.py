@@ -12,11 +12,12 @@ from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Parameters,
 
 @dataclass(frozen=True)
 class CoupledBody:
-    """A body's equations in its own symbols, and the numbers that they take: path -> (symbol, unit)."""
+    """A body's equations in its own symbols; ``moves``: whether its start does in its frame."""
 
     name: str
     axial: int
     transverse: int
+    moves: bool
     q: tuple[sm.Symbol, ...]
     v: tuple[sm.Symbol, ...]
     mass: sm.Matrix
@@ -42,13 +43,13 @@ class Places:
         return body.q[2] + sum((self._number(f"{psi}_{k}", "1/m") * a for k, a in enumerate(bent)), sm.S.Zero)
 
     def place(self, point: BodyPoint) -> Vector:
-        """Global position of a point; the body's start is the origin of its axes and does not move in them."""
+        """Global position of a point; its start is the origin of a body's axes before it deforms."""
         along, across = point.at
         if point.body == GROUND:
             return along, across
         body = self._bodies[point.body]
         x, y, phi, *modal = body.q
-        if modal and point.name != "start":
+        if modal and (body.moves or point.name != "start"):
             along, across = self._inside(body, f"bodies.{body.name}.points.{point.name}")
         c, s = sm.cos(phi), sm.sin(phi)
         return x + c * along - s * across, y + s * along + c * across

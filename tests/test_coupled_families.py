@@ -95,5 +95,5 @@ def test_what_a_family_cannot_stand_for(settings, message):
 
 
 def test_a_link_that_turns_at_its_start_is_not_clamped():
-    with pytest.raises(SceneError, match="these shapes are clamped at the start, and here it turns"):
+    with pytest.raises(SceneError, match="these shapes are clamped at one end, and here it turns"):
         load("slider-crank-150", "bodies.rod.beam.shapes=clamped-free")

@@ -41,7 +41,7 @@ def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     return _find(scene.structure_hash(), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
 
 
-Counts = Mapping[str, tuple[int, int]]
+Counts = Mapping[str, tuple[int, ...]]
 """Elastic link -> its numbers of axial and of transverse shapes."""
 
 
@@ -53,7 +53,7 @@ def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tup
 
 def seconds_to_derive(shapes: Counts) -> float:
     """About how long deriving the coupled equations takes [s], by the times of docs/derive-times.md."""
-    return sum(0.2 * transverse**2 for _, transverse in shapes.values())
+    return sum(0.2 * transverse**2 for _, transverse, *_ in shapes.values())
 
 
 def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:

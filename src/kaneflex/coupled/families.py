@@ -29,8 +29,8 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
     elif beam.shapes == "sine" and not _between_ends(stations(scene, name), length):
         reason = "sines vanish at both ends of the link, and one of them is not held by a joint that lets it turn"
         cure = "Take craig-bampton or polynomial"
-    elif beam.shapes == "clamped-free" and frame_of(stations(scene, name)) != "tangent":
-        reason, cure = "these shapes are clamped at the start, and here it turns", "Take craig-bampton or polynomial"
+    elif beam.shapes == "clamped-free" and not _held_at_an_end(stations(scene, name), length):
+        reason, cure = "these shapes are clamped at one end, and here it turns", "Take craig-bampton or polynomial"
     elif modes > elements:
         reason = f"{modes} of them take as many elements, the link has {elements}"
         cure = f"Give bodies.{name}.beam.elements, or ask for fewer modes"
@@ -41,7 +41,14 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
 
 def _between_ends(found: list[Station], length: float) -> bool:
     """Whether a link has its chord between joints at both of its ends."""
-    return frame_of(found) == "chord" and max(s.x for s in found if s.joined) > (1 - _SAME) * length
+    frame = frame_of(found)
+    return frame.kind == "chord" and frame.at < _SAME * length and frame.to > (1 - _SAME) * length
+
+
+def _held_at_an_end(found: list[Station], length: float) -> bool:
+    """Whether a link touches its frame's axis at its start or its end."""
+    frame = frame_of(found)
+    return frame.kind == "tangent" and not _SAME * length < frame.at < (1 - _SAME) * length
 
 
 def family(word: str, X: np.ndarray, constrained: list[int], count: int) -> np.ndarray:
@@ -54,7 +61,8 @@ def family(word: str, X: np.ndarray, constrained: list[int], count: int) -> np.n
     X : ndarray (n_nodes,)
         Distances of the nodes from the start [m].
     constrained : list of int
-        Rows that polynomials, which have no ends of their own, are to leave at zero.
+        Rows that are to stay at zero: all of polynomials, which have no ends of their own; where the first of them is
+        of the last node, that is the clamped end.
 
     Returns
     -------
@@ -69,9 +77,10 @@ def family(word: str, X: np.ndarray, constrained: list[int], count: int) -> np.n
         found[1::3], found[2::3] = np.sin(np.outer(x, k)), k * np.cos(np.outer(x, k)) / length
         return found
     if word == "clamped-free":
+        sign, x = (-1.0, 1.0 - x) if constrained[0] == len(found) - 2 else (1.0, x)
         for k in range(count):
             found[1::3, k], slope = clamped_free(k, x)
-            found[2::3, k] = slope / length
+            found[2::3, k] = sign * slope / length
         return found
     return _polynomials(x, length, constrained, count)
 

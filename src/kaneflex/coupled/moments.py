@@ -57,9 +57,9 @@ def _rigid_numbers(scene: Scene, name: str) -> dict[str, float]:
 def link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
     """Moments of the finite elements without lumped masses, and shapes at every named point on a node.
 
-    Rigid displacements and shapes go through the elements' own matrices.
-    H_jk = int_0^X w_j' w_k' under the sum is, by exchange of the integrals, a geometric stiffness: that of the tension
-    which the mass beyond X (or its first moment) would raise.
+    Rigid displacements and shapes go through the elements' own matrices. H_jk = int_0^X w_j' w_k', beside what the
+    frame's point has of it, is under the sum, by exchange of the integrals, a geometric stiffness: that of the
+    tension which the mass beyond X (or its first moment) would raise.
     """
     matrices, nodes = link.part.matrices, link.nodes
     size = 3 * len(nodes)
@@ -82,13 +82,16 @@ def link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
     across = np.zeros(size)
     across[1::3] = 1.0
     s, w = shapes.axial, shapes.transverse
+    shortening = shapes.shortening(link)
     found = {"mass": total.mass, "mass_X": total.first, "mass_X_X": total.second, "inertia": total.rotary}
     found |= _vector("mass_s", along @ translation @ s) | _vector("mass_w", across @ translation @ w)
     found |= _vector("mass_X_s", forward @ translation @ s) | _vector("mass_X_w", turn @ translation @ w)
     found |= _pairs("mass_s", "s", s.T @ translation @ s) | _pairs("mass_w", "w", w.T @ translation @ w)
     found |= {f"mass_s_{j}_w_{k}": value for (j, k), value in np.ndenumerate(-(s.T @ gyroscopic @ w))}
-    found |= _pairs("mass_H", "", w.T @ (total.mass * tension["P_0"] - tension["a_x"]) @ w)
-    found |= _pairs("mass_X_H", "", w.T @ (total.first * tension["P_0"] + tension["spin"]) @ w)
+    from_start = w.T @ (total.mass * tension["P_0"] - tension["a_x"]) @ w
+    found |= _pairs("mass_H", "", from_start + total.mass * shortening[0])
+    from_start = w.T @ (total.first * tension["P_0"] + tension["spin"]) @ w
+    found |= _pairs("mass_X_H", "", from_start + total.first * shortening[0])
     found |= _vector("inertia_psi", turn @ rotary @ w) | _pairs("inertia_psi", "psi", w.T @ rotary @ w)
     modal = shapes.all
     stiffness = np.diag(modal.T @ matrices["K_s"].at({}).toarray() @ modal)
@@ -97,7 +100,8 @@ def link_numbers(scene: Scene, link: Link, shapes: Shapes) -> dict[str, float]:
     for name, (x, _) in scene.bodies[link.name].points_all.items():
         node = link.node_at(x)
         if node is not None:
-            found |= {f"{name}.{key}": value for key, value in _point_numbers(link, shapes, node).items()}
+            own = _point_numbers(link, shapes, node, shortening[node])
+            found |= {f"{name}.{key}": value for key, value in own.items()}
     return found
 
 
@@ -115,7 +119,7 @@ def _spread_numbers(scene: Scene, name: str, link: Link | None, shapes: Shapes |
     along, across, tension = spread_sums(scene, name, link.nodes, link.parameters)
     push, lift = np.zeros(3 * len(link.nodes)), np.zeros(3 * len(link.nodes))
     total = {key: blocks for key, m, blocks in link.element_terms if m == (f"{link.name}.link.P_0",)}["K_g"]
-    H = np.zeros((shapes.transverse.shape[1],) * 2)
+    H = share * shapes.shortening(link)[0]
     for e in range(len(along)):
         rows = slice(3 * e, 3 * e + 6)
         push[rows] += along[e, :, 0]
@@ -126,13 +130,8 @@ def _spread_numbers(scene: Scene, name: str, link: Link | None, shapes: Shapes |
     return found | _pairs("H", "", H)
 
 
-def _point_numbers(link: Link, shapes: Shapes, node: int) -> dict[str, float]:
+def _point_numbers(link: Link, shapes: Shapes, node: int, H: np.ndarray) -> dict[str, float]:
     """X [m], the shapes s, w [1] and psi [1/m] and their foreshortening H [1/m] at a node."""
-    blocks = next(blocks for key, monomial, blocks in link.element_terms if monomial == (f"{link.name}.link.P_0",))
-    H = np.zeros((shapes.transverse.shape[1],) * 2)
-    for e in range(node):
-        rows = shapes.transverse[3 * e : 3 * e + 6]
-        H += rows.T @ blocks[e] @ rows
     found = {"X": float(link.nodes[node])}
     found |= _vector("s", shapes.axial[3 * node]) | _vector("w", shapes.transverse[3 * node + 1])
     return found | _vector("psi", shapes.transverse[3 * node + 2]) | _pairs("H", "", H)

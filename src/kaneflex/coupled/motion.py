@@ -85,14 +85,7 @@ class CoupledMotion:
     @cached_property
     def _shortening(self) -> dict[str, np.ndarray]:
         """Link -> H at every node, (n_nodes, n_w, n_w)."""
-        found = {}
-        for name, link in self.system.links.items():
-            w = self.system.shapes[name].transverse
-            tension = (f"{name}.link.P_0",)
-            blocks = next(blocks for _, monomial, blocks in link.element_terms if monomial == tension)
-            steps = [w[3 * e : 3 * e + 6].T @ blocks[e] @ w[3 * e : 3 * e + 6] for e in range(len(blocks))]
-            found[name] = np.concatenate([np.zeros((1, *steps[0].shape)), np.cumsum(steps, axis=0)])
-        return found
+        return {name: self.system.shapes[name].shortening(link) for name, link in self.system.links.items()}
 
     def place(self, body: str, at: tuple[float, float], node: int | None = None) -> Rates:
         """x, y [m] and angle [rad] of a point, global; of an elastic link's node its deformation included."""

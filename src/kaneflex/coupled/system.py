@@ -154,7 +154,7 @@ def check_modes(scene: Scene, name: str) -> None:
     nodes = len(mesh(scene, name, scene.bodies[name].beam.elements))
     modes, static = modes_of(scene), shape_counts(scene)[name][1] - modes_of(scene)
     check_family(scene, name, nodes - 1)
-    frame = frame_of(stations(scene, name))
+    frame = frame_of(stations(scene, name)).kind
     limit = min(2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static, MOST_MODES)
     if modes > limit:
         raise SceneError(

@@ -73,17 +73,39 @@ def stations(scene: Scene, link: str) -> list[Station]:
     return sorted(found, key=lambda station: station.x)
 
 
-def frame_of(stations_of_link: list[Station]) -> str:
-    """What the x axis of a link's floating frame does.
+@dataclass(frozen=True)
+class Frame:
+    """How a link's floating frame hangs on it.
 
-    "tangent" touches the link at its start, "chord" passes through its farthest joint, "mean" leaves the bending no
-    moment of momentum about the start (Buckens). A link that turns freely must not have a frame that its shapes could
-    turn on the spot: its mass would be lost.
+    Attributes
+    ----------
+    kind : str
+        What its x axis does: "tangent" touches the link at a joint, "chord" passes through its first and its last
+        joint, "mean" leaves the bending no moment of momentum about its only joint (Buckens).
+    at : float
+        Where the link keeps its place in the frame [m from the start]: at that joint. A chord keeps its mean place
+        along it, so that neither of its ends is the first.
+    to : float
+        The last joint [m].
+    """
+
+    kind: str
+    at: float
+    to: float
+
+
+def frame_of(stations_of_link: list[Station]) -> Frame:
+    """The floating frame of a link: where joints hold it, whichever of its ends is called its start.
+
+    A link that turns freely must not have a frame that its shapes could turn on the spot: its mass would be lost.
     """
     joined = [station for station in stations_of_link if station.joined]
-    if not joined or joined[0].x > 0 or joined[0].clamped:
-        return "tangent"
-    return "chord" if len(joined) > 1 else "mean"
+    if not joined:
+        return Frame("tangent", 0.0, 0.0)
+    clamped = [station for station in joined if station.clamped]
+    if len(clamped) == 1:
+        return Frame("tangent", clamped[0].x, clamped[0].x)
+    return Frame("chord" if len(joined) > 1 else "mean", joined[0].x, joined[-1].x)
 
 
 def modes_of(scene: Scene) -> int:
@@ -91,8 +113,8 @@ def modes_of(scene: Scene) -> int:
     return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes
 
 
-def shape_counts(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Elastic link -> its numbers of axial and of transverse shapes."""
+def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Elastic link -> its numbers of axial and of transverse shapes, and 1 where its start moves in its frame."""
     return {
         name: _counts(scene, name, modes_of(scene)) if body.elastic else body.modal.counts
         for name, body in scene.bodies.items()
@@ -100,16 +122,21 @@ def shape_counts(scene: Scene) -> dict[str, tuple[int, int]]:
     }
 
 
-def _counts(scene: Scene, name: str, modes: int) -> tuple[int, int]:
-    found = stations(scene, name)
+def axial_modes(modes: int, elements: int, stations_of_link: int) -> int:
+    """Axial modes of a link: one for every three of bending begun, and no more than its elements have."""
+    return min(-(-modes // 3), max(0, elements + 1 - stations_of_link))
+
+
+def _counts(scene: Scene, name: str, modes: int) -> tuple[int, ...]:
+    found, beam = stations(scene, name), scene.bodies[name].beam
     frame = frame_of(found)
-    away = [station for station in found if station.x > 0]
-    held = len(away) + sum(station.turned for station in away)
-    held += frame != "tangent" and any(station.turned for station in found if station.x == 0)
-    held -= frame == "chord"
-    axial = 0 if scene.bodies[name].beam.axially_rigid else len(away) + 1
+    away = [station for station in found if station.x not in (frame.at, frame.to)]
+    held = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
+    others = len(away) + (frame.kind == "chord")
+    axial = 0 if beam.axially_rigid else others + axial_modes(modes, beam.elements, others + 1)
     # A mean frame makes the turn of the undeformed link itself: one of the static shapes, where there are any.
-    return axial, held + modes - (frame == "mean" and held > 0)
+    moves = (1,) * (frame.kind == "chord" or frame.at > 0)
+    return axial, held + modes - (frame.kind == "mean" and held > 0), *moves
 
 
 def shapes_given(scene: Scene) -> tuple[str, ...]:
@@ -118,6 +145,6 @@ def shapes_given(scene: Scene) -> tuple[str, ...]:
         f"{name}.{kind}_{k}"
         for name, body in scene.bodies.items()
         if body.modal is not None
-        for kind, count in zip(("axial", "transverse"), body.modal.counts, strict=True)
+        for kind, count in zip(("axial", "transverse"), body.modal.counts[:2], strict=True)
         for k in range(count)
     )

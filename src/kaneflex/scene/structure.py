@@ -44,7 +44,7 @@ def structure_hash(scene: Scene) -> str:
     return _digits({"format": FORMAT, **structure(scene)})
 
 
-def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
+def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
     """The same of the structure with so many axial and transverse shapes of each elastic link."""
     counts = {name: list(numbers) for name, numbers in shapes.items()}
     return _digits({"format": FORMAT, "shapes": counts, **structure(scene)})
@@ -55,7 +55,7 @@ def tangent_hash(scene: Scene) -> str:
     return _digits({"format": FORMAT, "tangent": True, **structure(scene)})
 
 
-def coupled_tangent_hash(scene: Scene, shapes: Mapping[str, tuple[int, int]]) -> str:
+def coupled_tangent_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
     """The same of the module of the coupled equations' slopes."""
     counts = {name: list(numbers) for name, numbers in shapes.items()}
     return _digits({"format": FORMAT, "tangent": True, "shapes": counts, **structure(scene)})

@@ -1,0 +1,212 @@
+"""Links under preset coupled know no direction: which of their ends is the start changes nothing that can be seen."""
+
+import math
+from copy import deepcopy
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import kaneflex
+from kaneflex.coupled.shapes import link_shapes
+from kaneflex.coupled.system import build_system
+from kaneflex.links import build_link
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.read import _validated
+
+COUPLED = [
+    "elastic-double-pendulum", "elastic-pendulum", "engine-torque-elastic", "four-bar-motor",
+    "slider-crank-150-coupled", "spin-up-torque",
+]  # fmt: skip
+BAR = """
+schema = 1
+[bodies]
+bar = {{length = "500 mm", beam = {{material = "steel", A = "40 mm^2", I = "133.33 mm^4", elements = 6}}}}
+[joints]
+{joints}
+[loads]
+{loads}
+[sensors]
+{sensors}
+[solve]
+preset = "coupled"
+modes = 2
+duration = "{duration}"
+steps = 200
+"""
+
+
+def bar(folder, duration, joints, loads, sensors):
+    (folder / "bar.toml").write_text(BAR.format(joints=joints, loads=loads, sensors=sensors, duration=duration))
+    return kaneflex.simulate(kaneflex.load(read_scene(folder / "bar.toml")))
+
+
+def clamped(folder, held, free, turn):
+    return bar(
+        folder, "0.06 s", f'wall = {{weld = ["ground", "bar.{held}"], relative_angle = "{turn}"}}',
+        f'push = {{force_on = "bar.{free}", direction = [0, -1], law = "20 * sin(10 * pi * t)"}}',
+        f'x = {{position = "bar.{free}", component = "x"}}\ny = {{position = "bar.{free}", component = "y"}}\n'
+        'moment = {joint_force = "wall", component = "angle"}',
+    )  # fmt: skip
+
+
+def test_a_cantilever_may_be_clamped_at_its_end(tmp_path):
+    """The tip moves by 7 % of the length."""
+    by_start, by_end = clamped(tmp_path, "start", "end", "0 deg"), clamped(tmp_path, "end", "start", "180 deg")
+    assert by_end.outcome.name == "COMPLETED"
+    assert abs(by_start.series["y"].values).max() > 0.03
+    for name, tolerance in (("x", 1e-8), ("y", 1e-8), ("moment", 1e-4)):
+        assert by_end.series[name].values == pytest.approx(by_start.series[name].values, abs=tolerance), name
+
+
+def test_a_strip_driven_at_its_middle_bends_as_two_cantilevers(tmp_path):
+    """Slow pushes at both tips: each half by P l^3 / (3 E I) but for the finite deflection's share, 1e-3."""
+    loads = "\n".join(
+        f'{end}_push = {{force_on = "bar.{end}", direction = [0, -1], law = "30 * (1 - cos(pi * t / 0.2)) / 2"}}'
+        for end in ("start", "end")
+    )
+    sensors = "\n".join(f'{end}_y = {{position = "bar.{end}", component = "y"}}' for end in ("start", "end"))
+    found = bar(
+        tmp_path, "0.2 s", 'hub = {revolute = ["ground", "bar.mid"]}\n[drives]\nhub = {speed = 0}', loads, sensors
+    )
+    assert found.outcome.name == "COMPLETED"
+    left, right = (found.series[name].values for name in ("start_y", "end_y"))
+    assert left == pytest.approx(right, abs=1e-8)
+    deflection = 30 * 0.25**3 / (3 * 2.1e11 * 133.33e-12)
+    assert -left[-1] == pytest.approx(deflection, rel=5e-3)
+
+
+# ---- every shipped coupled scene -----------------------------------------------------------------------------------
+
+
+def reversed_links(scene):
+    """The scene with start and end of every elastic link exchanged, and drives that count from the same places."""
+    raw = deepcopy(scene.raw)
+    links = {name for name, body in scene.bodies.items() if body.elastic}
+    other = {"start": "end", "end": "start"}
+
+    def swapped(address):
+        body, _, point = address.partition(".")
+        return f"{body}.{other.get(point or 'start', point)}" if body in links else address
+
+    for joint in raw["joints"].values():
+        for kind in ("revolute", "prismatic", "weld"):
+            if kind in joint:
+                joint[kind] = [swapped(address) for address in joint[kind]]
+    for mass in raw.get("masses", {}).values():
+        mass["at"] = swapped(mass["at"])
+    for name, drive in scene.drives.items():
+        first, second = (address.body in links for address in scene.joints[name].addresses)
+        if scene.joints[name].kind == "revolute":
+            raw["drives"][name]["angle"] = drive.start + math.pi * (int(second) - int(first))
+    raw["sensors"], raw["events"] = {}, {}
+    return _validated(raw, scene.source), links
+
+
+def interpreted(system):
+    """The system with its kernels as Python runs them: nothing is compiled."""
+    names = ("equations", "constraints", "tangent", "energy")
+    plain = {name: getattr(system.module, name).py_func for name in names}
+    return replace(system, module=SimpleNamespace(**{**vars(system.module), **plain}))
+
+
+def moved_state(system, seed):
+    """q and v of a mechanism away from its rest: bodies anywhere, shapes deflected by per mille and moving."""
+    random = np.random.default_rng(seed)
+    q, v = random.normal(size=system.size), random.normal(size=system.size)
+    for name in system.start:
+        modal = system.modal(name)
+        axial = system.module.BODIES[name][0]
+        q[modal] *= 5e-3
+        q[modal.start : modal.start + axial] *= 1e-3
+        v[modal.start : modal.start + axial] *= 1e-2
+    return q, v
+
+
+def seen_from_the_end(system, other, links, q, v):
+    """q and v of the reversed system in the same state, and what leads from its modal coordinates to the old ones."""
+    there, rates, back = q.copy(), v.copy(), {}
+    for name in system.start:
+        if name not in links:
+            continue
+        link, old, new = system.links[name], system.shapes[name], other.shapes[name]
+        mirrored = [part.reshape(-1, 3, part.shape[1])[::-1] for part in (new.axial, new.transverse)]
+        mirrored = [(part * [[-1.0], [-1.0], [1.0]]).reshape(-1, part.shape[2]) for part in mirrored]
+        axial, bending = (
+            np.linalg.lstsq(mine, part, rcond=None)[0]
+            for mine, part in zip((old.axial, old.transverse), mirrored, strict=True)
+        )
+        for mine, part, by in zip((old.axial, old.transverse), mirrored, (axial, bending), strict=True):
+            assert abs(mine @ by - part).max(initial=0.0) < 1e-9, name  # the same space
+        k, modal, s = system.start[name], system.modal(name), axial.shape[1]
+        b, b_rate, a, a_rate = q[modal][:s], v[modal][:s], q[modal][s:], v[modal][s:]
+        there[modal] = np.concatenate([np.linalg.solve(axial, b), np.linalg.solve(bending, a)])
+        rates[modal] = np.concatenate([np.linalg.solve(axial, b_rate), np.linalg.solve(bending, a_rate)])
+        along = link.length * np.array([np.cos(q[k + 2]), np.sin(q[k + 2])])
+        there[k : k + 2] += along
+        there[k + 2] += np.pi
+        rates[k : k + 2] += v[k + 2] * np.array([-along[1], along[0]])
+        back[name] = (axial, bending)
+    return there, rates, back
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_accelerations_and_reactions_know_no_direction(name):
+    """Of all bodies and joints of a shipped scene with its links reversed, at a drawn state far from its rest."""
+    scene = read_scene(name)
+    turned, links = reversed_links(scene)
+    system, other = (interpreted(build_system(each, lambda stage: None)[0]) for each in (scene, turned))
+    q, v = moved_state(system, 7)
+    there, rates, back = seen_from_the_end(system, other, links, q, v)
+    # Joints of bodies that stand anywhere are open, in both alike: their balance holds all the same.
+    a, reactions, _ = system.accelerations(0.0, q, v)
+    a_there, reactions_there, _ = other.accelerations(0.0, there, rates)
+    assert reactions_there == pytest.approx(reactions, rel=1e-7, abs=1e-9 * abs(reactions).max())
+    for body, k in system.start.items():
+        assert a_there[k + 2] == pytest.approx(a[k + 2], rel=1e-7, abs=1e-9 * abs(a).max()), body
+        if body not in links:
+            assert a_there[k : k + 2] == pytest.approx(a[k : k + 2], rel=1e-7, abs=1e-9 * abs(a).max()), body
+            continue
+        modal, found = system.modal(body), a_there[system.modal(body)]
+        s = back[body][0].shape[1]
+        mapped = np.concatenate([back[body][0] @ found[:s], back[body][1] @ found[s:]])
+        assert mapped == pytest.approx(a[modal], rel=1e-6, abs=1e-8 * abs(a[modal]).max()), body
+
+
+# ---- axial modes ---------------------------------------------------------------------------------------------------
+
+ROD = """
+schema = 1
+[bodies]
+rod = {length = "500 mm", beam = {material = "steel", A = "40 mm^2", I = "133.33 mm^4", elements = 32}}
+[joints]
+pin = {revolute = ["ground", "rod.start"]}
+[drives]
+pin = {speed = 0}
+[loads]
+pull = {force_on = "rod.end", direction = [1, 0], law = "t"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+"""
+
+
+def test_axial_frequencies_converge_with_modes(tmp_path):
+    """Of a rod held at one end, (2 k - 1) / 4 sqrt(E / rho) / L, where something pulls at the other one."""
+    (tmp_path / "rod.toml").write_text(ROD)
+    exact = (2 * np.arange(1, 5) - 1) / 4 * math.sqrt(2.1e11 / 7850) / 0.5
+    errors, linear = [], with_settings(read_scene(tmp_path / "rod.toml"), ["solve.preset=linear"])
+    module = kaneflex.load(linear).motion.module
+    for modes in (3, 6, 12):
+        scene = with_settings(linear, ["solve.preset=coupled", f"solve.modes={modes}"])
+        link = build_link(scene, "rod", module, 32)
+        shapes = link_shapes(scene, link, modes).axial
+        K, M = (shapes.T @ link.part.matrices[key].at({}).toarray() @ shapes for key in ("K_s", "M"))
+        found = np.sqrt(eigh(K, M, eigvals_only=True)) / (2 * np.pi)
+        errors.append(found[:4] / exact[: len(found)][:4] - 1)
+    first, second = np.array([found[:2] for found in errors]).T
+    assert abs(first).max() < 5e-4  # 32 elements leave 1e-4
+    assert second[1] < 0.03 and second[2] < 2e-3 and (np.diff(second) < 0).all()
+    assert errors[2][2] < 0.015
