@@ -16,6 +16,7 @@ from kaneflex.closing import SWEEP, check_closure
 from kaneflex.errors import SceneError
 from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.freedom import check_determined
+from kaneflex.initial import check_start
 from kaneflex.memory import check_memory
 from kaneflex.model import Model, Motion
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
@@ -102,7 +103,9 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
-    return replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
+    model = replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
+    check_start(model)
+    return model
 
 
 def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | None = None) -> Model:

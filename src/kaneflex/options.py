@@ -9,6 +9,7 @@ from pathlib import Path
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
 from kaneflex.scene.floating import modes_of
+from kaneflex.scene.start import Start
 
 STEPS_PER_TURN = 720
 """Default resolution: half a degree of the fastest drive."""
@@ -46,7 +47,7 @@ class Options:
     mode_angle : float
         Angle of the first drive at which reference modes are taken and the frozen model is frozen [rad].
     start : str
-        "zero", "quasistatic" or "periodic".
+        "zero", "quasistatic", "periodic", or "given" where the scene gives a state.
     integrator : str
         Name in ``kaneflex.integrate.methods.METHODS``.
     steps : int
@@ -172,7 +173,7 @@ def resolve_options(scene: Scene) -> Options:
         reduction=solve.reduction or ("craig-bampton" if _truncates(solve.modes, dynamics) else _REDUCTION[dynamics]),
         modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
-        start="zero" if paper else solve.start,
+        start="given" if isinstance(solve.start, Start) else "zero" if paper else solve.start,
         integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _INTEGRATOR[dynamics],
         steps=solve.steps or default_steps(scene, duration),
         cycles=period is not None,
@@ -263,6 +264,16 @@ def _check_coupled(scene: Scene) -> None:
 
 
 def _check(options: Options) -> None:
+    if options.start == "given" and options.dynamics not in ("dynamic", "coupled"):
+        reason = {
+            "rigid": "nothing deforms: there is no state of deformation to start from",
+            "quasistatic": "preset quasistatic solves each instant by itself, whatever went before",
+            "frozen": f"preset {options.preset} always starts from rest",
+        }[options.dynamics]
+        raise SceneError(
+            "solve.start", "a table of a state", reason,
+            "Take preset linear, stiffened or coupled with an elastic body, or solve.start = zero",
+        )  # fmt: skip
     if options.start == "periodic" and options.dynamics in ("dynamic", "coupled") and not options.cycles:
         raise SceneError(
             "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",

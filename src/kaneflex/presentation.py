@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from kaneflex.initial import start_coordinates
 from kaneflex.options import FIXED_STEP, has_term
 from kaneflex.scene.parts import TERM_NAMES
 
@@ -126,6 +127,7 @@ def description(model: Model) -> str:
             {
                 "degrees of freedom": str(model.degrees_of_freedom),
                 "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
+                **({} if model.coupled is None else {"coordinates of a state": " ".join(start_coordinates(model))}),
                 "structure": model.motion.module.STRUCTURE,
                 "module": _module(model),
             },
@@ -189,7 +191,10 @@ def _options(model: Model) -> dict[str, str]:
     return said
 
 
-_STARTS = {"zero": "from rest, undeformed", "quasistatic": "from the quasi-static answer", "periodic": "periodic"}
+_STARTS = {
+    "zero": "from rest, undeformed", "quasistatic": "from the quasi-static answer", "periodic": "periodic",
+    "given": "from the state that the scene gives",
+}  # fmt: skip
 
 
 def _time(seconds: float) -> str:

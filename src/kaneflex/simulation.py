@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.errors import SceneError, ValidityWarning
+from kaneflex.initial import given_state
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.memory import MAX_STORED
 from kaneflex.model import Model
@@ -187,6 +188,8 @@ def run_of(model: Model) -> Run:
         _check_repeats(model)
     if options.start == "quasistatic":
         start = slow_start(model)
+    if options.start == "given":
+        start = given_state(model)
     return Run(
         model.system,
         model.scalars,

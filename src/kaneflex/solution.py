@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.errors import SceneError
+from kaneflex.initial import STATE, start_coordinates
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model, RigidMotion
+from kaneflex.units import LARGEST
 
 if TYPE_CHECKING:
     import xarray
@@ -99,6 +101,27 @@ class Solution:
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
         return series if basis is None else tuple(basis @ part for part in series)
+
+    def state(self, instant: int = -1) -> dict[str, dict[str, float]]:
+        """The coordinates and their rates at a stored instant, the last one by default, as ``solve.start`` takes them.
+
+        Parameters
+        ----------
+        instant : int
+            Its number among ``times``.
+
+        Returns
+        -------
+        dict
+            ``displacements`` and ``velocities``: coordinate -> number in SI.
+        """
+        names, moved = start_coordinates(self.model), self.coordinates
+        if self.coupled is not None:
+            trajectory = self.coupled.trajectory
+            moved = trajectory.q.T, trajectory.v.T
+        # what no scene can say, and no run can tell from zero
+        numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved[:2])
+        return {key: dict(zip(names, part, strict=True)) for key, part in zip(STATE, numbers, strict=True)}
 
     def at(self, times: np.ndarray) -> Solution:
         """The same motion at other instants within the run (dense output).

@@ -12,12 +12,13 @@ import numpy as np
 from kaneflex.coupled.linear import settled
 from kaneflex.coupled.motion import CoupledMotion, Rates
 from kaneflex.coupled.run import CoupledTrajectory, Method, between, integrate, rigid_state
-from kaneflex.coupled.state import State
+from kaneflex.coupled.state import State, check_closed
 from kaneflex.coupled.system import CoupledSystem
 from kaneflex.energy import Energy
 from kaneflex.errors import SceneError
 from kaneflex.events import happens
 from kaneflex.forward import with_courses
+from kaneflex.initial import laid_over
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.model import Model, Motion, RigidMotion
 from kaneflex.scene import Scene
@@ -37,6 +38,8 @@ def simulate_coupled(
     system, options = model.coupled, model.options
     method = method_of(model)
     times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
+    if after is not None and options.start == "given":
+        raise SceneError("after", after.source, "the scene gives a state to start from, too", "Leave solve.start out")
     q, v = beginning(model) if after is None else after.fitted(system, method.length)
     stops = [event for event in model.scene.events.values() if event.stop]
 
@@ -57,9 +60,17 @@ def method_of(model: Model) -> Method:
 
 
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium."""
+    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium, or as it gives them."""
     system, first = model.coupled, model.motion.at(0.0)
     q, v = rigid_state(system, first)
+    if model.options.start == "given":
+        q, v = laid_over(model, q, v)
+        q = unwrapped(model.scene, system, q, first)
+        check_closed(
+            system, 0.0, q, v, longest(model.scene), "solve.start", "a table of a state",
+            "Give the coordinates of all bodies, or shapes that leave the joints where they are",
+        )  # fmt: skip
+        return q, v
     q = unwrapped(model.scene, system, q, first)
     return (_settled(model, q, first) if model.options.start == "quasistatic" else q), v
 

@@ -55,19 +55,26 @@ class State:
             )  # fmt: skip
         order = [self.names.index(name) for name in wanted]
         q, v = self.q[order], self.v[order]
-        n, m = system.size, len(system.constraints)
-        gap = np.zeros(m)
-        system.module.constraints(self.t, q, v, system.parameters, gap, np.zeros(m), np.zeros((m, n)), np.zeros(m))
-        turning = [name.endswith(("moment", "drive")) for name in system.constraints]
-        share = abs(gap) / np.where(turning, 1.0, length)
-        if share.max(initial=0.0) > _OPEN:
-            name = system.constraints[int(share.argmax())]
-            raise SceneError(
-                "after", self.source,
-                f"its state opens {name.rpartition('.')[0]} by {gap[share.argmax()]:.3g} (m or rad)",
-                "Continue with the lengths and drives that the state comes from",
-            )  # fmt: skip
+        check_closed(
+            system, self.t, q, v, length, "after", self.source,
+            "Continue with the lengths and drives that the state comes from",
+        )  # fmt: skip
         return q, v
+
+
+def check_closed(
+    system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray, length: float, key: str, source: str, cure: str
+) -> None:
+    """Raise SceneError (key, source and cure are its own) if the joints at the time t [s] are not where q has them."""
+    n, m = system.size, len(system.constraints)
+    gap = np.zeros(m)
+    system.module.constraints(t, q, v, system.parameters, gap, np.zeros(m), np.zeros((m, n)), np.zeros(m))
+    turning = [name.endswith(("moment", "drive")) for name in system.constraints]
+    share = abs(gap) / np.where(turning, 1.0, length)
+    if share.max(initial=0.0) > _OPEN:
+        name = system.constraints[int(share.argmax())]
+        opens = f"its state opens {name.rpartition('.')[0]} by {gap[share.argmax()]:.3g} (m or rad)"
+        raise SceneError(key, source, opens, cure)
 
 
 def last_state(solution: Solution) -> State:

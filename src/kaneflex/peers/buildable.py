@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from kaneflex.errors import Problem, SceneError
 from kaneflex.options import Options
 from kaneflex.scene import Scene
+from kaneflex.scene.start import Start
 
 _SETTLED = 1e-4
 """What is left of the free vibration at the start when a cycle is taken for periodic."""
@@ -84,6 +85,8 @@ def _solving(scene: Scene) -> Iterator[Problem]:
         yield Problem(
             "solve.start", "quasistatic", "the peer starts from the undeformed state", "Set solve.start=zero"
         )
+    if isinstance(scene.solve.start, Start):
+        yield _problem("solve.start", None, "a state to start from")
     if scene.solve.start == "periodic" and (scene.damping is None or not scene.damping.rayleigh):
         yield Problem(
             "solve.start", "periodic", "the peer finds it by waiting, and without Rayleigh damping nothing settles",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.errors import Fault, nearest
 from kaneflex.interpolation import Interpolation
@@ -30,6 +30,7 @@ from kaneflex.scene.quantities import (
     Ratios,
     WholeNumber,
 )
+from kaneflex.scene.start import Start, start_of
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.tables import Table, read_table
 from kaneflex.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
@@ -233,7 +234,7 @@ class Solve(SceneTable):
     """How the scene is solved; every entry can also be set from the command line."""
 
     preset: str = "stiffened"
-    start: Literal["zero", "quasistatic", "periodic"] = "zero"
+    start: Annotated[Start | Literal["zero", "quasistatic", "periodic"], BeforeValidator(start_of)] = "zero"
     steps: WholeNumber | None = Field(
         default=None, description="per cycle, or per run where there is no cycle"
     )

@@ -201,6 +201,11 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
             "solve.preset", options.preset, "its sensors can't be differentiated",
             "Take preset linear, stiffened, quasistatic or coupled, with a body that has a beam",
         )  # fmt: skip
+    if options.start == "given":
+        raise SceneError(
+            "solve.start", "a table of a state", "how a given state follows the parameter is not known",
+            "Start from zero, quasistatic or periodic",
+        )  # fmt: skip
     if options.integrator == "scipy":
         raise SceneError(
             "solve.integrator", "scipy", "what it does within a step has no derivative here",

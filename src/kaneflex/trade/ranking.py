@@ -11,6 +11,7 @@ from pathlib import Path
 from kaneflex.comparison import Curves, Difference
 from kaneflex.errors import SceneError, nearest
 from kaneflex.scene import Scene
+from kaneflex.scene.start import Start
 from kaneflex.trade.cost import Cost, Timing, cost, timed_in_turns, timed_run
 from kaneflex.trade.errors import differences, worst
 from kaneflex.trade.ladder import Candidate, elements_of, ladder, neutral, neutral_settings
@@ -163,6 +164,11 @@ def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequen
     for name in sensors or ():
         if name not in scene.sensors:
             raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
+    if isinstance(scene.solve.start, Start):
+        raise SceneError(
+            "solve.start", "a table of a state", "the models that are compared have different coordinates",
+            "Start from zero, quasistatic or periodic",
+        )  # fmt: skip
     modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
     if modal is not None:
         raise SceneError(

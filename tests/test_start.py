@@ -1,0 +1,138 @@
+"""Runs that start from a state that the scene gives: `solve.start` as a table."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+from runs import model, run
+from scipy.linalg import eigh
+
+import kaneflex
+from kaneflex.coupled.simulation import beginning
+from kaneflex.errors import SceneError
+from kaneflex.scene import read_scene
+
+STILL = (
+    "shaft.speed=0", "shaft.cycle=none", "damping=none", "push.value=0", "solve.duration=1 s", "solve.steps=2000",
+    "gravity=none",
+)  # fmt: skip
+PENDULUM = ("solve.preset=coupled", "damping.rayleigh.ratio=0.1", "damping.rayleigh.at=[5, 50]")
+
+
+def starting(state, *settings):
+    return [*settings, f"solve.start={inline(state)}"]
+
+
+def inline(state):
+    """A state as TOML."""
+    tables = (
+        f"{key} = {{{', '.join(f'{json.dumps(name)} = {x!r}' for name, x in part.items())}}}"
+        for key, part in state.items()
+    )
+    return f"{{{', '.join(tables)}}}"
+
+
+def deflected():
+    """The blade under 0.1 N at its tip, as a state at rest."""
+    loaded = run("rotating-cantilever", *STILL, "push.value=0.1 N", "solve.preset=quasistatic", "solve.start=zero")
+    state = loaded.state()
+    assert state["displacements"]["blade.8.v"] == pytest.approx(0.1 / (3 * 70e9 * 67.5e-12), rel=1e-6)
+    return {"displacements": state["displacements"]}
+
+
+@pytest.mark.parametrize("preset", ["linear", "stiffened"])
+def test_a_blade_let_go_swings_in_its_modes(preset):
+    """z(t) = sum of the modes, each from its share of the deflection by cos(omega t): no step, no integrator."""
+    released = run("rotating-cantilever", *starting(deflected(), *STILL, f"solve.preset={preset}"))
+    first = np.array(list(deflected()["displacements"].values()))
+    M, K = released.model.M(0.0), released.model.K_s(0.0)
+    squares, shapes = eigh(K, M)
+    shares = shapes.T @ M @ first
+    exact = shapes @ (shares[:, None] * np.cos(np.sqrt(squares)[:, None] * released.times))
+    row = released.model.coordinates.index("blade.8.v")
+    assert released.coordinates[0][row] == pytest.approx(exact[row], abs=1e-4 * exact[row, 0])
+    # 97 % of the deflection is the first mode of a clamped-free beam, at 1.875104^2 sqrt(E I / (rho A l^4))
+    omega = 1.8751040687**2 * np.sqrt(70e9 * 67.5e-12 / (2700 * 90e-6))
+    assert np.sqrt(squares[0]) == pytest.approx(omega, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "settings", [(), ("solve.preset=linear", "solve.reduction=modal", "solve.modes=4"), ("solve.modes=3",)],
+    ids=["nodes", "modes of the mechanism", "modes of the link"],
+)  # fmt: skip
+def test_a_run_from_the_last_state_of_another_is_its_continuation(settings):
+    """A turn of the blade from where the turn before left it, against two turns at once."""
+    turn = 2 * np.pi / read_scene("rotating-cantilever").drives["shaft"].speed
+
+    def turns(count, *more):
+        horizon = (f"solve.duration={count * turn!r}", f"solve.steps={count * 720}", "solve.start=zero")
+        return run("rotating-cantilever", *settings, *horizon, *more)
+
+    whole, second = turns(2), turns(1, *starting(turns(1).state()))
+    for found, expected in zip(second.coordinates, whole.coordinates, strict=True):
+        assert found == pytest.approx(expected[:, 720:], rel=1e-9, abs=1e-9 * abs(expected).max())
+    assert second.model.options.start == "given"
+
+
+def test_a_coupled_run_from_the_last_state_of_another_is_its_continuation():
+    def swing(seconds, *more):
+        return run("elastic-pendulum", *PENDULUM, f"solve.duration={seconds}", f"solve.steps={400 * seconds:g}", *more)
+
+    whole, rest = swing(0.5), swing(0.25, *starting(swing(0.25).state()))
+    for name in ("angle", "tip_bend"):
+        assert rest.series[name].values == pytest.approx(whole.series[name].values[100:], abs=1e-7), name
+
+
+def test_a_coupled_state_of_a_later_turn_stands_where_the_drive_is():
+    """The blade's angle after a turn is 2 pi, where the drive begins at 0: whole turns are no gap."""
+    settings = ("solve.preset=coupled", "solve.start=zero", "solve.tolerance=1e-6")
+    first = run("rotating-cantilever", *settings)
+    state = first.state()
+    assert state["displacements"]["blade.phi"] == pytest.approx(2 * np.pi, abs=1e-9)
+    q, v = beginning(model("rotating-cantilever", *settings, *starting(state)))
+    assert q[2] == pytest.approx(0.0, abs=1e-9)
+    assert q[3:] == pytest.approx(first.coupled.trajectory.q[-1, 3:], rel=1e-12)
+    assert v == pytest.approx(first.coupled.trajectory.v[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("{displacements = {'blade.8.w' = 1.0}}", "blade.8.w = 1.0: the run has no such coordinate. "
+         "The nearest known one is 'blade.8.v'. Known: blade.1.u, blade.1.v, blade.1.theta, blade.2.u,"),
+        ("{displacements = {'blade.8.v' = '1 deg'}}", "blade.8.v = '1 deg': 'deg' is not a unit of length."),
+        ("{displacements = {'blade.8.theta' = '1 mm'}}", "blade.8.theta = '1 mm': 'mm' is not a unit of angle."),
+        ("{velocities = {'blade.8.v' = '1 rpm'}}", "velocities.blade.8.v = '1 rpm': 'rpm' is not a unit of speed."),
+        ("{displacements = {tip = nan}}", "displacements.tip = nan: not a finite number."),
+        ("{displacements = {tip = '3 kg'}}", "displacements.tip = '3 kg': 'kg' is not a unit of length."),
+        ("{rates = {tip = 1}}", "solve.start.rates"),
+        ("rest", "solve.start = 'rest': must be 'zero', 'quasistatic', 'periodic' or a table of a state."),
+    ],
+)  # fmt: skip
+def test_states_that_cannot_be(start, message):
+    with pytest.raises(SceneError) as error:
+        model("rotating-cantilever", f"solve.start={start}")
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("preset", ["rigid", "quasistatic", "paper"])
+def test_presets_that_integrate_from_no_state_refuse_one(preset):
+    with pytest.raises(SceneError, match=r"solve\.start = .*Take preset linear, stiffened or coupled"):
+        model("rotating-cantilever", f"solve.preset={preset}", "solve.start={velocities = {'blade.8.v' = 1}}")
+
+
+def test_a_coupled_state_must_close_its_joints():
+    with pytest.raises(SceneError, match=r"solve\.start = .*: its state opens .*Give the coordinates of all bodies"):
+        model("rotating-cantilever", "solve.preset=coupled", "solve.start={displacements = {'blade.x' = '1 m'}}")
+
+
+def test_what_can_not_begin_from_a_given_state_says_so(tmp_path):
+    first = ("solve.duration=10 ms", "solve.steps=10")
+    given = model("elastic-pendulum", *starting({"velocities": {"strip.phi": 0.1}}, *PENDULUM, *first))
+    with pytest.raises(SceneError, match=r"after = .*: the scene gives a state to start from, too"):
+        kaneflex.simulate(given, after=run("elastic-pendulum", *PENDULUM, *first))
+    setting = "--set=solve.start={velocities = {'blade.8.v' = 1}}"
+    refused(cli("trade", "rotating-cantilever", setting, "-o", tmp_path / "no"), "solve.start", "Start from zero")
+    command = ("run", "rotating-cantilever", setting, "--sensitivities", "blade.length", "-o", tmp_path / "no")
+    refused(cli(*command), "solve.start", "Start from zero")
