@@ -592,7 +592,7 @@ def test_a_drive_whose_name_a_law_reads_as_a_speed(tmp_path):
      "Move the point onto the axis, between start and end, or join a rigid body there."),
     ("engine", ["bodies.piston={length=0.05, beam={material='steel', I='7008 mm^4'}}"],
      "joints.bore = 'piston': an elastic body on a guide is not available yet. "
-     "Join it to a guided rigid body by a revolute joint or a weld."),
+     "Join it to a guided rigid body by a revolute joint or a weld, or take preset rigid."),
     ("engine-elastic-crank", ["springs={coil={torsional_at='main', stiffness=1}}", "solve.preset=paper"],
      "springs.coil = 'main': preset paper lets elastic bodies turn at a drive. "
      "Use another preset, or leave the spring out."),
