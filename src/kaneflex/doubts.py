@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.deformation import deform
+from kaneflex.errors import UserError
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.links import Link
 from kaneflex.options import FIXED_STEP
@@ -16,10 +17,19 @@ from kaneflex.sampling import unseen
 from kaneflex.solution import Solution
 from kaneflex.stability.lost import lost_stiffness
 
+COUPLING = 3.0
+"""Relative change of a loop's stiffness by a deflection, over that deflection as a share of the link's length: what
+fits best where `stiffened` and `coupled` are known to part (four-bar at 150 to 300 rpm, engine, slider-crank-150)."""
+LEAST_DEFLECTION = 0.002
+"""Deflection, as a share of a link's length, below which no resonance is looked for that would enlarge its worth."""
+LONGEST_SECOND = 10.0
+"""Time [s] that a run may have taken for another one to be solved only to find out what could be wrong with it."""
 FEWEST_STEPS = 10
 """Steps in a period of the lowest mode below which a run is said to be coarse."""
 LARGEST_BEND = 0.1
 """Bending in a floating frame, as a share of a link's length, beyond which coupled equations are in doubt."""
+LARGEST_COUPLING = 0.05
+"""Share of a sensor's peak that what deflections do to the motion may be worth, unless the equations know it."""
 LARGEST_ERROR = 0.01
 """Error allowed in a coupled run's steps, as a share of its largest deformation, beyond which that is in doubt."""
 LARGEST_GAP = 1e-4
@@ -54,16 +64,63 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
         )
     if len(solution.times):
         found.extend(lost_stiffness(model, solution.times))
+    shares = {}
     for name, link in model.links.items() if len(solution.times) else ():
         q = deform(model, solution.rigid, solution.coordinates, name).q
         found.extend(_stretched(name, link, q))
-        largest = abs(q[1::3]).max()
-        if largest > LARGEST_DEFLECTION * link.length:
+        shares[name] = float(abs(q[1::3]).max()) / link.length
+        if shares[name] > LARGEST_DEFLECTION:
             found.append(
-                f"{name} moves across its axis by {largest / link.length:.0%} of its length: displacements are "
+                f"{name} moves across its axis by {shares[name]:.0%} of its length: displacements are "
                 "taken as small, so compare with a geometrically exact model"
             )
+    found.extend(_uncoupled(solution, shares))
     return found
+
+
+def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
+    """A warning where it matters that the motion acts on the deflections, but they don't act on the motion.
+
+    In a loop a link that moves across its axis by a share of its length turns the forces and the inertia of what it
+    holds by about that angle: the equations change by some COUPLING times the share. How much the answer changes with
+    them is a matter of resonance, a fold of it or a hundred, and is found by solving once more with a stiffness that
+    differs by as much. In open chains the change is of second order in the share.
+
+    shares: link -> largest displacement across its axis, as a share of its length
+    """
+    model = solution.model
+    share = max(shares.values(), default=0.0)
+    in_loops = len(model.scene.joints) > len(model.scene.bodies)
+    if not in_loops or share < LEAST_DEFLECTION or model.options.dynamics not in ("dynamic", "quasistatic"):
+        return []
+    if solution.outcome is not Outcome.COMPLETED or solution.seconds > LONGEST_SECOND:
+        return []
+    from kaneflex.simulation import solve
+
+    equations, reduced = (
+        replace(each, K_s=each.K_s * (1.0 + COUPLING * share)) for each in (model.equations, model.reduced)
+    )
+    try:
+        other = solve(replace(model, equations=equations, reduced=reduced))
+    except UserError:  # at the brink of having no such state, which is said elsewhere
+        return []
+    if other.outcome is not Outcome.COMPLETED:
+        return []
+    worth = {}
+    for name, series in solution.series.items():
+        largest = abs(series.values).max()
+        changed = abs(other.series[name].values - series.values).max()
+        if changed > LARGEST_COUPLING * largest:
+            worth[name] = changed / largest
+    if not worth:
+        return []
+    worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
+    more = f", and more than {LARGEST_COUPLING:.0%} of that of {len(worth) - 1} sensors more" if len(worth) > 1 else ""
+    return [
+        f"{link} moves across its axis by {share:.1%} of its length: what that does to the motion, which preset "
+        f"{model.options.preset} leaves out, is worth some {worth[worst]:.0%} of the peak of {worst}{more}; compare "
+        "with preset coupled"
+    ]
 
 
 def _coarse(solution: Solution, lowest: float) -> list[str]:

@@ -1,0 +1,43 @@
+"""What the deflections do to the motion, which one-way presets leave out, is warned of by what it is worth."""
+
+import re
+
+import numpy as np
+import pytest
+
+import kaneflex
+from kaneflex.scene import with_settings
+from kaneflex.simulation import solve
+
+
+def _run(scene, *settings):
+    return solve(kaneflex.load(with_settings(kaneflex.read_scene(scene), settings)))
+
+
+def _warned(solution):
+    """(share of the peak, sensor) of the warning; None where there is none."""
+    found = (re.search(r"is worth some (\d+)% of the peak of (\w+)", text) for text in solution.warnings)
+    return next(((int(match[1]) / 100.0, match[2]) for match in found if match), None)
+
+
+def test_the_slider_crank_parts_from_the_coupled_one_by_about_as_much_as_is_said():
+    one_way, both = _run("slider-crank-150"), _run("slider-crank-150-coupled")
+    worth, sensor = _warned(one_way)
+    mine = one_way.series[sensor].values
+    theirs = np.interp(one_way.times, both.times, both.series[sensor].values)
+    assert abs(mine - theirs).max() / abs(theirs).max() == pytest.approx(worth, rel=0.5)
+
+
+@pytest.mark.parametrize(("speed", "worst"), [(300, 0.378), (250, 0.194)])  # by preset coupled, coupler_mid
+def test_a_four_bar_near_resonance_is_in_doubt(speed, worst):
+    worth, _ = _warned(_run("four-bar", f"main.speed={speed} rpm"))
+    assert worst / 2.0 < worth < 2.0 * worst
+
+
+@pytest.mark.parametrize(("scene", "settings"), [
+    ("four-bar", ["main.speed=150 rpm"]),  # 1.1 % by preset coupled
+    ("engine", []),  # 0.2 %
+    ("two-link-arm", []),  # an open chain: 0.6 %, where the arm sags by 2.6 % of its length
+])  # fmt: skip
+def test_where_little_is_left_out_nothing_is_said(scene, settings):
+    assert _warned(_run(scene, *settings)) is None
