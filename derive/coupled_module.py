@@ -97,6 +97,7 @@ def _about(structure: str, counts: dict[str, tuple[int, int]]) -> str:
         "",
         "Operations of one call, written out -> with shared subexpressions:",
         *(f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items()),
+        *emit.UNCHECKED,
     ]
     return "\n".join(lines)
 

@@ -131,6 +131,13 @@ def literal(name: str, value: object, comment: str = "") -> str:
     return f"{head}{name} = {opening}\n" + "".join(f"    {line}\n" for line in lines) + f"{closing}\n"
 
 
+UNCHECKED = (
+    "",
+    "Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has",
+    "the same kernels with a check before each call that names the argument.",
+)
+"""What a module of kernels for everybody says of them."""
+
 MODULE = '''"""{title}
 
 {about}

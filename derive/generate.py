@@ -270,6 +270,7 @@ def _about(
         "",
         "Operations of one call, written out -> with shared subexpressions:",
         *(f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items()),
+        *emit.UNCHECKED,
     ]
     return "\n".join(lines)
 

@@ -28,6 +28,9 @@ Operations of one call, written out -> with shared subexpressions:
     term_tension_acceleration      76 -> 20
     term_tension_spin             168 -> 39
     F_t                          2110 -> 220
+
+Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
+the same kernels with a check before each call that names the argument.
 """
 
 import math

@@ -13,6 +13,9 @@ Operations of one call, written out -> with shared subexpressions:
     term_mass                   56 -> 14
     term_axial_stiffness         4 -> 1
     term_bending_stiffness      48 -> 10
+
+Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
+the same kernels with a check before each call that names the argument.
 """
 
 import math

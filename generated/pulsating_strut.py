@@ -18,6 +18,9 @@ Operations of one call, written out -> with shared subexpressions:
     term_bending_stiffness      48 -> 10
     term_tension_origin          8 -> 3
     F_t                         34 -> 12
+
+Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
+the same kernels with a check before each call that names the argument.
 """
 
 import math

@@ -26,6 +26,9 @@ Operations of one call, written out -> with shared subexpressions:
     term_tension_origin          8 -> 3
     term_tension_spin          168 -> 39
     F_t                         60 -> 31
+
+Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
+the same kernels with a check before each call that names the argument.
 """
 
 import math
