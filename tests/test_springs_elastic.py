@@ -148,7 +148,8 @@ def test_dampers_take_out_what_the_energy_loses(tmp_path):
     text = scene_text(WELDED, tip)
     text += "[loads]\npush = {force_on = 'bar.end', direction = [0, 1], law = '5 * exp(-400 * t)'}\n"
     text += "[sensors.pull]\nspring_force = 'tip'\n[sensors.speed]\nvelocity = 'bar.end'\ncomponent = 'y'\n"
-    model = loaded(tmp_path, text, "solve.steps=20000", "solve.duration=0.5")
+    # gauss takes no energy of its own; radau damps what its steps hardly resolve, here by 1e-4 of what the damper takes
+    model = loaded(tmp_path, text, "solve.steps=20000", "solve.duration=0.5", "solve.integrator=gauss")
     solution = kaneflex.simulate(model)
     z, v, _ = solution.coordinates
     rigid = model.motion.at(0.0)

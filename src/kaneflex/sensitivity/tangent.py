@@ -22,7 +22,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.periodic import Cycle
 from kaneflex.integrate.run import cycle_map, integrate
 from kaneflex.model import Model, affine_system
-from kaneflex.quasistatic import mechanism_modes, quasistatic, rate_of, solve_banded_at
+from kaneflex.quasistatic import mechanism_modes, quasistatic, rate_of, slow_start, solve_banded_at
 from kaneflex.sensitivity.varied import Varied
 from kaneflex.simulation import storing
 from kaneflex.solution import Solution
@@ -88,16 +88,22 @@ def _of_quasistatic(varied: Varied, times: np.ndarray, z: np.ndarray) -> np.ndar
             "solve.preset", model.options.preset, "mechanism modes are left to inertia relief, which has no derivative",
             "Take preset stiffened, or hold the mechanism",
         )  # fmt: skip
+    return solve_banded_at(model, times, _unbalanced_slope(varied, times, {"K": z}))
+
+
+def _unbalanced_slope(varied: Varied, times: np.ndarray, states: dict[str, np.ndarray]) -> np.ndarray:
+    """F' - K' z - C' v - M' a at each instant, of those matrices whose ``states`` (n_times, n) are given."""
+    model = varied.model
     load = np.zeros((len(times), model.reduced.size))
-    names = varied.monomials
     values, slopes = _products(varied, times)
-    for k, monomial in enumerate(names):
-        for key, sign, columns in (("F", 1.0, np.ones((1, len(times)))), ("K", -1.0, z.T)):
+    columns = {"F": np.ones((1, len(times)))} | {key: -state.T for key, state in states.items()}
+    for k, monomial in enumerate(varied.monomials):
+        for key, column in columns.items():
             if monomial in model.kept[key].terms:
-                load += sign * (slopes[:, k] * (model.kept[key].terms[monomial] @ columns)).T
+                load += (slopes[:, k] * (model.kept[key].terms[monomial] @ column)).T
             if monomial in varied.constants[key].terms:
-                load += sign * (values[:, k] * (varied.constants[key].terms[monomial] @ columns)).T
-    return solve_banded_at(model, times, load)
+                load += (values[:, k] * (varied.constants[key].terms[monomial] @ column)).T
+    return load
 
 
 def _products(varied: Varied, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -173,11 +179,20 @@ def _side_by_side(varied: Varied) -> dict[str, Affine]:
 
 
 def _quasistatic_start(varied: Varied) -> tuple[np.ndarray, np.ndarray]:
-    """Where a run that starts from the quasi-static answer starts, slopes beside the coordinates."""
-    model = varied.model
+    """z, v of :func:`slow_start`, slopes beside the coordinates: K z' = F' - K' z - C' v - M' a - C v' - M a'.
+
+    v and a are the rates of the quasi-static answer, and v' and a' those of its slope.
+    """
+    model, first = varied.model, slice(4, 5)
     times = model.step * np.arange(-4, 5)
-    z, v, _ = quasistatic(model, times, periodic=False)
-    slope = _of_quasistatic(varied, times, z)
+    still, v, a = quasistatic(model, times, periodic=False)
+    still_slope = _of_quasistatic(varied, times, still)
+    v_slope, a_slope = _rates_of_quasistatic(varied, v, still_slope, periodic=False)
+    z, _ = slow_start(model)
+    load = _unbalanced_slope(varied, times[first], {"K": z[None], "C": v[first], "M": a[first]})
+    row = model.scalars(times[first])[0]
+    load -= model.system.dense("C", row) @ v_slope[4] + model.system.dense("M", row) @ a_slope[4]
+    z_slope = solve_banded_at(model, times[first], load)[0]
     # the stretch leaves with the velocities: what is integrated are derivatives by the share of the run
-    rate = rate_of(slope, model.step, False)
-    return tuple(np.stack([own[4], beside[4]], axis=1).ravel() for own, beside in ((z, slope), (v, rate)))
+    rate = v_slope[4] + varied.stretch * v[4]
+    return tuple(np.stack(pair, axis=1).ravel() for pair in ((z, z_slope), (v[4], rate)))
