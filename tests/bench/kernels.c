@@ -1,8 +1,11 @@
 /* The measure of the generated kernels: what a C programmer would write by hand from the closed forms of the beam
  * element and of the slider-crank. Same arguments, same outputs as the kernels of generated/slider_crank_150.py:
- * structural zeros are not stored. Below each kernel's name stands a loop that is timed, NAME_many. */
+ * structural zeros are not stored. Below each kernel's name stands a loop that is timed, NAME_many. The places of the
+ * motion's numbers are the module's own: places.h is written from its PARAMETERS and SCALARS, by name. */
 
 #include <math.h>
+
+#include "places.h"
 
 enum { RHO_A, E_A, E_I, LENGTH, X_0 };
 enum { OMEGA, EPSILON, A_X, A_Y, P_0 };
@@ -108,8 +111,10 @@ static inline void F(const double *p, const double *s, double *out)
  * L sin phi2 = -r sin phi by hand, forces by Newton and Euler from the slider to the shaft. */
 static inline void motion(double t, const double *p, double *s)
 {
-    const double d = p[1], m = p[2], J = p[3], slider = p[4], branch = p[5], r = p[6], L = p[7], w = p[8];
-    const double phi = p[9] + w * t, s1 = sin(phi), c1 = cos(phi);
+    const double d = p[bodies_rod_centre_x], m = p[bodies_rod_mass], J = p[bodies_rod_inertia];
+    const double slider = p[bodies_slider_mass], branch = p[joints_guide_branch];
+    const double r = p[bodies_crank_length], L = p[bodies_rod_length], w = p[drives_main_speed];
+    const double phi = p[drives_main_angle] + w * t, s1 = sin(phi), c1 = cos(phi);
     const double s2 = -r * s1 / L, margin = 1.0 - s2 * s2, c2 = branch * sqrt(margin);
     const double rs = r * s1, rc = r * c1, over = 1.0 / (L * c2);
     const double w2 = -w * rc * over;
@@ -120,34 +125,34 @@ static inline void motion(double t, const double *p, double *s)
     const double B_x = slider * slider_a, A_x = m * rod_ax + B_x;
     const double B_y = (d * s2 * A_x + (L - d) * s2 * B_x - J * e2 - d * c2 * m * rod_ay) * over;
     const double A_y = m * rod_ay + B_y;
-    s[0] = s[15] = w2;
-    s[1] = s[18] = e2;
-    s[2] = ax * c2 + ay * s2;
-    s[3] = ay * c2 - ax * s2;
-    s[4] = -(A_x * c2 + A_y * s2);
-    s[5] = phi;
-    s[6] = c1;
-    s[7] = s1;
-    s[8] = w;
-    s[9] = rc;
-    s[10] = rs;
-    s[11] = c2;
-    s[12] = s2;
-    s[13] = -w * rs;
-    s[14] = w * rc;
-    s[16] = ax;
-    s[17] = ay;
-    s[19] = rc + L * c2;
-    s[20] = 0.0;
-    s[21] = -w * rs - L * w2 * s2;
-    s[22] = slider_a;
-    s[23] = -B_y;
-    s[24] = s[26] = A_x;
-    s[25] = s[27] = A_y;
-    s[28] = B_x;
-    s[29] = B_y;
-    s[30] = rc * A_y - rs * A_x;
-    s[31] = margin;
+    s[rod_link_omega] = s[rod_omega] = w2;
+    s[rod_link_epsilon] = s[rod_epsilon] = e2;
+    s[rod_link_a_x] = ax * c2 + ay * s2;
+    s[rod_link_a_y] = ay * c2 - ax * s2;
+    s[rod_link_P_0] = -(A_x * c2 + A_y * s2);
+    s[main_angle] = phi;
+    s[crank_c] = c1;
+    s[crank_s] = s1;
+    s[crank_omega] = w;
+    s[rod_x] = rc;
+    s[rod_y] = rs;
+    s[rod_c] = c2;
+    s[rod_s] = s2;
+    s[rod_v_x] = -w * rs;
+    s[rod_v_y] = w * rc;
+    s[rod_a_x] = ax;
+    s[rod_a_y] = ay;
+    s[slider_x] = rc + L * c2;
+    s[slider_y] = 0.0;
+    s[slider_v_x] = -w * rs - L * w2 * s2;
+    s[slider_a_x] = slider_a;
+    s[guide_normal] = -B_y;
+    s[main_force_x] = s[pin_force_x] = A_x;
+    s[main_force_y] = s[pin_force_y] = A_y;
+    s[wrist_force_x] = B_x;
+    s[wrist_force_y] = B_y;
+    s[main_drive] = rc * A_y - rs * A_x;
+    s[guide_closure] = margin;
 }
 
 /* Each evaluation has inputs of its own, out of 16; nothing is declared free of aliases, so none is left out. */

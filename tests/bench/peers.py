@@ -103,8 +103,11 @@ def generated_kernels(task: Task) -> Candidate:
 
 
 def library(folder: Path, compiler: str) -> ctypes.CDLL:
-    """Of kernels.c."""
-    return compile_c(HERE / "kernels.c", folder, compiler)
+    """Of kernels.c, which finds the motion's parameters and scalars by the names that the module gives them."""
+    tables = (generated.PARAMETERS, generated.SCALARS)
+    enums = [f"enum {{ {', '.join(name.replace('.', '_') for name, *_ in table)} }};\n" for table in tables]
+    (folder / "places.h").write_text("".join(enums), encoding="utf-8")
+    return compile_c(HERE / "kernels.c", folder, compiler, f"-I{folder}")
 
 
 def hand_written(task: Task, hand: ctypes.CDLL) -> Candidate:
