@@ -208,7 +208,8 @@ def test_the_coupled_equations_agree(tmp_path):
     one-way equations, and on the links alone in the coupled ones.
     """
     one_way = kaneflex.simulate(loaded(tmp_path, ARM)).series
-    both = kaneflex.simulate(loaded(tmp_path, ARM, "solve.preset=coupled", "solve.modes=3", "solve.tolerance=1e-6")).series
+    coupled = ("solve.preset=coupled", "solve.modes=3", "solve.tolerance=1e-6")
+    both = kaneflex.simulate(loaded(tmp_path, ARM, *coupled)).series
     for name, tolerance in (
         ("mid", 5e-3), ("tip", 5e-3), ("root", 1e-2), ("torque", 1e-2), ("pull_band", 1e-3), ("pull_guy", 2e-3),
         ("twist", 2e-2), ("wrist_x", 3e-2), ("wrist_y", 2e-2),
