@@ -41,3 +41,13 @@ def test_a_four_bar_near_resonance_is_in_doubt(speed, worst):
 ])  # fmt: skip
 def test_where_little_is_left_out_nothing_is_said(scene, settings):
     assert _warned(_run(scene, *settings)) is None
+
+
+def test_a_run_that_an_event_ends_is_weighed_over_what_both_have(tmp_path):
+    """The other stiffness meets the event elsewhere, or never."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text('like = "four-bar"\n[events]\ntop = {sensor = "coupler_mid", value = "1 mm", stop = true}\n')
+    solution = _run(str(scene))
+    assert solution.times[-1] < 0.1
+    worth, _ = _warned(solution)
+    assert 0.05 < worth < 1.0

@@ -106,10 +106,12 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
         return []
     if other.outcome is not Outcome.COMPLETED:
         return []
+    count = min(len(solution.times), len(other.times))
+    shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
     worth = {}
     for name, series in solution.series.items():
         largest = abs(series.values).max()
-        changed = abs(other.series[name].values - series.values).max()
+        changed = abs(other.series[name].values[:count] - series.values[:count])[shared].max(initial=0.0)
         if changed > LARGEST_COUPLING * largest:
             worth[name] = changed / largest
     if not worth:
