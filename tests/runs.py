@@ -1,4 +1,4 @@
-"""Runs of the shipped scenes that several tests look at: each is made once a process."""
+"""Runs of scenes that several tests look at, those of shipped scenes made once a process; and prescribed ones."""
 
 from functools import cache
 from pathlib import Path
@@ -7,11 +7,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.simulation import simulate
 from kaneflex.solution import Solution
+
+STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+"""First derivative from nine equidistant values, error of the eighth order (Fornberg 1988)."""
 
 
 class Peak(NamedTuple):
@@ -54,3 +58,12 @@ def peaks(solution: Solution, sensor: str) -> tuple[Peak, Peak]:
     """Smallest and largest value; of a cycle's two ends, which are the same instant, the first."""
     values = solution.series[sensor].values[:-1]
     return tuple(Peak(values[k], degrees(solution)[k]) for k in (values.argmin(), values.argmax()))
+
+
+def waving(model: Model, times: np.ndarray, time: float) -> Solution:
+    """Every coordinate of the deformation swings by a hundredth [m or rad], each at its own frequency and phase."""
+    n = len(model.coordinates)
+    rates, phases = np.linspace(1.0, 2.0, n) / time, 2.4 * np.arange(n)
+    angle = rates * times[:, None] + phases
+    z, v, a = 0.01 * np.sin(angle), 0.01 * rates * np.cos(angle), -0.01 * rates**2 * np.sin(angle)
+    return Solution(model, Trajectory(times, z, v, a, Outcome.COMPLETED, "", None, 0.0), 0.0)

@@ -7,30 +7,17 @@ it; the section forces and the moments of joints follow from closed forms.
 import numpy as np
 import pytest
 import transformed
-from runs import derived_on_the_fly
+from runs import STENCIL, derived_on_the_fly, waving
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.scene import read_scene
 from kaneflex.simulation import simulate
-from kaneflex.solution import Solution
 
-STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
-"""First derivative from nine equidistant values, error of the eighth order (Fornberg 1988)."""
 MOVING = {  # scene -> a time in which it moves by about a radian [s]
     "engine": 1.6e-3, "engine-elastic-crank": 1.6e-3, "engine-rig": 0.22, "four-bar": 0.032, "quick-return": 0.08,
     "rotating-cantilever": 0.028, "six-bar": 0.032, "two-link-arm": 0.25,
 }  # fmt: skip
-
-
-def waving(model: Model, times: np.ndarray, time: float) -> Solution:
-    """Every coordinate of the deformation swings by a hundredth [m or rad], each at its own frequency and phase."""
-    n = len(model.coordinates)
-    rates, phases = np.linspace(1.0, 2.0, n) / time, 2.4 * np.arange(n)
-    angle = rates * times[:, None] + phases
-    z, v, a = 0.01 * np.sin(angle), 0.01 * rates * np.cos(angle), -0.01 * rates**2 * np.sin(angle)
-    return Solution(model, Trajectory(times, z, v, a, Outcome.COMPLETED, "", None, 0.0), 0.0)
 
 
 @pytest.mark.parametrize("name", MOVING)
@@ -205,3 +192,47 @@ def test_an_axially_rigid_beam_is_pulled_by_what_the_mass_at_its_end_feels(laden
     felt = series["felt"].values
     assert np.ptp(felt) > 10.0
     assert series["N_tip"].values == pytest.approx(-2.0 * felt, rel=1e-9, abs=1e-6)
+
+
+HOLDING = """
+schema = 1
+[bodies]
+arm = {length = "1 m", beam = {E = "2e15 Pa", rho = 7850, A = "900 mm^2", I = "67500 mm^4", elements = 4}}
+[bodies.hand]
+length = "300 mm"
+mass = "2 kg"
+inertia = "0.05 kg m^2"
+centre = ["200 mm", "100 mm"]
+points = {knob = ["100 mm", "-250 mm"]}
+[joints]
+hub = {revolute = ["ground", "arm.start"]}
+grip = {weld = ["arm.end", "hand.start"]}
+[masses]
+ball = {at = "hand.knob", mass = "1 kg"}
+[drives]
+hub = {law = "5 * t**2"}
+[sensors]
+N = {axial_force = "arm.end"}
+V = {shear_force = "arm.end"}
+M = {bending_moment = "arm.end"}
+grip_x = {joint_force = "grip", component = "x", axes = "body"}
+grip_y = {joint_force = "grip", component = "y", axes = "body"}
+grip_moment = {joint_force = "grip", component = "angle"}
+[solve]
+preset = "quasistatic"
+duration = "0.5 s"
+steps = 4
+"""
+
+
+def test_a_hand_whose_masses_lie_beside_the_axis_pulls_sideways_as_the_arm_turns_faster(tmp_path):
+    """m a = m (-omega^2 X - epsilon Y, epsilon X - omega^2 Y) of its own mass and of the ball that it holds."""
+    solution = simulate(derived_on_the_fly(HOLDING, tmp_path))
+    epsilon, omega = 10.0, 10.0 * solution.times
+    pull_x, pull_y, moment = 0.0, 0.0, 0.05 * epsilon
+    for m, x, y in ((2.0, 0.2, 0.1), (1.0, 0.1, -0.25)):
+        a_x, a_y = -(omega**2) * (1 + x) - epsilon * y, epsilon * (1 + x) - omega**2 * y
+        pull_x, pull_y, moment = pull_x + m * a_x, pull_y + m * a_y, moment + m * (x * a_y - y * a_x)
+    expected = {"N": -pull_x, "V": -pull_y, "M": -moment, "grip_x": pull_x, "grip_y": pull_y, "grip_moment": moment}
+    for name, value in expected.items():
+        assert abs(solution.series[name].values - value).max() < 1e-4 * abs(value).max(), name

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from runs import STENCIL, waving
 from scipy.optimize import brentq
 
 import kaneflex
@@ -216,6 +217,32 @@ def test_the_coupled_equations_agree(tmp_path):
     ):  # fmt: skip
         there = both[name].values
         assert abs(one_way[name].values - there)[400:].max() < tolerance * abs(there).max(), name
+
+
+def test_a_damper_on_turning_links_feels_how_fast_its_ends_part(tmp_path):
+    """k (l - l_0) + c l', l = e . (end - start) along the rigid mechanism's spring, which turns; of any deformation."""
+    places = {"mid": "arm.mid", "hand": "hand.end"}
+    table = ARM[ARM.index("[sensors]") : ARM.index("[solve]")]
+    sensors = "[sensors]\npull_band = {spring_force = 'band'}\npull_guy = {spring_force = 'guy'}\n"
+    for name, place in places.items():
+        for axis in "xy":
+            sensors += f"{name}_{axis} = {{position = '{place}', component = '{axis}', axes = 'global'}}\n"
+    model, h = loaded(tmp_path, ARM.replace(table, sensors), "solve.preset=linear"), 2e-3
+    for instant in (0.15, 0.62):
+        t = instant + h * np.arange(-4, 5)
+        series = {name: one.values for name, one in waving(model, t, 0.25).series.items()}
+        shoulder = 0.6 * np.sin(3 * t)
+        hand = shoulder + 0.4 * np.sin(5 * t)
+        mid = L / 2 * np.array([np.cos(shoulder), np.sin(shoulder)])
+        rigid = {"mid": mid, "hand": 2 * mid + 0.15 * np.array([np.cos(hand), np.sin(hand)])}
+        for spring, place, start, k, c, free in (
+            ("band", "mid", np.array([[0.3], [0.9]]), 40, 0.5, 0.4), ("guy", "hand", np.zeros((2, 1)), 30, 0.0, 0.8)
+        ):  # fmt: skip
+            gap = rigid[place] - start
+            e = gap / np.hypot(*gap)
+            length = (e * (np.array([series[f"{place}_x"], series[f"{place}_y"]]) - start)).sum(axis=0)
+            pull = k * (length[4] - free) + c * (STENCIL @ length) / h
+            assert series[f"pull_{spring}"][4] == pytest.approx(pull, rel=1e-9), (spring, instant)
 
 
 def test_the_drives_pay_for_what_springs_store_and_dampers_take(tmp_path):
