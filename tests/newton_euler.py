@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.binding import bind_parameters, generate_text, import_file
-from kaneflex.model import Motion, RigidMotion
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.seeding import seed_loops

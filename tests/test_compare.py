@@ -12,7 +12,8 @@ from command_line import cli, refused
 from runs import run
 
 import kaneflex
-from kaneflex.comparison import Curves, compare, side_by_side
+from kaneflex.comparison import compare, side_by_side
+from kaneflex.curves import Curves
 from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, with_settings
 

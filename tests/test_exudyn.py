@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.comparison import Comparison, Resolution, compare
+from kaneflex.comparison import Comparison, compare
+from kaneflex.curves import Resolution
 from kaneflex.errors import SceneError
 from kaneflex.peers.buildable import check_buildable, lumped
 from kaneflex.scene import read_scene, with_settings

@@ -14,7 +14,8 @@ from scipy.linalg import eigvalsh
 
 from kaneflex.binding import bind_parameters, generate_text, import_file
 from kaneflex.loading import load
-from kaneflex.model import Model, Motion, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene, read_scene
 
 # Without shrinking: a first failure already names its numbers, and to shrink would mean to solve hundreds more.

@@ -8,7 +8,7 @@ from runs import run
 
 from kaneflex.deformation import Deformation, deform
 from kaneflex.loading import load
-from kaneflex.model import RigidMotion
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene import read_scene
 from kaneflex.simulation import simulate
 from kaneflex.solution import Solution

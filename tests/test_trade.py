@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.comparison import Curves
+from kaneflex.curves import Curves
 from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.trade.cost import Timing, cost

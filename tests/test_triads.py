@@ -11,7 +11,7 @@ import kaneflex
 from kaneflex.binding import bind_parameters, generate_text, import_file
 from kaneflex.derive import closure
 from kaneflex.errors import SceneError
-from kaneflex.model import Motion
+from kaneflex.rigid_motion import Motion
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.scene.quantities import Address
 from kaneflex.seeding import seed_loops

@@ -17,9 +17,10 @@ from kaneflex.errors import SceneError
 from kaneflex.frame import Frame, build_frame
 from kaneflex.interfaces import Interfaces, find_interfaces
 from kaneflex.links import Link, Part, build_link, craig_bampton, with_rayleigh
-from kaneflex.model import REACHED, Model, Motion, RigidMotion, keep_terms
+from kaneflex.model import REACHED, Model, keep_terms
 from kaneflex.modes import damping_ratios, lowest_modes
 from kaneflex.options import Options
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.springs import place_springs
 

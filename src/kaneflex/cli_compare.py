@@ -46,7 +46,7 @@ def compare(
     in which the curves lie over each other. A preset that SCENE can't be run with is left out, with the reason.
     Exudyn comes with pip install "kaneflex[peer]".
     """
-    from kaneflex.comparison import Resolution
+    from kaneflex.curves import Resolution
     from kaneflex.running import compare_into
 
     chosen = all_settings(None, settings, steps)

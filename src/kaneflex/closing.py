@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.errors import SceneError
-from kaneflex.model import Motion, RigidMotion
 from kaneflex.options import Options
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 
 _OPEN = 1e-9

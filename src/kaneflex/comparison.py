@@ -6,10 +6,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.errors import SceneError, StoppedEarly, nearest
 from kaneflex.labelled import Labelled
 from kaneflex.scene.parts import PRESETS
@@ -22,56 +24,10 @@ if TYPE_CHECKING:
 
 PRESETS_COMPARED = ("linear", "stiffened", "coupled")
 """From the plainest to the most complete: the last is what the others are measured against."""
-PEERS = ("exudyn",)
-"""Other programs that scenes can be built in."""
+PEERS = "kaneflex.peers"
+"""Entry points by which other programs that scenes can be built in are plugged in: name -> module with ``check(scene)``
+and ``solve(scene, resolution, progress) -> Curves``."""
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Curves:
-    """What one model says of a scene's sensors.
-
-    Attributes
-    ----------
-    times : ndarray
-        Instants [s], shape (n_times,), ascending.
-    values : mapping of str to ndarray
-        Sensors in SI, each of shape (n_times,).
-    missing : mapping of str to str
-        Sensors that the model can't give, with the reason.
-    notes : tuple of str
-        How the model differs from the scene as it is written, and what to know before trusting it.
-    seconds : float
-        Wall time of solving; compiling and building come before it.
-    unseen : tuple of str
-        What comes and goes between two of the model's steps, in words; only where models are weighed.
-    """
-
-    times: np.ndarray
-    values: Mapping[str, np.ndarray]
-    missing: Mapping[str, str]
-    notes: tuple[str, ...] = ()
-    seconds: float = 0.0
-    unseen: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Resolution:
-    """How fine another program computes.
-
-    Attributes
-    ----------
-    elements : int or None
-        Elements of each elastic link; None takes twice the scene's, at least 8.
-    steps : int or None
-        Steps per cycle or run; None takes four times the scene's.
-    """
-
-    elements: int | None = None
-    steps: int | None = None
-
-
-FINE_ENOUGH = Resolution()
 
 
 @dataclass(frozen=True)
@@ -199,7 +155,7 @@ def compare(
     progress : callable
         Called with the name of each stage that can take longer than a moment.
     peer : str, optional
-        Another program that builds and runs the scene, too: "exudyn".
+        Another program that builds and runs the scene, too: "exudyn", or one that is plugged in under PEERS.
     resolution : Resolution
         How fine that program computes.
 
@@ -218,10 +174,9 @@ def compare(
     if presets is None:
         presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
     check_request(scene, presets, against, () if peer is None else (peer,))
-    if peer is not None:
-        from kaneflex.peers import exudyn
-
-        exudyn.check(scene)
+    program = None if peer is None else entry_points(group=PEERS)[peer].load()
+    if program is not None:
+        program.check(scene)
     found: dict[str, Curves] = {}
     left_out: dict[str, str] = {}
     for preset in presets:
@@ -229,9 +184,9 @@ def compare(
             found[preset] = _run(scene, preset, progress)
         except SceneError as error:
             left_out[preset] = str(error)
-    if peer is not None:
+    if program is not None:
         try:
-            found[peer] = exudyn.solve(scene, resolution, progress)
+            found[peer] = program.solve(scene, resolution, progress)
         except SceneError as error:
             left_out[peer] = str(error)
     return side_by_side(scene, found, left_out, against)
@@ -243,8 +198,9 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
         if preset not in PRESETS:
             raise SceneError("--presets", preset, "unknown preset", nearest(preset, PRESETS))
     for other in others:
-        if other not in PEERS:
-            raise SceneError("--with", other, "no program to compare with", nearest(other, PEERS))
+        programs = entry_points(group=PEERS).names
+        if other not in programs:
+            raise SceneError("--with", other, "no program to compare with", nearest(other, sorted(programs)))
     asked = [*presets, *others]
     if len(set(asked)) < max(2, len(asked)):
         raise SceneError("--presets", ",".join(presets), "not two or more different models", "Name each model once")

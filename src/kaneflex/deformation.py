@@ -11,7 +11,8 @@ import numpy as np
 from kaneflex.affine import Affine, Monomial, solve
 from kaneflex.assembly import load_on_link, spin_or_euler
 from kaneflex.links import Link
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 Rates = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.model import Motion, RigidMotion
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 
 _CHUNK = 1000

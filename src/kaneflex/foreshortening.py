@@ -22,7 +22,8 @@ import numpy as np
 
 from kaneflex.affine import Affine, as_array, solve
 from kaneflex.deformation import Deformation, Rates, deform, follow
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 
 _LEAST = 1e-11
 """Stiffness, as a share of each coordinate's own, by which undetermined motions are the least ones."""

@@ -16,8 +16,8 @@ from numba import njit
 from kaneflex.closing import check_passage, check_start, locking, swung
 from kaneflex.energy import Energy, rigid_energy
 from kaneflex.errors import SceneError
-from kaneflex.model import Motion, RigidMotion
 from kaneflex.options import Options
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 
 _ABSOLUTE = 1e-2

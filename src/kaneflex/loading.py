@@ -18,9 +18,10 @@ from kaneflex.forward import at_initial_speed, integrate_free_joints
 from kaneflex.freedom import check_determined
 from kaneflex.initial import check_start
 from kaneflex.memory import check_memory
-from kaneflex.model import Model, Motion
+from kaneflex.model import Model
 from kaneflex.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.placing import with_branches
+from kaneflex.rigid_motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.quantities import Address

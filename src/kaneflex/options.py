@@ -8,9 +8,10 @@ from pathlib import Path
 
 from kaneflex.errors import SceneError
 from kaneflex.scene import Scene
-from kaneflex.scene.floating import modes_of
 from kaneflex.scene.start import Start
 
+DEFAULT_MODES = 3
+"""Fixed-interface modes of a link in the coupled equations, where the scene asks for no number of its own."""
 STEPS_PER_TURN = 720
 """Default resolution: half a degree of the fastest drive."""
 PAPER_DURATION = 0.04
@@ -294,3 +295,8 @@ def _check(options: Options) -> None:
         cure = "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"
         reason = f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}"
         raise SceneError("solve.integrator", options.integrator, reason, cure)
+
+
+def modes_of(scene: Scene) -> int:
+    """Fixed-interface modes of each link in the coupled equations."""
+    return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, vstack
 
 from kaneflex.affine import Affine, as_array
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.springs import place_springs
 
 _DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same

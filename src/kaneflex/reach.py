@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from kaneflex.errors import SceneError
-from kaneflex.model import RigidMotion
 from kaneflex.placing import Placement, coordinate_at
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 

@@ -13,10 +13,11 @@ import numpy as np
 
 from kaneflex.affine import Affine
 from kaneflex.deformation import Deformation, Rates, follow
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
-from kaneflex.springs import spring_force
+from kaneflex.spring_forces import spring_force
 
 
 def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:

@@ -11,7 +11,8 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.comparison import FINE_ENOUGH, Difference, Resolution
+from kaneflex.comparison import Difference
+from kaneflex.curves import FINE_ENOUGH, Resolution
 from kaneflex.folders import whole_folder, writing
 from kaneflex.scene import with_settings
 from kaneflex.terminal import Waiting

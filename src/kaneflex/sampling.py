@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.tables import largest_of_block, overshoot_of_block
 

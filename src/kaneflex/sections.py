@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kaneflex.model import RigidMotion
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address

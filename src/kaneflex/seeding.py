@@ -17,8 +17,8 @@ import numpy as np
 
 from kaneflex.errors import SceneError
 from kaneflex.joint_rows import Rows, place_of
-from kaneflex.model import Motion
 from kaneflex.placing import larger_group, place
+from kaneflex.rigid_motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.tables import Table
 

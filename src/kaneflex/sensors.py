@@ -1,4 +1,4 @@
-"""Evaluate a scene's sensors on a solution."""
+"""Evaluate a scene's sensors on a motion."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from kaneflex.reactions import consistent_reactions
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import DRIVE_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
 from kaneflex.sections import LinkForces
-from kaneflex.springs import spring_tension
+from kaneflex.spring_forces import spring_tension
 
 if TYPE_CHECKING:
     from kaneflex.coupled.balance import Balanced
-    from kaneflex.solution import Solution
+    from kaneflex.motion_protocol import Motion
 
 
 Moved = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -35,11 +35,11 @@ class Series:
     meaning: str
 
 
-def measure(solution: Solution) -> dict[str, Series]:
+def measure(motion: Motion) -> dict[str, Series]:
     """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``."""
-    reader = _Reader(solution)
+    reader = _Reader(motion)
     measured = {}
-    for name, sensor in solution.model.scene.sensors.items():
+    for name, sensor in motion.model.scene.sensors.items():
         measured[name] = Series(reader.read(sensor), sensor.unit, describe(sensor))
         if sensor.kind in RIGID_COMPANIONS and reader.has_rigid_forces:
             meaning = f"{describe(sensor)}, of the rigid mechanism"
@@ -47,9 +47,9 @@ def measure(solution: Solution) -> dict[str, Series]:
     return measured
 
 
-def sensor_values(solution: Solution, sensor: Sensor) -> np.ndarray:
+def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
     """Values of one sensor (n_times,) in its SI unit."""
-    return _Reader(solution).read(sensor)
+    return _Reader(motion).read(sensor)
 
 
 def describe(sensor: Sensor) -> str:
@@ -68,11 +68,11 @@ def describe(sensor: Sensor) -> str:
 
 
 class _Reader(LinkForces):
-    """Series of one solution; what several sensors share is computed once."""
+    """Series of one motion; what several sensors share is computed once."""
 
-    def __init__(self, solution: Solution):
-        super().__init__(solution.model.scene, solution.rigid)
-        self.solution, self.model = solution, solution.model
+    def __init__(self, motion: Motion):
+        super().__init__(motion.model.scene, motion.rigid)
+        self.motion, self.model = motion, motion.model
         self._moved: dict[Address, Moved] = {}
 
     @property
@@ -82,7 +82,7 @@ class _Reader(LinkForces):
         Not where free joints follow the latter: a rigid mechanism would have to vibrate with them. Nor in a structure
         that stands still, whose supports may be redundant.
         """
-        return not (self.scene.is_frame or (self.solution.coupled is not None and self.model.module.FREE))
+        return not (self.scene.is_frame or (self.motion.coupled is not None and self.model.module.FREE))
 
     @cached_property
     def deformed(self) -> Mapping[str, Deformation]:
@@ -90,15 +90,15 @@ class _Reader(LinkForces):
 
     @cached_property
     def _displaced(self) -> Displaced:
-        return displaced(self.model, self.rigid, self.solution.coordinates)
+        return displaced(self.model, self.rigid, self.motion.coordinates)
 
     @cached_property
     def reactions(self) -> dict[str, np.ndarray]:
-        if self.solution.coupled is not None:
-            return self.solution.coupled.reactions
+        if self.motion.coupled is not None:
+            return self.motion.coupled.reactions
         if not self.model.links:
             return {}
-        return consistent_reactions(self.model, self.rigid, self.solution.coordinates, self.deformed)
+        return consistent_reactions(self.model, self.rigid, self.motion.coordinates, self.deformed)
 
     def read(self, sensor: Sensor) -> np.ndarray:
         if self.steps == 0:  # a run that stopped before its first instant
@@ -127,10 +127,10 @@ class _Reader(LinkForces):
 
     def _elastic_motion(self, address: Address) -> Moved:
         still = np.zeros((3, self.steps))
-        if self.solution.coupled is not None and not self.model.links:  # links by modal data have no coordinates z
-            motion = self.solution.coupled
-            moved = motion.displacement(address.body, self.scene.point(address), motion.node(address))
-            return motion.in_body_axes(address.body, moved)
+        if self.motion.coupled is not None and not self.model.links:  # links by modal data have no coordinates z
+            coupled = self.motion.coupled
+            moved = coupled.displacement(address.body, self.scene.point(address), coupled.node(address))
+            return coupled.in_body_axes(address.body, moved)
         if address.body in self.model.links:
             x, y = self.scene.point(address)
             d, d_rate, d_accel = self.deformed[address.body].at(x)
@@ -202,7 +202,7 @@ class _Reader(LinkForces):
         """Angle of a body at a point, elastic rotation included [rad]."""
         if address.body == "ground":
             return np.zeros(self.steps)
-        return self.solution.turned(address.body) + self._elastic(address)[0][2]
+        return self.motion.turned(address.body) + self._elastic(address)[0][2]
 
     def _place(self, address: Address) -> np.ndarray:
         """Global position of a point, its elastic displacement included, (2, n_times) [m]."""
@@ -260,14 +260,14 @@ class _Reader(LinkForces):
     def _section(self, sensor: Sensor) -> tuple[np.ndarray, ...]:
         if not self.model.links:
             return self.rigid_section(sensor.target)
-        found = self.deformed if self.solution.coupled is None else self._balances
+        found = self.deformed if self.motion.coupled is None else self._balances
         return found[sensor.target.body].section(self.scene.point(sensor.target)[0])
 
     @cached_property
     def _balances(self) -> dict[str, Balanced]:
         from kaneflex.coupled.balance import balanced  # only coupled runs pay for it
 
-        return balanced(self.solution.coupled)
+        return balanced(self.motion.coupled)
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         return self._joint_component(sensor, lambda name: self.reactions[name])
@@ -278,9 +278,9 @@ class _Reader(LinkForces):
     _drive_force = _drive_torque
 
     def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        if self.solution.coupled is not None:
-            return self.solution.coupled.spring(sensor.target)
-        return spring_tension(self.model, self.rigid, self.solution.coordinates, sensor.target)
+        if self.motion.coupled is not None:
+            return self.motion.coupled.spring(sensor.target)
+        return spring_tension(self.model, self.rigid, self.motion.coordinates, sensor.target)
 
     _spring_torque = _spring_force
 

@@ -13,7 +13,8 @@ import numpy as np
 from kaneflex.errors import SceneError
 from kaneflex.initial import STATE, start_coordinates
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.units import LARGEST
 
 if TYPE_CHECKING:

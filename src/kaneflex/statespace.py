@@ -19,8 +19,9 @@ import numpy as np
 
 from kaneflex.affine import Affine
 from kaneflex.errors import OutputError, SceneError, nearest
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
 from kaneflex.placing import Placement, drive_rates
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.writing import write_bytes
 

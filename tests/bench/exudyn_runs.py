@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex.comparison import Curves, Resolution
+from kaneflex.curves import Curves, Resolution
 from kaneflex.errors import SceneError
 from kaneflex.loading import load
 from kaneflex.peers import exudyn

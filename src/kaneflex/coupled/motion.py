@@ -16,7 +16,8 @@ import numpy as np
 
 from kaneflex.coupled.run import CoupledTrajectory
 from kaneflex.coupled.system import BODY, CoupledSystem
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene.quantities import Address
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics

@@ -13,7 +13,7 @@ from kaneflex.coupled import instant, stepping
 from kaneflex.coupled.system import BODY, CoupledSystem
 from kaneflex.energy import Energy
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.model import RigidMotion
+from kaneflex.rigid_motion import RigidMotion
 
 _PIECE, _FEW, _QUICK = 100, 10, 0.2
 """Stored instants, at most and with an event to look for at first, between two reports of progress, at each of which a

@@ -20,7 +20,8 @@ from kaneflex.events import happens
 from kaneflex.forward import with_courses
 from kaneflex.initial import laid_over
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.model import Model, Motion, RigidMotion
+from kaneflex.model import Model
+from kaneflex.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.solution import Solution
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from kaneflex.comparison import FINE_ENOUGH, Curves, Resolution
+from kaneflex.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.errors import SceneError
 from kaneflex.peers.buildable import check_buildable, cycles_to_settle
 

@@ -15,7 +15,7 @@ from kaneflex.peers.buildable import lumped
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
-    from kaneflex.comparison import Resolution
+    from kaneflex.curves import Resolution
     from kaneflex.model import Model
 
 

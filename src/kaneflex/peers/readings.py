@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.model import RigidMotion
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 

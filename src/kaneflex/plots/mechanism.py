@@ -9,8 +9,9 @@ import numpy as np
 
 from kaneflex.deformation import follow
 from kaneflex.foreshortening import displaced
-from kaneflex.model import Model, RigidMotion
+from kaneflex.model import Model
 from kaneflex.placing import Placement
+from kaneflex.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
 

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 
 from kaneflex.deformation import Deformation
 from kaneflex.foreshortening import displaced
-from kaneflex.model import RigidMotion
 from kaneflex.plots.style import mark_angles, readable
+from kaneflex.rigid_motion import RigidMotion
 
 if TYPE_CHECKING:
     from kaneflex.solution import Solution

@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kaneflex.carried import prescribed_bodies
+from kaneflex.options import modes_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 
-DEFAULT_MODES = 3
-"""Fixed-interface modes of a link where the scene asks for no number of its own."""
 _SAME = 1e-9
 """Points closer than this share of a link's length are one."""
 
@@ -106,11 +105,6 @@ def frame_of(stations_of_link: list[Station]) -> Frame:
     if len(clamped) == 1:
         return Frame("tangent", clamped[0].x, clamped[0].x)
     return Frame("chord" if len(joined) > 1 else "mean", joined[0].x, joined[-1].x)
-
-
-def modes_of(scene: Scene) -> int:
-    """Fixed-interface modes of each link in the coupled equations."""
-    return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes
 
 
 def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:

@@ -11,8 +11,8 @@ import numpy as np
 from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.labelled import Labelled
-from kaneflex.model import Motion
 from kaneflex.options import resolve_options
+from kaneflex.rigid_motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
@@ -20,7 +20,7 @@ from kaneflex.sensitivity.tangent import Tangent, own_cycle, tangent
 from kaneflex.sensitivity.varied import SHARES, STEP, Varied, slope_of, vary
 from kaneflex.sensors import measure
 from kaneflex.solution import Solution
-from kaneflex.summary import mean_over_time
+from kaneflex.time_statistics import mean_over_time
 
 if TYPE_CHECKING:
     import xarray

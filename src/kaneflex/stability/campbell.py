@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kaneflex.affine import Affine, as_array
-from kaneflex.model import Model, RigidMotion, keep_terms
+from kaneflex.model import Model, keep_terms
+from kaneflex.rigid_motion import RigidMotion
 
 INSTANTS, FEW_INSTANTS = 144, 36
 """Instants of a cycle at which the equations are frozen: of a scene's own speed, and of each speed of a sweep."""

@@ -101,7 +101,7 @@ def _tried(action: Callable[..., Model | Record], point: int, *more: Model) -> M
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:
-    from kaneflex.summary import statistics
+    from kaneflex.time_statistics import statistics
 
     outcome = solution.outcome.name.lower()
     if outcome != COMPLETED:

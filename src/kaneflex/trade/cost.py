@@ -9,7 +9,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from kaneflex.comparison import Curves, curves_of
+from kaneflex.comparison import curves_of
+from kaneflex.curves import Curves
 from kaneflex.loading import load
 from kaneflex.model import Model
 from kaneflex.sampling import between_steps

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kaneflex.comparison import Curves, Difference
+from kaneflex.comparison import Difference
+from kaneflex.curves import Curves
 from kaneflex.scene import Scene
 
 _NOTHING = 1e-9

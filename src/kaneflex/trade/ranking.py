@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from kaneflex.comparison import Curves, Difference
+from kaneflex.comparison import Difference
+from kaneflex.curves import Curves
 from kaneflex.errors import SceneError, nearest
 from kaneflex.scene import Scene
 from kaneflex.scene.start import Start

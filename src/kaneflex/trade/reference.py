@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from kaneflex.comparison import Curves, Difference
+from kaneflex.comparison import Difference
+from kaneflex.curves import Curves
 from kaneflex.errors import SceneError
 from kaneflex.options import resolve_options
 from kaneflex.scene import Scene, with_settings

@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from kaneflex.comparison import Curves, Difference
+from kaneflex.comparison import Difference
+from kaneflex.curves import Curves
 from kaneflex.errors import SceneError, StoppedEarly
 from kaneflex.options import resolve_options
 from kaneflex.scene import Scene
