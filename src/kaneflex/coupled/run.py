@@ -16,8 +16,8 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.rigid_motion import RigidMotion
 
 _PIECE, _FEW, _QUICK = 100, 10, 0.2
-"""Stored instants, at most and with an event to look for at first, between two reports of progress, at each of which a
-run can be interrupted; as many as take about so long [s]."""
+"""Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first
+where an event is looked for, and about how long as many steps as are then tried may take [s]."""
 FIRST_PASSES = 5
 """Projections that put the first state onto the constraints: it may be undeformed, or deformed to the first order."""
 
@@ -141,6 +141,7 @@ class _Run:
         self.settled = self._settle(0, FIRST_PASSES)
         self.longest = float(times[1] - times[0])
         self.step = first_step(self.a[0], self.scale, self.longest)
+        self.here = np.concatenate([times[:1], *(table[0] for table in self.tables[1:])])
         self.algorithmic = self.a[0].copy()
 
     @property
@@ -167,32 +168,39 @@ class _Run:
         if not self.settled:
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}"
         advance = {"gauss": self._gauss, "generalised-alpha": self._alpha, "scipy": self._scipy}[self.method.integrator]
-        rows = _PIECE if self.method.integrator == "scipy" else 1 if stop is None else _FEW
+        most = _PIECE if self.method.integrator == "scipy" else 1 if stop is None else _FEW
         while self.filled + 1 < len(self.times):
-            before, began = self.filled, time.perf_counter()
-            ended = advance(slice(before, before + 1 + rows))
+            before, tried, began = self.filled, self.tried, time.perf_counter()
+            ended = advance(slice(before, before + 1 + min(most, _PIECE)), most)
             seconds = time.perf_counter() - began
             if self.method.integrator != "scipy":  # which starts anew, and can be interrupted anywhere
-                rows = min(2 * rows, _PIECE) if seconds < _QUICK else max(1, int(rows * _QUICK / seconds))
-            if ended != stepping.DONE:
+                most = max(1, min(2 * most, int((self.tried - tried) * _QUICK / seconds)))
+            if ended not in (stepping.DONE, stepping.PAUSED):
                 outcome, words = _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
             if progress is not None:
-                progress(self.filled / (len(self.times) - 1))
-            if stop is not None and stop(self.trajectory(slice(before, self.filled + 1))):
+                came = max(self.times[self.filled], self.here[0])
+                progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
+            filled = slice(before, self.filled + 1)
+            if stop is not None and self.filled > before and stop(self.trajectory(filled)):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
 
-    def _gauss(self, rows: slice) -> int:
-        state = np.array([self.step, self.longest, 0.0])
+    @property
+    def tried(self) -> int:
+        """Steps so far, those in vain included."""
+        return int(self.counts[0] + self.counts[1])
+
+    def _gauss(self, rows: slice, most: int) -> int:
+        control = np.array([self.step, self.longest, most, 0.0])
         ended = stepping.integrate(
-            *self.kernels, self.system.parameters, self.scale, state, *(table[rows] for table in self.tables),
-            self.powers, self.counts,
+            *self.kernels, self.system.parameters, self.scale, control, self.here,
+            *(table[rows] for table in self.tables), self.powers, self.counts,
         )  # fmt: skip
-        self.step, self.filled = float(state[0]), self.filled + int(state[2])
+        self.step, self.filled = float(control[0]), self.filled + int(control[3])
         return ended
 
-    def _alpha(self, rows: slice) -> int:
+    def _alpha(self, rows: slice, most: int) -> int:
         ended, last = stepping.generalised_alpha(
             *self.kernels, self.system.parameters, self.scale, self.method.weights, self.algorithmic,
             *(table[rows] for table in self.tables), self.powers, self.counts,
@@ -200,7 +208,7 @@ class _Run:
         self.filled += last
         return ended
 
-    def _scipy(self, rows: slice) -> int:
+    def _scipy(self, rows: slice, most: int) -> int:
         """Through scipy's Radau, with works integrated beside the motion; every row is then settled."""
         from scipy.integrate import solve_ivp
 

@@ -44,9 +44,9 @@ from kaneflex.coupled.instant import (
 from kaneflex.stamp import made_of
 
 _made_of_parts = made_of(instant.__file__)
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE = 0, 1, 2, 3
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED = 0, 1, 2, 3, 4
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
-equations Newton's method does not solve."""
+equations Newton's method does not solve, after as many steps as it may try."""
 
 _ROOT = math.sqrt(3.0)
 NODES = np.array([0.5 - _ROOT / 6, 0.5 + _ROOT / 6])
@@ -64,14 +64,16 @@ _DEFECTS = np.array([[1.0, -1.0 - _BEYOND, _BEYOND, 0.0], [0.0, _BEYOND, -1.0 - 
 @njit(cache=True, **OPTIONS)
 @_made_of_parts
 def integrate(
-    equations, constraints, tangent, energy, p, scale, state, times, qs, vs, accels, lambdas, works, powers, counts,
+    equations, constraints, tangent, energy, p, scale, control, here, times, qs, vs, accels, lambdas, works, powers,
+    counts,
 ):
-    """Fill rows 1, 2, ... of the tables at ``times`` [s] from row 0; every one of them is the end of a step.
+    """Fill rows 1, 2, ... of the tables at ``times`` [s], from ``here``; every one of them is the end of a step.
 
-    scale: error allowed in each coordinate. state: [next step, longest step, last row filled], then room for the
-    lengths of the first accepted steps. powers: entries of ``energy``. works: time integrals of the powers
-    (dissipation, loads, constraints). counts: accepted and rejected steps, Newton iterations, largest residuals of
-    position and velocity before a projection.
+    scale: error allowed in each coordinate. control: [next step, longest step, steps to try at most, last row filled].
+    here: where the motion stands, before row 1 in time, and is left: t, then q, v, a, multipliers and works as in a
+    row of the tables. powers: entries of ``energy``. works: time integrals of the powers (dissipation, loads,
+    constraints). counts: accepted and rejected steps, Newton iterations, largest residuals of position and velocity
+    before a projection.
     """
     n, m = qs.shape[1], lambdas.shape[1]
     size = n + m
@@ -84,14 +86,17 @@ def integrate(
     stage_a, stage_l = np.zeros((2, n)), np.zeros((2, m))
     stage_q, stage_v = np.zeros((2, n)), np.zeros((2, n))
     q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
-    q_0, v_0, a_0, multipliers_0 = qs[0].copy(), vs[0].copy(), accels[0].copy(), lambdas[0].copy()
-    work = works[0].copy()
+    q_0, v_0, a_0 = here[1 : 1 + n], here[1 + n : 1 + 2 * n], here[1 + 2 * n : 1 + 3 * n]
+    multipliers_0, work = here[1 + 3 * n : 1 + 3 * n + m], here[1 + 3 * n + m :]
     drift, rates = np.zeros(2), np.zeros(powers)
-    wanted, t, row, taken = state[0], times[0], 0, 3
+    wanted, t, row, tried = control[0], here[0], 0, 0
     while row + 1 < times.size:
-        state[0], state[2] = wanted, row
+        control[0], control[3], here[0] = wanted, row, t
+        if tried == control[2]:
+            return PAUSED
+        tried += 1
         left = times[row + 1] - t
-        wanted = min(wanted, state[1])
+        wanted = min(wanted, control[1])
         if wanted < 1e-12 * (times[times.size - 1] - times[0]):
             return TOO_SMALL
         # Steps of equal length up to the next instant: none is cut to a sliver.
@@ -217,9 +222,6 @@ def integrate(
                 work[powers - 2 + k] -= 0.5 * h * stage_l[i, k] * g_t[k]
         q_0[:], v_0[:], a_0[:], multipliers_0[:] = q, v, a, multipliers
         counts[0] += 1
-        if taken < state.size:
-            state[taken] = h
-            taken += 1
         counts[3], counts[4] = max(counts[3], drift[0]), max(counts[4], drift[1])
         wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
         if h >= left * (1.0 - 1e-9):
@@ -228,7 +230,7 @@ def integrate(
             qs[row], vs[row], accels[row], lambdas[row], works[row] = q, v, a, multipliers, work
         else:
             t += h
-    state[0], state[2] = wanted, row
+    control[0], control[3], here[0] = wanted, row, t
     return DONE
 
 
@@ -326,7 +328,7 @@ def generalised_alpha(
 
 
 _SIGNATURES = instant.SIGNATURES | {
-    integrate: int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, A, A, A, A, A, int64, V),
+    integrate: int64(EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, V, A, A, A, A, A, int64, V),
     generalised_alpha: types.UniTuple(int64, 2)(
         EQUATIONS, CONSTRAINTS, TANGENT, ENERGY, V, V, V, V, V, A, A, A, A, A, int64, V
     ),

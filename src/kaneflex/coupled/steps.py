@@ -28,60 +28,34 @@ def every_step(system: CoupledSystem, trajectory: CoupledTrajectory, method: Met
     states = (trajectory.q, trajectory.v, trajectory.a, trajectory.multipliers)
     if method.integrator != "gauss":
         return Steps(trajectory.times, *states, np.arange(len(trajectory.times)))
-    walk = _Walk(system, trajectory, method)
-    parts, rows, count = [[trajectory.times[:1], *(state[:1] for state in states)]], [0], 0
-    for row, end in enumerate(trajectory.times[1:]):
-        first = [trajectory.times[row : row + 1], *(state[row : row + 1] for state in states)]
-        lengths = walk.lengths(first, end)
-        for k, length in enumerate(lengths):
-            first = walk.step(first, first[0][0] + length if k + 1 < len(lengths) else end)
-            parts.append(first)
-        count += len(lengths)
-        rows.append(count)
-    return Steps(*(np.concatenate(part) for part in zip(*parts, strict=True)), np.array(rows))
+    return _walked(system, trajectory, method)
 
 
-class _Walk:
-    """Steps of Gauss-Legendre under the control of their error."""
-
-    def __init__(self, system: CoupledSystem, trajectory: CoupledTrajectory, method: Method) -> None:
-        self.system = system
-        self.scale = method.tolerance * system.measure(method.length)
-        self.longest = float(trajectory.times[1] - trajectory.times[0])
-        self.wanted = first_step(trajectory.a[0], self.scale, self.longest)
-        stepping.compile_stepper(method.integrator)
-
-    def lengths(self, first: list[np.ndarray], end: float) -> np.ndarray:
-        """Lengths [s] of the steps from tables of one row (time, q, v, a, multipliers) to the time ``end``."""
-        room = 8
-        while True:
-            state = np.zeros(3 + room)
-            state[:2] = self.wanted, self.longest
-            taken, _ = self._integrate(state, first, end)
-            if taken <= room:
-                self.wanted = float(state[0])
-                return state[3 : 3 + taken]
-            room = taken
-
-    def step(self, first: list[np.ndarray], end: float) -> list[np.ndarray]:
-        """The same tables at the end of a single step."""
-        length = end - first[0][0]
-        taken, tables = self._integrate(np.array([length, length, 0.0]), first, end)
-        assert taken == 1, "the run has gone this way"
-        return tables
-
-    def _integrate(self, state: np.ndarray, first: list[np.ndarray], end: float) -> tuple[int, list[np.ndarray]]:
-        """How many steps lead to a time, and the tables there."""
-        module, counts = self.system.module, np.zeros(5)
-        powers = 3 + len(module.LOADS)
-        works = np.zeros((2, powers - 2 + len(self.system.constraints)))
-        tables = [np.array([first[0][0], end]), *(np.repeat(part, 2, axis=0) for part in first[1:])]
-        ended = stepping.integrate(
-            module.equations, module.constraints, module.tangent, module.energy, self.system.parameters, self.scale,
-            state, *tables, works, powers, counts,
-        )  # fmt: skip
+def _walked(system: CoupledSystem, trajectory: CoupledTrajectory, method: Method) -> Steps:
+    """Steps of Gauss-Legendre under the control of their error, one after the other."""
+    module, parameters = system.module, system.parameters
+    n, m, powers = system.size, len(system.constraints), 3 + len(module.LOADS)
+    scale, longest = method.tolerance * system.measure(method.length), float(trajectory.times[1] - trajectory.times[0])
+    first = (trajectory.q[0], trajectory.v[0], trajectory.a[0], trajectory.multipliers[0])
+    here = np.concatenate([trajectory.times[:1], *first, np.zeros(powers - 2 + m)])
+    tables = [np.zeros((2, width)) for width in (n, n, n, m, powers - 2 + m)]
+    control = np.array([first_step(first[2], scale, longest), longest, 1.0, 0.0])
+    stepping.compile_stepper(method.integrator)
+    ends, rows, counts = [here.copy()], [0], np.zeros(5)
+    for row in range(len(trajectory.times) - 1):
+        ended = stepping.PAUSED
+        while ended == stepping.PAUSED:
+            before = counts[0]
+            ended = stepping.integrate(
+                module.equations, module.constraints, module.tangent, module.energy, parameters, scale, control, here,
+                trajectory.times[row : row + 2], *tables, powers, counts,
+            )  # fmt: skip
+            if counts[0] > before:
+                ends.append(here.copy())
         assert ended == stepping.DONE, "the run has gone this way"
-        return int(counts[0]), [part[1:] for part in tables]
+        rows.append(len(ends) - 1)
+    times, q, v, a, multipliers, _ = np.split(np.array(ends), np.cumsum([1, n, n, n, m]), axis=1)
+    return Steps(times[:, 0].copy(), q.copy(), v.copy(), a.copy(), multipliers.copy(), np.array(rows))
 
 
 def first_rates(system: CoupledSystem, q: np.ndarray, v: np.ndarray) -> np.ndarray:
