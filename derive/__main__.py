@@ -8,8 +8,8 @@ from pathlib import Path
 
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.generate import generate
+from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.scene.floating import shape_counts
 from kaneflex.scene.structure import coupled_hash
 
 INDEX = '''"""Modules that kaneflex generated from its shipped scenes. Do not edit: ``make derive`` makes them."""

@@ -21,7 +21,6 @@ from functools import cache
 from sympy import Expr, ImmutableMatrix, Poly, S, Symbol, prod, symbols, zeros
 from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
 
-from kaneflex.contract import LINK_SCALARS, element_parameters
 from kaneflex.derive.mass_correction import mass_correction
 from kaneflex.derive.shapes import (
     PARAMETERS,
@@ -37,6 +36,7 @@ from kaneflex.derive.shapes import (
     x,
     x_0,
 )
+from kaneflex.support.contract import LINK_SCALARS, element_parameters
 
 omega, epsilon, a_x, a_y, P_0 = symbols([name for name, *_ in LINK_SCALARS], real=True)
 MOTION = (omega, epsilon, a_x, a_y)

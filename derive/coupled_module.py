@@ -7,13 +7,13 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.contract import FORMAT
 from kaneflex.derive import emit
 from kaneflex.derive.coupled import CoupledEquations, Shapes, derive_coupled, programs
 from kaneflex.derive.generate import calls, element_of, print_dispatch, table_paths, term_kernel, term_rows, version
 from kaneflex.derive.links import forced_points
 from kaneflex.derive.mechanism import read_structure
 from kaneflex.derive.program import share
+from kaneflex.support.contract import FORMAT
 
 Progress = Callable[[str], None]
 

@@ -9,12 +9,12 @@ from typing import Any
 import sympy as sm
 from sympy.core.function import AppliedUndef
 
-from kaneflex.contract import ELEMENT_KERNELS, FORMAT, LINK_SCALARS
 from kaneflex.derive import emit
 from kaneflex.derive.beam import Element, Term, beam_element
 from kaneflex.derive.mechanism import Mechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
 from kaneflex.derive.program import Program, share
+from kaneflex.support.contract import ELEMENT_KERNELS, FORMAT, LINK_SCALARS
 
 Progress = Callable[[str], None]
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.contract import FORMAT
 from kaneflex.derive.beam import Element, Term
 from kaneflex.derive.generate import Equations, Progress, derive_equations, lower
 from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, escaped, seen_length, subscripted
 from kaneflex.derive.program import Program
+from kaneflex.support.contract import FORMAT
 
 _WIDE, _WIDEST = 60, 110
 """Characters in a matrix's row from which on it is printed small, and entry by entry."""

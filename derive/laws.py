@@ -22,8 +22,8 @@ def law_expression(text: str, names: Mapping[str, sm.Expr], key: str = "law") ->
     SceneError
         If terms cancel, or numbers multiply, to something that is not finite and real.
     """
-    from kaneflex.errors import SceneError
-    from kaneflex.laws import parse_law
+    from kaneflex.scene.laws import parse_law
+    from kaneflex.support.errors import SceneError
 
     law = parse_law(text, tuple(names)).to(_FUNCTIONS, {**names, "pi": sm.pi}, sm.Float)
     numbers = [float(number) for number in law.atoms(sm.Float)]

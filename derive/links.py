@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import sympy as sm
 
-from kaneflex.contract import LINK_SCALARS
 from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
 from kaneflex.derive.rigid import multiplier
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
+from kaneflex.support.contract import LINK_SCALARS
 
 if TYPE_CHECKING:
     from kaneflex.derive.motion import Rates, Solved

@@ -13,8 +13,8 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.contract import COURSES
 from kaneflex.derive.names import Names, numbered
+from kaneflex.support.contract import COURSES
 
 Vector = tuple[sm.Expr, sm.Expr]
 GROUND = "ground"

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import sympy as sm
 
-from kaneflex.contract import COURSES, LINK_SCALARS
 from kaneflex.derive.closure import UnsupportedLoop, place_bodies
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import StructurallySingular, solve_blocks
@@ -28,6 +27,7 @@ from kaneflex.derive.rigid import TIME, RigidEquations, multiplier, rigid_equati
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
+from kaneflex.support.contract import COURSES, LINK_SCALARS
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff, symbols
 
-from kaneflex.contract import ELEMENT_PARAMETERS, ROTARY_PARAMETERS, SHEAR_PARAMETERS, VARYING_PARAMETERS
+from kaneflex.support.contract import ELEMENT_PARAMETERS, ROTARY_PARAMETERS, SHEAR_PARAMETERS, VARYING_PARAMETERS
 
 rho_A, E_A, E_I, length, x_0 = symbols([name for name, *_ in ELEMENT_PARAMETERS], positive=True)
 (rho_I,) = symbols([name for name, *_ in ROTARY_PARAMETERS], positive=True)

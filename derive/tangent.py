@@ -11,7 +11,6 @@ from typing import Any
 
 import sympy as sm
 
-from kaneflex.contract import COURSES, FORMAT
 from kaneflex.derive import emit
 from kaneflex.derive.beam import Element, Term
 from kaneflex.derive.generate import calls, element_of, required_terms, term_kernel, version
@@ -20,6 +19,7 @@ from kaneflex.derive.mechanism import Mechanism, read_structure
 from kaneflex.derive.motion import Motion, derive_motion
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, share
+from kaneflex.support.contract import COURSES, FORMAT
 
 Progress = Callable[[str], None]
 

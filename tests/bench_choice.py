@@ -15,15 +15,15 @@ import sys
 import time
 from pathlib import Path
 
-from kaneflex.errors import SceneError
 from kaneflex.scene import Scene, read_scene, with_settings
-from kaneflex.trade.choice import choose
-from kaneflex.trade.cost import timed_in_turns, timed_run
-from kaneflex.trade.errors import differences, worst
-from kaneflex.trade.evidence import Choice
-from kaneflex.trade.ladder import Candidate, ladder, neutral, neutral_settings
-from kaneflex.trade.reference import find_reference
-from kaneflex.writing import write_text
+from kaneflex.study.trade.candidates import Candidate, ladder, neutral, neutral_settings
+from kaneflex.study.trade.choice import choose
+from kaneflex.study.trade.cost import timed_in_turns, timed_run
+from kaneflex.study.trade.errors import differences, worst
+from kaneflex.study.trade.record import Choice
+from kaneflex.study.trade.reference import find_reference
+from kaneflex.support.atomic_output import write_text
+from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parent.parent / "docs" / "choice-table.md"
 TOLERANCES = (0.1, 0.01, 0.001)

@@ -19,9 +19,9 @@ from pathlib import Path
 from chains import chain
 from rich.progress import track
 
-from kaneflex.binding import generate_text, import_file
-from kaneflex.contract import REQUIRED_ATTRIBUTES
-from kaneflex.writing import write_text
+from kaneflex.multibody.binding import generate_text, import_file
+from kaneflex.support.atomic_output import write_text
+from kaneflex.support.contract import REQUIRED_ATTRIBUTES
 
 PAGE = Path(__file__).parent.parent / "docs" / "derive-times.md"
 COUNTS = {False: (1, 2, 4, 6, 8), True: (4, 6, 8)}
@@ -29,8 +29,8 @@ COMPILE = """
 import sys, time
 import numpy as np
 from numba import njit
-from kaneflex.binding import import_file
-from kaneflex.contract import REQUIRED_ATTRIBUTES
+from kaneflex.multibody.binding import import_file
+from kaneflex.support.contract import REQUIRED_ATTRIBUTES
 from pathlib import Path
 njit(lambda: 0)()  # numba's own start-up
 module = import_file(Path(sys.argv[1]), sys.argv[2], REQUIRED_ATTRIBUTES)

@@ -13,8 +13,8 @@ from scipy.linalg import expm
 
 import kaneflex
 from kaneflex.scene import with_settings
-from kaneflex.simulation import simulate
-from kaneflex.solution import Solution
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
 
 CRANK, ROD, STEEL, STEEL_DENSITY = 0.040, 0.137, 2.1e11, 7850.0
 ROD_AREA = 0.153 / (STEEL_DENSITY * ROD)

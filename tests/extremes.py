@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import kaneflex
-from kaneflex.errors import UserError
 from kaneflex.scene import with_settings
-from kaneflex.simulation import solve
-from kaneflex.solution import Solution
+from kaneflex.solve.simulation import solve
+from kaneflex.solve.solution import Solution
+from kaneflex.support.errors import UserError
 
 METHODS = {
     "rigid": ("solve.preset=rigid",),

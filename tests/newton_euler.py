@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.binding import bind_parameters, generate_text, import_file
-from kaneflex.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.closure_continuation import seed_loops
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
-from kaneflex.seeding import seed_loops
 
 
 def motion_of(scene: Scene, folder: Path) -> RigidMotion:

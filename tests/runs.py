@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulation import simulate
-from kaneflex.solution import Solution
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
 
 STENCIL = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
 """First derivative from nine equidistant values, error of the eighth order (Fornberg 1988)."""

@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from kaneflex.carried import check_elastic
-from kaneflex.errors import UserError
-from kaneflex.options import acting, resolve_options
-from kaneflex.placing import place
+from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.mechanism.position_analysis import place
+from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.scene.floating import shape_counts
+from kaneflex.scene.options import acting, resolve_options
 from kaneflex.scene.scene import Scene
+from kaneflex.support.errors import UserError
 
 WORDS = (
     "", " ", "none", "true", "x", "t", "start", "end", "ground", "ground.origin", "rod.end", "crank", "a.b.c", "..",

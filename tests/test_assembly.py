@@ -6,10 +6,10 @@ import pytest
 from runs import model
 from scipy.sparse import csr_array
 
-from kaneflex.affine import Affine
-from kaneflex.assembly import assemble
-from kaneflex.frame import to_link_axes
-from kaneflex.links import Part
+from kaneflex.fem.assembly import assemble
+from kaneflex.fem.coordinate_map import to_link_axes
+from kaneflex.fem.links import Part
+from kaneflex.mechanism.affine import Affine
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
 PISTON = 0.214

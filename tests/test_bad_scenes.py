@@ -2,10 +2,10 @@
 
 import pytest
 
-from kaneflex.carried import check_elastic
-from kaneflex.errors import SceneError
-from kaneflex.options import resolve_options
+from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.scene.options import resolve_options
+from kaneflex.support.errors import SceneError
 
 ENGINE = shipped_scenes()["engine"]
 GAS = (ENGINE.parent / "gas.csv").read_text()

@@ -7,10 +7,10 @@ import pytest
 from runs import derived_on_the_fly
 from scipy.optimize import brentq
 
-from kaneflex.building import reference_modes
-from kaneflex.errors import SceneError
+from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 CANTILEVER = """
 schema = 1

@@ -9,13 +9,13 @@ import pytest
 from runs import derived_on_the_fly, model
 from scipy.linalg import eigh
 
-from kaneflex.binding import bind_parameters
-from kaneflex.building import build_model, reference_modes
-from kaneflex.links import craig_bampton
-from kaneflex.model import Model
-from kaneflex.options import resolve_options
+from kaneflex.fem.links import craig_bampton
+from kaneflex.multibody.binding import bind_parameters
+from kaneflex.multibody.building import build_model, reference_modes
+from kaneflex.multibody.model import Model
 from kaneflex.scene import with_settings
-from kaneflex.simulation import simulate
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.simulation import simulate
 
 DATA = Path(__file__).parent / "data"
 FACTORS = json.loads((DATA / "beam_frequency_factors.json").read_text())

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kaneflex.building import reference_modes
-from kaneflex.loading import load
+from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 
 SCENE = """
 schema = 1

@@ -7,8 +7,8 @@ import pytest
 from runs import model
 
 import kaneflex
-from kaneflex import checking
 from kaneflex.generated import engine
+from kaneflex.support import checking
 
 
 def test_checked_kernels_compute_the_same():

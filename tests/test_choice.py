@@ -11,19 +11,19 @@ import pytest
 from command_line import cli, refused
 from extreme_cases import press
 
-from kaneflex.binding import generate_text, import_file, operation_count, pruned_text
-from kaneflex.cli_trade import chosen_lines
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
+from kaneflex.cli.trade import chosen_lines
+from kaneflex.multibody.binding import generate_text, import_file, operation_count, pruned_text
+from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.write_back import file_to_write, write_settings
-from kaneflex.simulation import simulate
-from kaneflex.summary import Summary
-from kaneflex.trade import memory
-from kaneflex.trade.choice import choose
-from kaneflex.trade.indicators import indicators
-from kaneflex.trade.ladder import neutral
-from kaneflex.trade.memory import choice_file, remembered_choice
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.study.trade import cache as choice_cache
+from kaneflex.study.trade.cache import choice_file, remembered_choice
+from kaneflex.study.trade.candidates import neutral
+from kaneflex.study.trade.choice import choose
+from kaneflex.study.trade.indicators import indicators
+from kaneflex.support.errors import SceneError
 
 DEFORMED = ("mid_transverse", "tip_axial", "mid_global_y", "rod_mid_strain")
 """Sensors of the engine that show the rod's deformation alone."""
@@ -48,7 +48,7 @@ def cache(tmp_path_factory):
     """An empty cache of choices."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(memory, "cache_folder", lambda: folder)
+        patch.setattr(choice_cache, "cache_folder", lambda: folder)
         yield folder
 
 
@@ -180,9 +180,9 @@ def test_a_run_from_rest_stays_one_from_rest():
 
 def test_a_choice_is_remembered_until_anything_changes(engine, cache, monkeypatch):
     scene, found = engine
-    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
     assert not remembered_choice(scene, 0.01, DEFORMED).remembered
-    monkeypatch.delattr(memory, "choose")
+    monkeypatch.delattr(choice_cache, "choose")
     again = remembered_choice(scene, 0.01, DEFORMED)
     assert again.remembered and again.model_copy(update={"remembered": False}) == found
     faster = with_settings(scene, ["main.speed=6001 rpm"])
@@ -206,7 +206,7 @@ def test_a_broken_file_of_the_cache_is_replaced(engine, cache, monkeypatch, cont
     path = choice_file(scene, 0.01, DEFORMED)
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(content)
-    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
     assert not remembered_choice(scene, 0.01, DEFORMED).remembered
     assert remembered_choice(scene, 0.01, DEFORMED).remembered
 
@@ -216,7 +216,7 @@ def test_run_writes_the_choice_into_the_summary_and_the_scenes_file(engine, cach
     assert cli("new", "my", "--like", "engine", "-o", tmp_path / "my.toml").exit_code == 0
     path = tmp_path / "my.toml"
     text = path.read_text()
-    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
     sensors = [word for name in DEFORMED for word in ("--sensor", name)]
     result = cli("run", path, "--tolerance", "1%", *sensors, "--write-back", "--no-plots", "-o", tmp_path / "out")
     assert result.exit_code == 0
@@ -315,7 +315,7 @@ def sensed_by(text, scene, tmp_path, monkeypatch):
     path.write_text(text)
     structure = re.search(r'^STRUCTURE = "(\w+)"', text, flags=re.MULTILINE)[1]
     module = import_file(path, structure)
-    monkeypatch.setattr("kaneflex.loading.find_module", lambda scene, progress: (module, 0.0))
+    monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (module, 0.0))
     solution = simulate(load(scene))
     assert solution.model.module.STRUCTURE == structure
     return {name: found.values for name, found in solution.series.items()}
@@ -371,7 +371,7 @@ def test_a_model_with_every_term_has_the_whole_module():
 
 def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_path, monkeypatch):
     _, found = engine
-    monkeypatch.setattr(memory, "choose", lambda *arguments: found)
+    monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
     path = tmp_path / "engine.py"
     result = cli("derive", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "-o", path)
     assert result.exit_code == 0 and "438 operations, of 498 with every term\n" in result.stdout

@@ -11,10 +11,10 @@ import pytest
 from command_line import cli, refused
 
 import kaneflex
-from kaneflex.binding import find_coupled_module, find_module, seconds_to_derive
-from kaneflex.freedom import in_joints
+from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
-from kaneflex.presentation import PRESETS_IN_WORDS
+from kaneflex.multibody.binding import find_coupled_module, find_module, seconds_to_derive
+from kaneflex.report.presentation import PRESETS_IN_WORDS
 from kaneflex.scene import json_schema, read_scene, shipped_scenes
 from kaneflex.scene.parts import PRESETS
 
@@ -103,7 +103,7 @@ def test_deriving_names_its_stages_and_says_beforehand_if_it_takes_long(tmp_path
     assert stages == [f"{head}, first time only", *later]
     find_module(read_scene("own.toml"), stages.append)
     assert len(stages) == 4  # from the cache
-    monkeypatch.setattr("kaneflex.binding.coupled_text", lambda scene, shapes, progress: progress("programs"))
+    monkeypatch.setattr("kaneflex.multibody.binding.coupled_text", lambda scene, shapes, progress: progress("programs"))
     with pytest.raises(AttributeError):  # no text came of it
         find_coupled_module(read_scene("own.toml"), {"wheel": (1, 15)}, stages.append)
     assert stages[4:] == [f"{head}, first time only, some 45 s", f"{head}, some 45 s: programs"]

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from command_line import cli, refused
 
-from kaneflex.errors import OutputError
-from kaneflex.folders import _locked, whole_folder
+from kaneflex.report.summary import Summary
 from kaneflex.scene import read_scene
-from kaneflex.summary import Summary
+from kaneflex.support.errors import OutputError
+from kaneflex.support.output_folders import _locked, whole_folder
 
 SMALL = ("--no-plots", "--set", "rod.elements=1", "--steps", "240")
 SENSORS = (
@@ -120,7 +120,7 @@ def test_pictures_are_drawn_into_the_folder_unless_declined(monkeypatch):
 def test_an_existing_result_folder_is_refused_before_anything_is_computed(monkeypatch):
     Path("r").mkdir()
     Path("r/summary.json").write_text("old")
-    monkeypatch.setattr("kaneflex.loading.load", never)
+    monkeypatch.setattr("kaneflex.solve.loading.load", never)
     refused(cli("run", "engine", *SMALL, "-o", "r"), "r: the folder exists", "--force")
     assert Path("r/summary.json").read_text() == "old"
 
@@ -137,7 +137,7 @@ def test_force_replaces_a_result_folder():
 def test_force_does_not_replace_a_folder_of_other_things(monkeypatch):
     Path("r").mkdir()
     Path("r/thesis.txt").write_text("dear")
-    monkeypatch.setattr("kaneflex.loading.load", never)
+    monkeypatch.setattr("kaneflex.solve.loading.load", never)
     refused(cli("run", "engine", *SMALL, "-o", "r", "--force"), "no summary.json")
     assert Path("r/thesis.txt").read_text() == "dear"
 
@@ -145,7 +145,7 @@ def test_force_does_not_replace_a_folder_of_other_things(monkeypatch):
 @pytest.mark.parametrize("place", ["file/below", "file"])
 def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(monkeypatch, place):
     Path("file").write_text("")
-    monkeypatch.setattr("kaneflex.loading.load", never)
+    monkeypatch.setattr("kaneflex.solve.loading.load", never)
     refused(cli("run", "engine", *SMALL, "-o", place), f"{place}: can't be written (Not a directory)")
     assert [path.name for path in Path().iterdir()] == ["file"]
 
@@ -159,7 +159,7 @@ def test_a_run_that_fails_while_writing_leaves_the_old_folder_and_nothing_else(m
         path.write_bytes(b"half")
         raise failure
 
-    monkeypatch.setattr("kaneflex.labelled.Labelled.to_netcdf", to_netcdf)
+    monkeypatch.setattr("kaneflex.support.labelled.Labelled.to_netcdf", to_netcdf)
     arguments = ("run", "engine", "--preset", "rigid", "--no-plots", "--force", "-o")
     if failure is KeyboardInterrupt:
         for folder in ("r", "new/deep"):
@@ -230,7 +230,7 @@ def test_a_full_disk_is_an_error_with_the_folder_and_the_reason(monkeypatch):
     def to_netcdf(self, path):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("kaneflex.labelled.Labelled.to_netcdf", to_netcdf)
+    monkeypatch.setattr("kaneflex.support.labelled.Labelled.to_netcdf", to_netcdf)
     result = cli("run", "engine", "--preset", "rigid", "--no-plots", "-o", "r")
     refused(result, "r: can't be written (No space left on device)")
     assert list(Path().iterdir()) == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from newton_euler import imbalance, motion_of, place
 
-from kaneflex.rigid_motion import RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene, read_scene
 from kaneflex.scene.quantities import Address
 

@@ -12,10 +12,10 @@ from command_line import cli, refused
 from runs import run
 
 import kaneflex
-from kaneflex.comparison import compare, side_by_side
-from kaneflex.curves import Curves
-from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.curves import Curves
+from kaneflex.study.comparison import compare, side_by_side
+from kaneflex.support.errors import SceneError
 
 PRESETS = ("rigid", "quasistatic", "linear", "stiffened")
 

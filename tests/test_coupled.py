@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import kaneflex
-from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
 

@@ -8,12 +8,12 @@ import pytest
 import sympy as sm
 
 import kaneflex
-from kaneflex.building import reference_modes
-from kaneflex.coupled.frozen import modes_at_rest
-from kaneflex.coupled.simulation import simulate_coupled
 from kaneflex.derive.flexible import flexible_body
+from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.shape_functions import shape_functions
+from kaneflex.solve.coupled import simulate_coupled
+from kaneflex.solve.coupled_linearisation import modes_at_rest
 
 DATA = Path(__file__).parent / "data"
 S, C = sm.sin(sm.Symbol("phi")), sm.cos(sm.Symbol("phi"))

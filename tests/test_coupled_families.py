@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import kaneflex
-from kaneflex.coupled.families import clamped_free
-from kaneflex.errors import SceneError
+from kaneflex.multibody.shape_families import clamped_free
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.support.errors import SceneError
 
 
 def load(name, *settings):

@@ -8,9 +8,9 @@ from command_line import cli
 from scipy.special import ellipk
 
 import kaneflex
-from kaneflex.errors import SceneError
+from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.summary import summarise
+from kaneflex.support.errors import SceneError
 
 SHORT = ("solve.duration=0.5 s", "solve.steps=200")
 

@@ -10,12 +10,12 @@ from command_line import cli, refused
 from runs import run
 from test_sensitivities import differences
 
-from kaneflex.coupled import simulation
-from kaneflex.coupled.simulation import method_of
-from kaneflex.coupled.steps import every_step
-from kaneflex.sensitivity.coupled import coupled_path
-from kaneflex.sensitivity.report import sensitivities
-from kaneflex.sensitivity.varied import STEP
+from kaneflex.multibody.step_replay import every_step
+from kaneflex.solve import coupled
+from kaneflex.solve.coupled import method_of
+from kaneflex.study.sensitivity.coupled import coupled_path
+from kaneflex.study.sensitivity.report import sensitivities
+from kaneflex.study.sensitivity.varied import STEP
 
 PENDULUM = ("elastic-pendulum", "solve.duration=0.01", "solve.steps=200", "solve.tolerance=1e-9")
 RINGING = ("elastic-pendulum", "solve.duration=0.5", "solve.steps=40", "solve.tolerance=1e-10")
@@ -69,7 +69,7 @@ def test_the_basis_moves():
 
 @pytest.mark.parametrize("integrator", ["gauss", "generalised-alpha"])
 def test_periodic_engine(monkeypatch, integrator):
-    monkeypatch.setattr(simulation, "_REPEATS", 1e-12)
+    monkeypatch.setattr(coupled, "_REPEATS", 1e-12)
     often = {"gauss": ("solve.steps=1440", "solve.tolerance=1e-8"), "generalised-alpha": ("solve.steps=360",)}
     scene = (*ENGINE, *often[integrator], f"solve.integrator={integrator}", "solve.start=periodic")
     check(scene, ["main.speed"])

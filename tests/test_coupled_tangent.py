@@ -5,10 +5,10 @@ import pytest
 from command_line import cli
 from runs import model
 
-from kaneflex.binding import coupled_tangent_text, find_coupled_tangent_module
-from kaneflex.coupled.linear import kernels
+from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.multibody.binding import coupled_tangent_text, find_coupled_tangent_module
+from kaneflex.multibody.linearisation import kernels
 from kaneflex.scene import read_scene
-from kaneflex.scene.floating import shape_counts
 
 STEP = 1e-4
 

@@ -10,12 +10,12 @@ from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.coupled import stepping
-from kaneflex.coupled.instant import A, V
-from kaneflex.coupled.run import first_step
-from kaneflex.coupled.unresolved import unresolved
-from kaneflex.options import resolve_options
+from kaneflex.multibody import stepping
+from kaneflex.multibody.instant import A, V
+from kaneflex.multibody.run import first_step
 from kaneflex.scene import with_settings
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.unresolved import unresolved
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 OPTIONS = {"error_model": "numpy"}

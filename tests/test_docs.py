@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kaneflex.errors import SceneError
 from kaneflex.integrate.methods import METHODS
-from kaneflex.laws import FUNCTIONS
-from kaneflex.loading import load
-from kaneflex.options import resolve_options
 from kaneflex.scene import Scene, json_schema, read_scene, with_settings
+from kaneflex.scene.laws import FUNCTIONS
 from kaneflex.scene.materials import MATERIALS
+from kaneflex.scene.options import resolve_options
 from kaneflex.scene.parts import PRESETS, TERM_NAMES
 from kaneflex.scene.quantities import RESERVED_NAMES
-from kaneflex.simulation import simulate
-from kaneflex.solution import Solution
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
+from kaneflex.support.errors import SceneError
 
 TEXT = (Path(__file__).parent.parent / "docs" / "scene.md").read_text(encoding="utf-8")
 HEADING_OF = {

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from kaneflex.cli_scene import configuration
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
-from kaneflex.placing import place
-from kaneflex.presentation import at_drive
+from kaneflex.cli.scene import configuration
+from kaneflex.mechanism.position_analysis import place
+from kaneflex.report.presentation import at_drive
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 CART = """
 schema = 1

@@ -17,7 +17,7 @@ from kaneflex.derive.generate import derive_equations, lower
 from kaneflex.derive.latex import latex_document, printed_matrix
 from kaneflex.derive.latex_printer import EquationPrinter, SymbolNames, broken, escaped, seen_length
 from kaneflex.scene import read_scene
-from kaneflex.tables import evaluate_block
+from kaneflex.scene.tables import evaluate_block
 
 SCENES = ("engine", "four-bar", "spin-up", "double-pendulum", "engine-torque")
 

@@ -10,10 +10,10 @@ from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
 from extremes import METHODS, Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
-from kaneflex.doubts import doubts
-from kaneflex.errors import SceneError
-from kaneflex.sampling import between_steps, unseen
-from kaneflex.simulation import simulate
+from kaneflex.response.undersampling import between_steps, unseen
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.validity import doubts
+from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "extremes.md"
 CANTILEVER = """

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.comparison import Comparison, compare
-from kaneflex.curves import Resolution
-from kaneflex.errors import SceneError
 from kaneflex.peers.buildable import check_buildable, lumped
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.curves import Resolution
+from kaneflex.study.comparison import Comparison, compare
+from kaneflex.support.errors import SceneError
 
 
 def compared(scene: str, *settings: str, elements: int, steps: int, presets=None) -> Comparison:

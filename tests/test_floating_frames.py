@@ -10,9 +10,9 @@ import pytest
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.coupled.shapes import link_shapes
-from kaneflex.coupled.system import build_system
-from kaneflex.links import build_link
+from kaneflex.fem.links import build_link
+from kaneflex.multibody.shapes import link_shapes
+from kaneflex.multibody.system import build_system
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.read import _validated
 

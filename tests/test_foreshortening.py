@@ -7,9 +7,9 @@ import pytest
 from runs import run
 
 import kaneflex
+from kaneflex.response.sensors import sensor_values
 from kaneflex.scene import read_scene
 from kaneflex.scene.sensors import Sensor
-from kaneflex.sensors import sensor_values
 
 SCENES = sorted(path.stem for path in (Path(kaneflex.__file__).parent / "scenes").glob("*.toml"))
 PRESETS = ("quasistatic", "linear", "stiffened", "coupled")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from runs import derived_on_the_fly, model
 
-from kaneflex.errors import SceneError
-from kaneflex.simulation import simulate
-from kaneflex.summary import summarise
+from kaneflex.report.summary import summarise
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 PAGE = (Path(__file__).parent.parent / "docs" / "forward.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGE, flags=re.MULTILINE)
@@ -81,7 +81,7 @@ def test_energy_with_springs_dampers_loads_and_prescribed_drives(tmp_path):
 
 
 def test_works_of_long_runs_are_summed_piece_by_piece(monkeypatch):
-    from kaneflex import energy
+    from kaneflex.mechanism import energy
 
     settings = ("solve.preset=rigid", "solve.duration=0.3 s")
     whole = model("four-bar-motor", *settings).energy
@@ -126,6 +126,6 @@ def test_a_forward_table_without_use_is_said(scene, settings, why):
 
 def test_a_motion_that_is_too_fast_for_its_duration_is_refused(monkeypatch):
     """A hundred thousand seconds of a double pendulum would take half an hour, in silence."""
-    monkeypatch.setattr("kaneflex.forward._MOST", 2000)
+    monkeypatch.setattr("kaneflex.solve.forward._MOST", 2000)
     with pytest.raises(SceneError, match=r"20[0-9]{2} evaluations bring it to t = [\d.]+ s of 100000 s\. Shorten"):
         model("double-pendulum", "solve.duration=1e5 s", "solve.steps=7")

@@ -10,10 +10,10 @@ import pytest
 from runs import model, run
 from scipy.linalg import eigh
 
-from kaneflex.building import build_model, reference_modes
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.building import build_model, reference_modes
+from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.solve.loading import load
 
 DATA = Path(__file__).parent / "data"
 

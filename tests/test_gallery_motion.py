@@ -5,7 +5,7 @@ import pytest
 from newton_euler import imbalance
 from runs import model, run
 
-from kaneflex.rigid_motion import RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
 
 # ---- energy and power --------------------------------------------------------------------------------------------

@@ -15,12 +15,12 @@ from numba import njit
 from runs import model
 
 import kaneflex.generated
-from kaneflex.contract import ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS, REQUIRED_ATTRIBUTES
 from kaneflex.derive import generate
 from kaneflex.derive.__main__ import modules
 from kaneflex.derive.beam import beam_element
 from kaneflex.generated.engine import C, F, F_t, K_d, K_g, K_s, M, motion, tabulate, terms
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.support.contract import ELEMENT_PARAMETERS, FORMAT, LINK_SCALARS, REQUIRED_ATTRIBUTES
 
 FOLDER = Path(kaneflex.generated.__file__).parent
 NAMES = sorted(set(kaneflex.generated.SCENES.values()))

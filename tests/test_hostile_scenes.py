@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scene_fuzz import Mutants, broken
 
-from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import read_modal_data
-from kaneflex.units import LENGTH, to_si
+from kaneflex.support.errors import SceneError
+from kaneflex.support.units import LENGTH, to_si
 
 ENGINE = shipped_scenes()["engine"]
 GAS = (ENGINE.parent / "gas.csv").read_text()

@@ -58,7 +58,7 @@ def test_generated_imports_only_math_numpy_numba(path):
 
 @pytest.mark.parametrize("path", modules("kaneflex.derive"), ids=lambda path: path.stem)
 def test_derive_imports_sympy_the_scene_and_the_contract(path):
-    ours = ("derive", "scene", "laws", "contract", "errors")
+    ours = ("derive", "mechanism", "scene", "support")
     allowed = ("sympy", *(f"kaneflex.{name}" for name in ours))
     # `from kaneflex import x` yields the bare package too
     found = [name for name in imports(path) if name != "kaneflex" and not within(name, *allowed)]
@@ -98,7 +98,8 @@ def test_import_kaneflex_is_light(tmp_path):
 def test_a_run_pays_for_nothing_that_it_does_not_need(tmp_path):
     """A run of the engine, results written, leaves out what other scenes, commands and files need."""
     scipy = [f"scipy.{name}" for name in ("optimize", "special", "stats", "sparse.csgraph", "sparse.linalg")]
-    others = ("pandas", "dask", "distributed", "zarr", "exudyn", "kaneflex.coupled", "kaneflex.plots", "kaneflex.study")
+    others = ("pandas", "dask", "distributed", "zarr", "exudyn")
+    others += ("kaneflex.multibody.stepping", "kaneflex.plots", "kaneflex.study")
     code = f"""
 import sys
 from kaneflex.cli import main
@@ -204,7 +205,7 @@ def test_a_missing_peer_skips_and_in_ci_fails(monkeypatch, peer, required, outco
 
 
 def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
-    """Else an edit of that part would leave the old one in the cache: see kaneflex.stamp."""
+    """Else an edit of that part would leave the old one in the cache: see kaneflex.support.fingerprint."""
     texts = {path: path.read_text(encoding="utf-8") for path in modules("kaneflex")}
     compiled = {
         "kaneflex." + ".".join(path.relative_to(FOLDERS["kaneflex"]).with_suffix("").parts): path

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from integrate_cases import affine, constant
 
-from kaneflex.errors import UserError
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import integrate
+from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
 

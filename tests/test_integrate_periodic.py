@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from integrate_cases import affine, constant, parametric
 
-from kaneflex.errors import UserError
 from kaneflex.integrate import periodic
 from kaneflex.integrate.methods import METHODS, tableau
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
 from kaneflex.integrate.run import cycle_map, integrate
+from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
 CYCLE = 2.0 * np.pi

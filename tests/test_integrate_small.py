@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from integrate_cases import affine
 
-from kaneflex.integrate import matrices, small, steppers
+from kaneflex.integrate import dense, matrices, steppers
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.run import set_up
 from kaneflex.integrate.stepping import State, Stored
@@ -48,7 +48,7 @@ def run_by(loop, system, method, columns=3, bound=ENOUGH, period=5):
 @pytest.mark.parametrize("method", ["newmark", "generalised-alpha"])
 def test_it_takes_the_steps_of_the_loop_for_all_systems(method, n, band):
     system = system_of(n, band)
-    ended, state, stored = run_by(small.newmark, system, method)
+    ended, state, stored = run_by(dense.newmark, system, method)
     wanted, state_wanted, stored_wanted = run_by(steppers.newmark, system, method)
     assert ended == wanted == [(7, matrices.COMPLETED), (STEPS - 7, matrices.COMPLETED)]
     for got, want in zip((*state, *stored), (*state_wanted, *stored_wanted), strict=True):
@@ -59,9 +59,9 @@ def test_it_ends_where_the_loop_for_all_systems_does():
     system = system_of(5, 4)
     _, state, _ = run_by(steppers.newmark, system, "newmark")
     bound = 0.9 * float(np.square(state.z).sum(axis=1).max())
-    ended, *_ = run_by(small.newmark, system, "newmark", bound=bound)
+    ended, *_ = run_by(dense.newmark, system, "newmark", bound=bound)
     assert ended == run_by(steppers.newmark, system, "newmark", bound=bound)[0]
     assert ended[-1][1] == matrices.UNBOUNDED
     nothing = affine(5, 4, {"M": [None] * 3, "C": [None] * 3, "K": [None] * 3}, np.ones((5, 3)))
-    for loop in (small.newmark, steppers.newmark):
+    for loop in (dense.newmark, steppers.newmark):
         assert run_by(loop, nothing, "newmark")[0] == [(0, matrices.SINGULAR)]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from integrate_cases import affine, constant, parametric
 
-from kaneflex.errors import UserError
+from kaneflex.integrate.batch import Run, integrate_together
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import integrate
-from kaneflex.integrate.together import Run, integrate_together
+from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
 CYCLE = 2.0 * np.pi
@@ -68,7 +68,7 @@ def test_periodic_motions_side_by_side_are_those_alone(method, more):
 @pytest.mark.parametrize("method", COMPILED)
 @pytest.mark.parametrize("period_steps", [None, STEPS])
 def test_motions_from_given_states_are_those_alone(method, period_steps, monkeypatch):
-    monkeypatch.setattr("kaneflex.integrate.abreast.LARGEST_PIECE", 8 * 3 * 4 * 17)
+    monkeypatch.setattr("kaneflex.integrate.batch_lanes.LARGEST_PIECE", 8 * 3 * 4 * 17)
     random = np.random.default_rng(3)
     more = {"method": method, "period_steps": period_steps, "n_steps": 100, "every": 3}
     runs = [case(seed, start=(random.normal(size=3), random.normal(size=3)), **more) for seed in range(4)]

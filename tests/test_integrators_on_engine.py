@@ -5,7 +5,7 @@ import pytest
 from runs import model, run
 
 from kaneflex.integrate.methods import METHODS
-from kaneflex.simulation import simulate
+from kaneflex.solve.simulation import simulate
 
 ENGINE = ("engine", "rod.elements=2")
 PAPER = ("engine-paper",)

@@ -15,9 +15,9 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from transformed import Backwards, Isometry, Raw, Reordered, Scaled
 
-from kaneflex.loading import load
 from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 
 STEPS = 120
 FINER = {"engine-elastic-crank": 720}  # a wider step excites what a stiff crank does within it

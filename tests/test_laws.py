@@ -7,9 +7,9 @@ import pytest
 import sympy as sm
 
 from kaneflex.derive.laws import law_expression
-from kaneflex.errors import Fault, SceneError
-from kaneflex.laws import FUNCTIONS, parse_law
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.laws import FUNCTIONS, parse_law
+from kaneflex.support.errors import Fault, SceneError
 
 NAMES = ("t", "main", "main_speed")
 BEYOND = "beyond 1e+60, where products of a few numbers are not finite"

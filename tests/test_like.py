@@ -5,9 +5,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from kaneflex.assembly import ElasticEquations
-from kaneflex.loading import load
+from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
 
 CASES = [("engine",), ("engine", "solve.preset=linear"), ("engine", "solve.modes=2"), ("engine-elastic-crank",)]
 CASES += [("v-engine", "solve.modes=2"), ("spin-up",), ("quick-return",)]

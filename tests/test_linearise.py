@@ -12,13 +12,13 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 
 import kaneflex
-from kaneflex.building import rayleigh_coefficients, reference_modes
-from kaneflex.errors import OutputError, SceneError
-from kaneflex.loading import load
-from kaneflex.modes import damping_ratios
+from kaneflex.fem.modes import damping_ratios
+from kaneflex.multibody.building import rayleigh_coefficients, reference_modes
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
-from kaneflex.statespace import linearise
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.statespace import linearise
+from kaneflex.support.errors import OutputError, SceneError
 
 CANTILEVER = """
 schema = 1

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from newton_euler import imbalance, place, turned
 from scipy.linalg import eigvalsh
 
-from kaneflex.binding import bind_parameters, generate_text, import_file
-from kaneflex.loading import load
-from kaneflex.model import Model
-from kaneflex.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
+from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, read_scene
+from kaneflex.solve.loading import load
 
 # Without shrinking: a first failure already names its numbers, and to shrink would mean to solve hundreds more.
 some = settings(

@@ -6,7 +6,7 @@ import re
 import pytest
 from runs import model
 
-from kaneflex.errors import SceneError
+from kaneflex.support.errors import SceneError
 
 RIGID = ("four-bar-motor", "solve.preset=rigid", "coupler.length=100 mm")
 GROUND, CRANK, COUPLER, ROCKER = 0.254, 0.108, 0.100, 0.2705
@@ -19,7 +19,7 @@ LIMIT = 360 - math.degrees(
 @pytest.fixture(autouse=True)
 def few_evaluations(monkeypatch):
     """All of this is known long before the budget of evaluations is spent."""
-    monkeypatch.setattr("kaneflex.forward._MOST", 100_000)
+    monkeypatch.setattr("kaneflex.solve.forward._MOST", 100_000)
 
 
 @pytest.mark.parametrize("preset", ["rigid", "stiffened", "coupled"])

@@ -5,7 +5,7 @@ import pytest
 from integrate_cases import affine
 from runs import model
 
-from kaneflex.integrate import chains, stepping
+from kaneflex.integrate import banded, stepping
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import cycle_map, integrate, set_up
@@ -14,7 +14,7 @@ ALWAYS, NEVER = 1, 10**9
 METHODS = ("newmark", "generalised-alpha")
 
 
-def banded(n, half_bandwidth, seed=0):
+def banded_system(n, half_bandwidth, seed=0):
     """Matrices of random bands, and their table: 1 and three harmonics; one touches the last rows alone."""
     random = np.random.default_rng(seed)
     band = np.abs(np.subtract.outer(range(n), range(n))) <= half_bandwidth
@@ -59,7 +59,7 @@ def agree(found, expected, within=1e-10):
 @pytest.mark.parametrize(("n", "half_bandwidth"), [(15, 0), (16, 2), (48, 5), (49, 1), (53, 5), (54, 5), (101, 3)])
 def test_the_same_steps(monkeypatch, method, n, half_bandwidth):
     """Sizes on both sides of a slice; a cycle of 13 steps is read again; one step in 3 is stored."""
-    system, scalars = banded(n, half_bandwidth, seed=n)
+    system, scalars = banded_system(n, half_bandwidth, seed=n)
     start = tuple(np.random.default_rng(n).normal(size=(2, n)))
     options = {"start": start, "period_steps": 13, "every": 3}
     found, expected = both(
@@ -81,7 +81,7 @@ def test_the_engine(monkeypatch):
 @pytest.mark.parametrize("method", METHODS)
 def test_columns_share_a_factorisation(monkeypatch, method):
     """Every unit state over 7 steps, too few for stretches: the monodromy matrix and what the loads add."""
-    system, scalars = banded(26, 5)
+    system, scalars = banded_system(26, 5)
     found, expected = both(monkeypatch, lambda: cycle_map(system, scalars, 0.3, 2.0 * np.pi, 7, method))
     for name in ("monodromy", "forced"):
         one, other = getattr(found, name), getattr(expected, name)
@@ -120,9 +120,9 @@ def test_a_runaway_is_stopped(monkeypatch):
 )
 def test_who_takes_the_loop_for_chains(monkeypatch, n, half_bandwidth, method, own):
     taken = []
-    loop = chains.newmark_chain
-    monkeypatch.setattr(chains, "newmark_chain", lambda *args: taken.append(args) or loop(*args))
-    integrate(*banded(n, half_bandwidth), 0.0, 0.1, 2, method)
+    loop = banded.newmark_chain
+    monkeypatch.setattr(banded, "newmark_chain", lambda *args: taken.append(args) or loop(*args))
+    integrate(*banded_system(n, half_bandwidth), 0.0, 0.1, 2, method)
     assert bool(taken) == own
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from runs import model
 
-from kaneflex import memory
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulation import simulate
+from kaneflex.solve import memory
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +49,7 @@ def test_tables_of_free_joints_are_bounded(monkeypatch):
     """However many steps an integrator takes; the motion stays what it was."""
     settings = ("solve.duration=2 s", "solve.steps=20", "solve.forward.tolerance=1e-12")
     whole = model("double-pendulum", *settings)
-    monkeypatch.setattr("kaneflex.forward._MOST_NUMBERS", 1e4)
+    monkeypatch.setattr("kaneflex.solve.forward._MOST_NUMBERS", 1e4)
     few = model.__wrapped__("double-pendulum", *settings)
     assert len(few.motion.parameters) < 1.5e4 < 0.5 * len(whole.motion.parameters)
     times = np.linspace(0.0, 2.0, 101)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kaneflex import binding
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
+from kaneflex.multibody import binding
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 THREE_CRANKS = """
 schema = 1

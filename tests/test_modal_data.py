@@ -10,12 +10,12 @@ from click.testing import CliRunner
 
 import kaneflex
 from kaneflex.cli import main
-from kaneflex.coupled.frozen import modes_at_rest
-from kaneflex.coupled.modal_data import modal_data
-from kaneflex.coupled.moments import link_numbers
-from kaneflex.errors import SceneError
+from kaneflex.multibody.inertia_integrals import link_numbers
+from kaneflex.multibody.modal_data import modal_data
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, read_modal_data
+from kaneflex.solve.coupled_linearisation import modes_at_rest
+from kaneflex.support.errors import SceneError
 
 PAGE = (Path(__file__).parent.parent / "docs" / "commands.md").read_text(encoding="utf-8")
 

@@ -6,12 +6,12 @@ from runs import model, peaks, run
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
-from kaneflex.affine import as_array
-from kaneflex.building import reference_modes
-from kaneflex.errors import SceneError
-from kaneflex.modes import lowest_modes
-from kaneflex.presentation import at_drive
-from kaneflex.spread import mode_angle_spread
+from kaneflex.fem.modes import lowest_modes
+from kaneflex.mechanism.affine import as_array
+from kaneflex.multibody.building import reference_modes
+from kaneflex.report.presentation import at_drive
+from kaneflex.solve.mode_angle_envelope import mode_angle_spread
+from kaneflex.support.errors import SceneError
 
 SPEED = 2 * np.pi * 100
 ONE_EACH = ("engine-elastic-crank", "crank.elements=1", "rod.elements=1")

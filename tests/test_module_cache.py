@@ -11,11 +11,11 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from kaneflex import module_cache
-from kaneflex.binding import find_module
 from kaneflex.derive import generate
-from kaneflex.errors import SceneError
+from kaneflex.multibody.binding import find_module
 from kaneflex.scene import read_scene
+from kaneflex.support import module_cache
+from kaneflex.support.errors import SceneError
 
 PENDULUM = """
 schema = 1

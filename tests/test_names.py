@@ -9,11 +9,11 @@ import renaming
 from runs import run
 
 import kaneflex
-from kaneflex.binding import bind_parameters, find_coupled_module, find_module
 from kaneflex.derive import generate
 from kaneflex.derive.names import numbered
+from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module
 from kaneflex.scene import read_scene, shipped_scenes
-from kaneflex.scene.floating import shape_counts
 
 
 def quiet(stage):
@@ -43,8 +43,8 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     if scene.solve.preset == "coupled":
         modules = modules[0], find_coupled_module(scene, shape_counts(scene), quiet)[0]
     rigid, coupled = (module and renaming.under_new_names(module, new) for module in modules)
-    monkeypatch.setattr("kaneflex.loading.find_module", lambda scene, progress: (rigid, 0.0))
-    monkeypatch.setattr("kaneflex.coupled.system.find_coupled_module", lambda scene, shapes, progress: (coupled, 0.0))
+    monkeypatch.setattr("kaneflex.solve.loading.find_module", lambda scene, progress: (rigid, 0.0))
+    monkeypatch.setattr("kaneflex.multibody.system.find_coupled_module", lambda scene, shapes, progress: (coupled, 0.0))
     found = kaneflex.simulate(kaneflex.load(other))
     for sensor, series in plain.series.items():
         base = sensor.removesuffix("_rigid")
@@ -121,7 +121,7 @@ def computed(tmp_path, monkeypatch, **names):
     file = tmp_path / "press.toml"
     file.write_text(text, encoding="utf-8")
     scene = read_scene(file)
-    monkeypatch.setattr("kaneflex.binding.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("kaneflex.multibody.binding.cache_folder", lambda: tmp_path)
     module = find_module(scene, quiet)[0]
     stored = np.zeros(len(module.SCALARS))
     module.motion.py_func(0.0123, bind_parameters(scene, module), stored)

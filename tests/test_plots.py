@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kaneflex.building import reference_modes
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.loading import load
+from kaneflex.multibody.building import reference_modes
 from kaneflex.plots import animation, draw_all, figures, modes, style
 from kaneflex.plots.mechanism import outline, scenery
 from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulation import simulate
-from kaneflex.solution import Solution
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
 
 SETTINGS = {
     "engine": ("solve.steps=720",),

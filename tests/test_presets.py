@@ -7,11 +7,11 @@ from runs import model, peaks, run
 from scipy.linalg import eigh, null_space
 from scipy.sparse import issparse
 
-from kaneflex.deformation import deform
-from kaneflex.doubts import doubts
-from kaneflex.errors import SceneError
-from kaneflex.options import resolve_options
+from kaneflex.response.deformation import deform
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.validity import doubts
+from kaneflex.support.errors import SceneError
 
 R, L, SPEED = 0.040, 0.137, 2 * np.pi * 100
 ROD_RHO_A, PISTON = 0.153 / L, 0.214

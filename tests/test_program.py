@@ -19,8 +19,8 @@ from kaneflex.derive.program import (
     share,
 )
 from kaneflex.derive.steps import Steps
-from kaneflex.laws import FUNCTIONS, parse_law
 from kaneflex.scene import read_scene
+from kaneflex.scene.laws import FUNCTIONS, parse_law
 
 a, b, c, x, y, z = sm.symbols("a b c x y z")
 INPUTS = (a, b, c)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from command_line import cli
 
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
-from kaneflex.placing import place, with_branches
-from kaneflex.reach import courses_of, followed, reach_lines
+from kaneflex.mechanism.position_analysis import place, with_branches
+from kaneflex.mechanism.reach import courses_of, followed, reach_lines
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.support.errors import SceneError
 
 
 def test_strokes_and_ranges_are_those_of_the_closed_forms():

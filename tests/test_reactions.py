@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from runs import run
 
-from kaneflex.deformation import Deformation, deform
-from kaneflex.loading import load
-from kaneflex.rigid_motion import RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.response.deformation import Deformation, deform
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
-from kaneflex.solution import Solution
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
 
 R, SPEED, PISTON = 0.040, 2 * np.pi * 100, 0.214
 

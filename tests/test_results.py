@@ -14,10 +14,8 @@ import pytest
 import xarray
 
 import kaneflex
-from kaneflex.labelled import Labelled
-from kaneflex.presentation import _sensor_row
-from kaneflex.sensitivity.tables import ParameterSensitivity, SensorDerivative
-from kaneflex.summary import (
+from kaneflex.report.presentation import _sensor_row
+from kaneflex.report.summary import (
     EnergyBalance,
     Instant,
     Operations,
@@ -32,15 +30,17 @@ from kaneflex.summary import (
     json_schema,
     summarise,
 )
-from kaneflex.trade.evidence import Attempt, Choice
+from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
+from kaneflex.study.trade.record import Attempt, Choice
+from kaneflex.support.labelled import Labelled
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
 def solution():
-    from kaneflex.loading import load
-    from kaneflex.simulation import simulate
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import simulate
 
     settings = ["solve.preset=quasistatic", "solve.steps=240", "rod.elements=1", "main.angle=10 deg"]
     return simulate(load(kaneflex.with_settings(kaneflex.read_scene("engine"), settings)))
@@ -167,8 +167,8 @@ def test_summary_of_a_solution(solution):
 
 def test_a_run_from_python_warns_of_what_the_terminal_and_the_summary_say():
     """Without K_g the spin takes a blade's stiffness away above 1.01 of its critical speed; 1e17 m come out."""
-    from kaneflex.loading import load
-    from kaneflex.simulation import simulate, solve
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import simulate, solve
 
     model = load(kaneflex.with_settings(kaneflex.read_scene("spin-up"), ["solve.preset=linear"]))
     with pytest.warns(kaneflex.ValidityWarning) as said:
@@ -188,7 +188,7 @@ def test_a_part_of_a_run_has_the_warnings_of_the_whole(solution):
 
 
 def test_frequencies_are_those_of_the_modes(solution):
-    from kaneflex.building import reference_modes
+    from kaneflex.multibody.building import reference_modes
 
     omega, _ = reference_modes(solution.model, "all")
     np.testing.assert_allclose(summarise(solution).frequencies_hz, omega / (2 * np.pi), rtol=1e-12)
@@ -198,8 +198,8 @@ def test_frequencies_are_those_of_the_modes(solution):
     ("modes", "reduction", "kept"), [(2, "craig-bampton", 3), (3, "modal", 3), ("all", "none", 12)]
 )
 def test_degrees_of_freedom_are_counted_before_reduction(modes, reduction, kept):
-    from kaneflex.loading import load
-    from kaneflex.simulation import simulate
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import simulate
 
     settings = [f"solve.modes={modes}", f"solve.reduction={reduction}", "solve.steps=240"]
     model = load(kaneflex.with_settings(kaneflex.read_scene("engine"), settings))
@@ -238,7 +238,7 @@ def test_the_drives_angle_lies_within_its_cycle(solution):
 
 
 def test_documentation_is_that_of_the_code():
-    """If this fails: python -m kaneflex.summary > docs/summary.md"""
+    """If this fails: python -m kaneflex.report.summary > docs/summary.md"""
     assert (ROOT / "docs/summary.md").read_text(encoding="utf-8") == documentation()
 
 

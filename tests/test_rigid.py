@@ -19,7 +19,7 @@ from sympy.physics.mechanics import (
     inertia,
 )
 
-from kaneflex.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import read_scene, with_settings
 
 ANGLES = np.radians([0.0, 17.0, 90.0, 133.0, 180.0, 251.0, 270.0, 360.0, 374.0, 540.0, 719.0])

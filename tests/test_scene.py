@@ -11,10 +11,10 @@ import pint
 import pytest
 
 import kaneflex
-from kaneflex.errors import SceneError
 from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.quantities import Address
-from kaneflex.units import _SI_OF_COMMON, ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
+from kaneflex.support.errors import SceneError
+from kaneflex.support.units import _SI_OF_COMMON, ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
 
 FOUR_BAR = """
 schema = 1

@@ -8,11 +8,11 @@ import pytest
 from rigid_bars import hanging_chain
 
 import kaneflex
-from kaneflex.affine import as_array
-from kaneflex.coupled.balance import balanced
+from kaneflex.mechanism.affine import as_array
+from kaneflex.response.dalembert import balanced
+from kaneflex.response.sensors import sensor_values
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.sensors import Sensor
-from kaneflex.sensors import sensor_values
 
 MASS_AT_THE_TIP = """
 schema = 1

@@ -5,9 +5,9 @@ import math
 import pytest
 from scipy.integrate import quad
 
-from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene
 from kaneflex.scene.sections import Shape
+from kaneflex.support.errors import SceneError
 
 SCENE = """
 schema = 1

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from runs import model, run
 
-from kaneflex.loading import neighbour
-from kaneflex.sensitivity.parameters import find_parameters
-from kaneflex.sensitivity.report import sensitivities
-from kaneflex.sensitivity.tangent import integrated_pair, own_cycle
-from kaneflex.sensitivity.varied import vary
-from kaneflex.simulation import simulate
-from kaneflex.summary import sensor_summaries
+from kaneflex.report.summary import sensor_summaries
+from kaneflex.solve.loading import neighbour
+from kaneflex.solve.simulation import simulate
+from kaneflex.study.sensitivity.parameters import find_parameters
+from kaneflex.study.sensitivity.report import sensitivities
+from kaneflex.study.sensitivity.tangent import integrated_pair, own_cycle
+from kaneflex.study.sensitivity.varied import vary
 
 STEP = 5e-4  # not that of the package's own differences
 
@@ -136,7 +136,7 @@ def test_what_the_options_leave_out_stays_in_the_equations(monkeypatch):
         asked.append(scene)
         raise KeyError
 
-    monkeypatch.setattr("kaneflex.sensitivity.varied.find_tangent_module", find)
+    monkeypatch.setattr("kaneflex.study.sensitivity.varied.find_tangent_module", find)
     found = model("engine-rig", "solve.terms.gravity=false", "solve.duration=0.1", "solve.steps=50")
     with pytest.raises(KeyError):
         vary(found, find_parameters(found.scene, ["rod.E"])[0], True)

@@ -12,11 +12,11 @@ from command_line import cli, refused
 from runs import model, run
 
 import kaneflex
-from kaneflex.binding import tangent_text
-from kaneflex.errors import SceneError
+from kaneflex.multibody.binding import tangent_text
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.sensitivity.parameters import find_parameters
-from kaneflex.sensitivity.report import sensitivities
+from kaneflex.study.sensitivity.parameters import find_parameters
+from kaneflex.study.sensitivity.report import sensitivities
+from kaneflex.support.errors import SceneError
 
 PAGE = Path(__file__).parents[1] / "docs" / "sensitivities.md"
 TEXT = PAGE.read_text(encoding="utf-8")

@@ -9,10 +9,10 @@ import pytest
 import transformed
 from runs import STENCIL, derived_on_the_fly, waving
 
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 
 MOVING = {  # scene -> a time in which it moves by about a radian [s]
     "engine": 1.6e-3, "engine-elastic-crank": 1.6e-3, "engine-rig": 0.22, "four-bar": 0.032, "quick-return": 0.08,

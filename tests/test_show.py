@@ -11,13 +11,13 @@ from command_line import cli, refused
 from PIL import Image
 from runs import model
 
-from kaneflex.errors import SceneError
-from kaneflex.freedom import count_freedom, elastic_coordinates
-from kaneflex.joint_rows import Rows
-from kaneflex.placing import drive_rates, place, start_coordinate
+from kaneflex.fem.mobility import count_freedom, elastic_coordinates
+from kaneflex.mechanism.joints import Rows
+from kaneflex.mechanism.position_analysis import drive_rates, place, start_coordinate
 from kaneflex.plots.scheme import scheme, scheme_picture
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
+from kaneflex.support.errors import SceneError
 
 SCENES = tuple(shipped_scenes())
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 import kaneflex
-from kaneflex.errors import SceneError
 from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 1.2, 2.1e11, 2e-9, 1e-4, 7850.0
 BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements = 4}}"

@@ -5,10 +5,10 @@ import pytest
 from matplotlib.text import Text
 
 from kaneflex import load, read_scene, simulate
-from kaneflex.errors import SceneError
-from kaneflex.placing import place
+from kaneflex.mechanism.position_analysis import place
 from kaneflex.plots.scheme import scheme
-from kaneflex.presentation import parts
+from kaneflex.report.presentation import parts
+from kaneflex.support.errors import SceneError
 
 BAR = """
 schema = 1

@@ -8,8 +8,8 @@ from runs import STENCIL, waving
 from scipy.optimize import brentq
 
 import kaneflex
-from kaneflex.errors import SceneError
 from kaneflex.scene import Scene, read_scene, with_settings
+from kaneflex.support.errors import SceneError
 
 L, E, I, A, RHO = 0.8, 2.1e11, 4e-10, 6e-5, 7850.0
 BEAM = f"length = {L}, beam = {{E = {E}, rho = {RHO}, A = {A}, I = {I}, elements = 8}}"

@@ -11,16 +11,16 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
-from kaneflex.doubts import doubts
-from kaneflex.errors import SceneError
 from kaneflex.integrate.run import cycle_map, integrate
+from kaneflex.response.buckling import buckling
+from kaneflex.response.campbell import freeze
+from kaneflex.response.loss_of_stiffness import lost_stiffness
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.stability.buckling import buckling
-from kaneflex.stability.campbell import freeze
+from kaneflex.solve.validity import doubts
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
-from kaneflex.stability.lost import lost_stiffness
 from kaneflex.stability.steps import StepLimit, recommended, step_limits
 from kaneflex.stability.sweep import sweep
+from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
 MATHIEU = json.loads((DATA / "mathieu.json").read_text())["computed"]

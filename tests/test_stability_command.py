@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from command_line import cli
 
-from kaneflex.cli_stability import speed_range
-from kaneflex.errors import SceneError
+from kaneflex.cli.stability import speed_range
 from kaneflex.scene import read_scene
 from kaneflex.stability.sweep import Sweep
+from kaneflex.support.errors import SceneError
 
 
 def columns(path: Path) -> dict[str, list[str]]:

@@ -9,9 +9,9 @@ from runs import model, run
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.coupled.simulation import beginning
-from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene
+from kaneflex.solve.coupled import beginning
+from kaneflex.support.errors import SceneError
 
 STILL = (
     "shaft.speed=0", "shaft.cycle=none", "damping=none", "push.value=0", "solve.duration=1 s", "solve.steps=2000",

@@ -3,10 +3,10 @@
 import pytest
 from runs import derived_on_the_fly, model
 
-from kaneflex.loading import load
-from kaneflex.quasistatic import mechanism_modes
 from kaneflex.scene import with_settings
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.quasistatic import mechanism_modes
+from kaneflex.solve.simulation import simulate
 
 WELDED = """
 schema = 1

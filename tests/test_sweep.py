@@ -9,16 +9,16 @@ import pytest
 import xarray
 from command_line import cli, refused
 
-from kaneflex.errors import OutputError, SceneError
-from kaneflex.loading import load
+from kaneflex.report.summary import sensor_summaries
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.points import points_of
 from kaneflex.study.run import Record, solve_points
 from kaneflex.study.study import Study
 from kaneflex.study.sweep import Progress, in_this_process, sweep
-from kaneflex.summary import sensor_summaries
+from kaneflex.support.errors import OutputError, SceneError
 
 HEAD = 'scene = "engine"\nsettings = ["solve.preset=rigid", "solve.steps=36"]\n'
 STUDY = HEAD + """
@@ -131,7 +131,7 @@ def test_an_unexpected_error_is_recorded_too(tmp_path, monkeypatch):
     def broken(model):
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr("kaneflex.simulation.solve", broken)
+    monkeypatch.setattr("kaneflex.solve.simulation.solve", broken)
     record = next(solve_points(plan_of(tmp_path), [0]))
     assert (record.outcome, record.reason) == ("failed", "ZeroDivisionError: of all things")
 

@@ -13,9 +13,9 @@ import pytest
 import xarray
 from command_line import cli, refused
 
-from kaneflex.errors import SceneError
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.sweep import sweep
+from kaneflex.support.errors import SceneError
 
 SCENE = """
 schema = 1

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from runs import derived_on_the_fly
 
-from kaneflex.building import reference_modes
-from kaneflex.errors import SceneError
-from kaneflex.simulation import simulate
+from kaneflex.multibody.building import reference_modes
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 SWINGING = """
 schema = 1

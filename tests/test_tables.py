@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator
 
-from kaneflex.errors import Fault, SceneError
-from kaneflex.interpolation import INTERPOLATIONS
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.tables import Table, evaluate_block, largest_of_block, overshoot_of_block, read_table
+from kaneflex.scene.tables import Table, evaluate_block, largest_of_block, overshoot_of_block, read_table
+from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.interpolation import INTERPOLATIONS
 
 
 @pytest.fixture

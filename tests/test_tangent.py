@@ -12,7 +12,6 @@ from numba import njit
 from runs import model
 from test_program import INPUTS, evaluated, random_program
 
-from kaneflex.binding import find_tangent_module
 from kaneflex.derive import generate_tangent
 from kaneflex.derive.emit import SLOPE_LOOKUPS, TABLE_LOOKUPS, Kernel, print_kernel
 from kaneflex.derive.generate import calls
@@ -20,9 +19,10 @@ from kaneflex.derive.laws import law_expression
 from kaneflex.derive.lookups import T, table, table_curvature, table_rate
 from kaneflex.derive.program import Program, share
 from kaneflex.derive.tangent import slope, slopes
-from kaneflex.laws import FUNCTIONS
+from kaneflex.multibody.binding import find_tangent_module
 from kaneflex.scene import read_scene
-from kaneflex.tables import Table
+from kaneflex.scene.laws import FUNCTIONS
+from kaneflex.scene.tables import Table
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -6,11 +6,11 @@ from numpy.polynomial import Polynomial
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
-from kaneflex.building import reference_modes
 from kaneflex.derive.beam import beam_element
 from kaneflex.derive.shapes import PARAMETERS, S_0, m_0, rho_A, x_0
-from kaneflex.model import Model
-from kaneflex.simulation import simulate
+from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model import Model
+from kaneflex.solve.simulation import simulate
 
 
 @pytest.mark.parametrize("shear", [False, True])

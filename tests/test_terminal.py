@@ -3,7 +3,7 @@
 import sys
 import time
 
-from kaneflex import terminal
+from kaneflex.support import terminal
 
 
 def test_only_a_stage_that_lasts_is_shown(capsys, monkeypatch):

@@ -12,9 +12,9 @@ from command_line import cli
 from kaneflex.plots.terms import figure
 from kaneflex.plots.trade import figure as trade_figure
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.trade.ladder import ladder, neutral
-from kaneflex.trade.ranking import trade
-from kaneflex.trade.terms import Terms, groups, terms
+from kaneflex.study.trade.candidates import ladder, neutral
+from kaneflex.study.trade.ranking import trade
+from kaneflex.study.trade.terms import Terms, groups, terms
 
 
 def chosen(scene, *names):

@@ -10,8 +10,7 @@ from runs import derived_on_the_fly
 from scipy.linalg import eigh
 from sympy import Matrix, diff
 
-from kaneflex.building import reference_modes
-from kaneflex.cli import mesh_hint
+from kaneflex.cli.commands import mesh_hint
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.shapes import (
     E_I,
@@ -25,7 +24,8 @@ from kaneflex.derive.shapes import (
     x,
     x_0,
 )
-from kaneflex.shape_functions import shape_functions
+from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.multibody.building import reference_modes
 
 
 def terms(element: Element) -> dict[str, Matrix]:
@@ -340,7 +340,7 @@ def test_links_of_different_theory_share_a_module(swinging):
 
 def test_elastic_forces_balance_the_rigid_ones_with_rotary_inertia(swinging):
     """Both stages know rho_I: reactions from the elements' residuals differ by the deformation's small share only."""
-    from kaneflex.simulation import simulate
+    from kaneflex.solve.simulation import simulate
 
     series = simulate(swinging).series
     for name in ("torque", "elbow_x", "elbow_moment"):

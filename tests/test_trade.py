@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from command_line import cli, refused
 
-from kaneflex.curves import Curves
-from kaneflex.errors import SceneError
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.trade.cost import Timing, cost
-from kaneflex.trade.errors import differences
-from kaneflex.trade.ladder import Candidate, ladder, neutral, neutral_settings, terms_of
-from kaneflex.trade.ranking import Trade, trade
-from kaneflex.trade.reference import _coupled_levels, find_reference
+from kaneflex.solve.curves import Curves
+from kaneflex.study.trade.candidates import Candidate, ladder, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.cost import Timing, cost
+from kaneflex.study.trade.errors import differences
+from kaneflex.study.trade.ranking import Trade, trade
+from kaneflex.study.trade.reference import _coupled_levels, find_reference
+from kaneflex.support.errors import SceneError
 
 TRIED = (
     "rigid", "paper", "linear", "stiffened", "coupled", "quasistatic, 2 elements", "quasistatic, 1 element",

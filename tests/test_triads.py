@@ -8,13 +8,13 @@ from newton_euler import imbalance, motion_of, place
 from scipy.optimize import fsolve
 
 import kaneflex
-from kaneflex.binding import bind_parameters, generate_text, import_file
 from kaneflex.derive import closure
-from kaneflex.errors import SceneError
-from kaneflex.rigid_motion import Motion
+from kaneflex.mechanism.closure_continuation import seed_loops
+from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.scene.quantities import Address
-from kaneflex.seeding import seed_loops
+from kaneflex.support.errors import SceneError
 
 HEAD = """
 schema = 1
@@ -226,7 +226,7 @@ def test_the_drive_does_no_work_over_a_turn():
 
 
 def test_show_places_the_same_assembly(tmp_path):
-    from kaneflex.placing import place as placed
+    from kaneflex.mechanism.position_analysis import place as placed
 
     scene = written(tmp_path, MECHANISMS["three rockers"])
     rigid = kaneflex.load(scene).motion.at(0.0)
@@ -270,7 +270,7 @@ def test_near_of_a_dyad_names_a_body_of_its_loop(tmp_path):
     (tmp_path / "near.toml").write_text(
         'schema = 1\nlike = "four-bar"\n[joints]\nrocker = {near = {crank = "10 deg"}}\n'
     )
-    from kaneflex.placing import place as placed
+    from kaneflex.mechanism.position_analysis import place as placed
 
     with pytest.raises(SceneError, match="the loop that rocker closes moves coupler, follower"):
         placed(read_scene(tmp_path / "near.toml"))

@@ -7,7 +7,7 @@ import pytest
 
 import kaneflex
 from kaneflex.scene import with_settings
-from kaneflex.simulation import solve
+from kaneflex.solve.simulation import solve
 
 
 def _run(scene, *settings):

@@ -9,31 +9,31 @@
 
 from importlib import import_module
 
-from kaneflex._numba_cache import ensure_cache_folder
+from kaneflex.support.numba_cache import ensure_cache_folder
 
 ensure_cache_folder()  # before any jitted module can be imported
 
 _HOMES = {
-    "Comparison": "kaneflex.comparison",
-    "Model": "kaneflex.model",
-    "OutputError": "kaneflex.errors",
+    "Comparison": "kaneflex.study.comparison",
+    "Model": "kaneflex.multibody.model",
+    "OutputError": "kaneflex.support.errors",
     "Scene": "kaneflex.scene",
-    "SceneError": "kaneflex.errors",
-    "Sensitivities": "kaneflex.sensitivity.report",
-    "Solution": "kaneflex.solution",
+    "SceneError": "kaneflex.support.errors",
+    "Sensitivities": "kaneflex.study.sensitivity.report",
+    "Solution": "kaneflex.solve.solution",
     "Stability": "kaneflex.stability.report",
-    "StateSpace": "kaneflex.statespace",
-    "UserError": "kaneflex.errors",
-    "ValidityWarning": "kaneflex.errors",
-    "checked": "kaneflex.checking",
-    "compare": "kaneflex.comparison",
+    "StateSpace": "kaneflex.solve.statespace",
+    "UserError": "kaneflex.support.errors",
+    "ValidityWarning": "kaneflex.support.errors",
+    "checked": "kaneflex.support.checking",
+    "compare": "kaneflex.study.comparison",
     "judge": "kaneflex.stability.report",
-    "linearise": "kaneflex.statespace",
-    "load": "kaneflex.loading",
+    "linearise": "kaneflex.solve.statespace",
+    "load": "kaneflex.solve.loading",
     "read_scene": "kaneflex.scene",
-    "read_state": "kaneflex.coupled.state",
-    "sensitivities": "kaneflex.sensitivity.report",
-    "simulate": "kaneflex.simulation",
+    "read_state": "kaneflex.solve.coupled_state",
+    "sensitivities": "kaneflex.study.sensitivity.report",
+    "simulate": "kaneflex.solve.simulation",
     "with_settings": "kaneflex.scene",
 }
 __all__ = sorted(_HOMES)

@@ -10,11 +10,11 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row, Target
+from kaneflex.integrate.batch import Run, integrate_together
 from kaneflex.integrate.run import integrate
-from kaneflex.integrate.together import Run, integrate_together
-from kaneflex.loading import load
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.simulation import run_of
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import run_of
 
 ABOUT = """*A cycle*: the periodic motion at one of 64 speeds on one core, systems and tables of the motion being there:
 by `integrate` one after the other, or by `integrate_together` in eight lanes; the ratio is to the same method alone.

@@ -12,12 +12,12 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex.curves import Curves, Resolution
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
 from kaneflex.peers import exudyn
 from kaneflex.scene import Scene, read_scene, with_settings
-from kaneflex.simulation import simulate
+from kaneflex.solve.curves import Curves, Resolution
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.support.errors import SceneError
 
 TITLE = "Whole runs against Exudyn"
 ABOUT = """Time to an error of 1e-3 (rms of the mid-rod deflection, of its largest, against each program's own converged

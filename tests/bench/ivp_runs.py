@@ -18,9 +18,9 @@ from bench.rows import Row, Target
 from kaneflex.derive.generate import derive_equations
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.integrate.run import integrate
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
 
 TITLE = "Whole runs against solve_ivp"
 ABOUT = """One cycle (720 degrees, 20 ms) of the engine from rest with 6 coordinates, a static shape and five modes, and

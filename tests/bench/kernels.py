@@ -18,8 +18,8 @@ from bench.interleave import Race, from_python, interleave, repeated
 from bench.peers import Candidate
 from bench.rows import Row, Target
 from bench.tasks import Task, element_task, motion_task
-from kaneflex.contract import ELEMENT_KERNELS
 from kaneflex.generated import slider_crank_150 as generated
+from kaneflex.support.contract import ELEMENT_KERNELS
 
 TITLE = "Kernels"
 ABOUT = """Time of one evaluation. *Beam element*: M, K_s, K_d, K_g, C and F, 114 numbers that are not zero.

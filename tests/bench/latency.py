@@ -13,9 +13,9 @@ from pathlib import Path
 
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex.loading import load
 from kaneflex.scene import read_scene
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 
 TITLE = "Latency"
 ABOUT = """Wall time of whole processes, the interpreter's start included: imports, and `kaneflex run engine --no-plots`

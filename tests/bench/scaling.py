@@ -14,11 +14,11 @@ from scipy.linalg import solve_banded
 from bench.interleave import interleave
 from bench.ivp_runs import SETTINGS, Case, seconds
 from bench.rows import Row, Target
-from kaneflex.comparison import compare
 from kaneflex.integrate.run import integrate
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.study.comparison import compare
 
 TITLE = "Scaling"
 ABOUT = """Time of one step, in the compiled loop alone, of the engine with so many elements, not reduced, and of its

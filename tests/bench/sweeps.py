@@ -13,8 +13,8 @@ from pathlib import Path
 from bench import cycles
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex.loading import load
-from kaneflex.simulation import simulate
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 from kaneflex.study.cluster import on_cluster
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.processes import in_processes

@@ -12,11 +12,11 @@ from functools import cache
 import numpy as np
 import sympy as sm
 
-from kaneflex.binding import bind_parameters
-from kaneflex.contract import ELEMENT_KERNELS
 from kaneflex.derive.generate import Equations, derive_equations, lower
 from kaneflex.generated import slider_crank_150
+from kaneflex.multibody.binding import bind_parameters
 from kaneflex.scene import read_scene
+from kaneflex.support.contract import ELEMENT_KERNELS
 
 SAMPLES = 16
 

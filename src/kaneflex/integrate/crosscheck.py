@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 
-from kaneflex.errors import UserError
-from kaneflex.integrate.feed import Feed
+from kaneflex.integrate.coefficient_stream import Feed
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.system import AffineSystem
+from kaneflex.support.errors import UserError
 
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-16  # tolerances: near the best that the methods of solve_ivp reach
 _METHODS = ("DOP853", "Radau", "LSODA", "RK45", "BDF")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.errors import UserError, nearest
 from kaneflex.integrate.system import AffineSystem
+from kaneflex.support.errors import UserError, nearest
 
 
 @dataclass(frozen=True)

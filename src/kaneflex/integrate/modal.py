@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.errors import UserError
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.system import AffineSystem
+from kaneflex.support.errors import UserError
 
 
 def transition(system: AffineSystem, row: np.ndarray, step: float) -> np.ndarray:

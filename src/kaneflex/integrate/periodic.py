@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
-from kaneflex.integrate.stretches import Stretches
+from kaneflex.integrate.time_segments import Stretches
 
 Maps = tuple[Stretches, np.ndarray, np.ndarray]
 """The stretches of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""

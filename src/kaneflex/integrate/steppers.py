@@ -1,7 +1,7 @@
 """The compiled loops. One specialisation of each serves every scene, a second one eight stretches of time at once.
 
 Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`. Newmark's steps one after the other go
-faster in loops for small systems and for long chains: `kaneflex.integrate.small`, `kaneflex.integrate.chains`.
+faster in loops for small systems and for long chains: `kaneflex.integrate.dense`, `kaneflex.integrate.banded`.
 
 Arguments of the loops `newmark`, `collocation` and `exact_modal`:
 
@@ -55,7 +55,7 @@ from kaneflex.integrate.matrices import (
     unbalanced,
     weights,
 )  # fmt: skip
-from kaneflex.stamp import made_of
+from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)

@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.integrate import chains, matrices, small, steppers
-from kaneflex.integrate.abreast import Abreast, Systems
-from kaneflex.integrate.feed import Feed
+from kaneflex.integrate import banded, dense, matrices, steppers
+from kaneflex.integrate.banded_slices import Chain, chain_of
+from kaneflex.integrate.batch_lanes import Abreast, Systems
+from kaneflex.integrate.coefficient_stream import Feed
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.sliced import Chain, chain_of
-from kaneflex.integrate.stretches import Stretches
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
+from kaneflex.integrate.time_segments import Stretches
 
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""
@@ -93,7 +93,7 @@ class Setup:
     @cached_property
     def chain(self) -> Chain | None:
         """What the loop for long chains reads of the system; None where that loop does not take it, or not faster."""
-        if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > chains.BAND:
+        if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > banded.BAND:
             return None
         chain = chain_of(self.system, *self.coefficients[4:6])
         return chain if chain.numbers < _FULL * self.system.packed.data.size else None
@@ -107,10 +107,10 @@ class Setup:
         """The compiled loop that takes these states furthest in a second, with what it reads of the system."""
         one_after_the_other = state.z.ndim == 2
         if one_after_the_other and self.method.stepper == "newmark" and self.system.n <= LANES:
-            return partial(small.newmark, self.system.packed)
+            return partial(dense.newmark, self.system.packed)
         if one_after_the_other and self.chain is not None:
             own = coefficients is self.coefficients
-            return partial(chains.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6]))
+            return partial(banded.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6]))
         loop = partial(getattr(steppers, self.method.stepper), self.system.packed)
         return partial(loop, self.stages, (1.0,) * self.method.stages) if self.method.stages else loop
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from kaneflex.errors import Problem, SceneError
-from kaneflex.options import Options
 from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
 from kaneflex.scene.start import Start
+from kaneflex.support.errors import Problem, SceneError
 
 _SETTLED = 1e-4
 """What is left of the free vibration at the start when a cycle is taken for periodic."""

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from kaneflex.curves import FINE_ENOUGH, Curves, Resolution
-from kaneflex.errors import SceneError
 from kaneflex.peers.buildable import check_buildable, cycles_to_settle
+from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.model import Model
+    from kaneflex.multibody.model import Model
     from kaneflex.peers.exudyn_system import Built
     from kaneflex.scene import Scene
 
@@ -47,10 +47,10 @@ def solve(
         Without the package exudyn, for what can't be built there, and where its solver stops.
     """
     exudyn = check(scene)
-    from kaneflex.loading import load
     from kaneflex.peers.exudyn_system import build
     from kaneflex.peers.readings import Recorder
     from kaneflex.scene import with_settings
+    from kaneflex.solve.loading import load
 
     model = load(with_settings(scene, ["solve.preset=stiffened"]), progress)
     progress("building the scene in Exudyn")

@@ -15,8 +15,8 @@ from kaneflex.peers.buildable import lumped
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
-    from kaneflex.curves import Resolution
-    from kaneflex.model import Model
+    from kaneflex.multibody.model import Model
+    from kaneflex.solve.curves import Resolution
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.rigid_motion import RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 
 if TYPE_CHECKING:
-    from kaneflex.model import Model
+    from kaneflex.multibody.model import Model
     from kaneflex.peers.exudyn_system import Built
 
 _NO_COUNTERPART = "the peer has no counterpart"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 Progress = Callable[[float], None]
 

@@ -15,7 +15,7 @@ from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import View, angle_name, view
 
 if TYPE_CHECKING:
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 _FRAMES, _PER_SECOND, _DPI = 60, 12, 80
 _DRAWN = 0.1

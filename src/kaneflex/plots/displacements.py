@@ -12,8 +12,8 @@ from kaneflex.plots.style import new_figure, plot_curves
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
-    from kaneflex.deformation import Deformation
-    from kaneflex.solution import Solution
+    from kaneflex.response.deformation import Deformation
+    from kaneflex.solve.solution import Solution
 
 _STILL = 1e-3
 """Displacements below this share of the largest are not shown: of held points, of second order."""

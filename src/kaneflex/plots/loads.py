@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from kaneflex.plots.style import mark_angles, new_figure, plot_curves, readable
 from kaneflex.plots.view import angle_name
 from kaneflex.scene.parts import Load
-from kaneflex.tables import Table, evaluate_block
+from kaneflex.scene.tables import Table, evaluate_block
 
 if TYPE_CHECKING:
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 _PRESSURE = "p_abs_bar"
 """Column of a load's CSV file that holds the absolute gas pressure [bar]."""

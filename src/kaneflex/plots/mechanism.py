@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.deformation import follow
-from kaneflex.foreshortening import displaced
-from kaneflex.model import Model
-from kaneflex.placing import Placement
-from kaneflex.rigid_motion import RigidMotion
+from kaneflex.mechanism.position_analysis import Placement
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+from kaneflex.response.deformation import follow
+from kaneflex.response.foreshortening import displaced
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
 

@@ -9,15 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from kaneflex.building import reference_modes
+from kaneflex.multibody.building import reference_modes
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import Outline, outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
 from kaneflex.plots.view import angle_name
 
 if TYPE_CHECKING:
-    from kaneflex.model import Model
-    from kaneflex.solution import Solution
+    from kaneflex.multibody.model import Model
+    from kaneflex.solve.solution import Solution
 
 _MOST = 6
 _DRAWN = 0.09

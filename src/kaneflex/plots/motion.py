@@ -12,7 +12,7 @@ from kaneflex.plots.style import legend_above, new_figure, plot_curves
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 _NOTHING = 1e-9
 """A mean below this share of the largest value is written as none."""

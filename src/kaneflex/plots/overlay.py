@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from kaneflex.plots.style import PALETTE, new_figure, readable, save, styled
 
 if TYPE_CHECKING:
-    from kaneflex.comparison import Comparison
+    from kaneflex.study.comparison import Comparison
 
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""

@@ -12,13 +12,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.building import reference_modes
+from kaneflex.multibody.building import reference_modes
 from kaneflex.plots.style import GREY, PALETTE, legend_above, legend_beside, new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
     from kaneflex.scene.sensors import Sensor
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 _FLOOR = 1e-4
 """A spectrum is drawn up to the last frequency whose amplitude exceeds this share of the largest."""

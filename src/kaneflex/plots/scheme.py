@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.joint_rows import place_of
-from kaneflex.links import mesh
-from kaneflex.placing import Placement
+from kaneflex.fem.links import mesh
+from kaneflex.mechanism.joints import place_of
+from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.labels import Labels
 from kaneflex.plots.mechanism import Outline, Scenery, rigid_outline, rigid_scenery

@@ -12,7 +12,7 @@ from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
     from kaneflex.scene.sensors import Sensor
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""

@@ -13,8 +13,8 @@ from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
-    from kaneflex.deformation import Deformation
-    from kaneflex.solution import Solution
+    from kaneflex.response.deformation import Deformation
+    from kaneflex.solve.solution import Solution
 
 _ALONG, _INSTANTS = 33, 181
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from kaneflex.plots.style import GREY, PALETTE, new_figure, save, shade, styled
 
 if TYPE_CHECKING:
-    from kaneflex.trade.terms import Terms
+    from kaneflex.study.trade.terms import Terms
 
 _LEAST = 1e-6
 """Change [%] at which the logarithmic axis begins."""

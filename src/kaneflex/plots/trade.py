@@ -13,7 +13,7 @@ from kaneflex.plots.style import GREY, PALETTE, new_figure, save, styled
 from kaneflex.scene.parts import PRESETS
 
 if TYPE_CHECKING:
-    from kaneflex.trade.ranking import Ranked, Trade
+    from kaneflex.study.trade.ranking import Ranked, Trade
 
 _LEAST, _MOST = 1e-8, 5.0
 """Errors beyond which a point stands at the bottom or top: the axis is logarithmic, and instability without bounds."""

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from kaneflex.deformation import Deformation
-from kaneflex.foreshortening import displaced
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.style import mark_angles, readable
-from kaneflex.rigid_motion import RigidMotion
+from kaneflex.response.deformation import Deformation
+from kaneflex.response.foreshortening import displaced
 
 if TYPE_CHECKING:
-    from kaneflex.solution import Solution
+    from kaneflex.solve.solution import Solution
 
 _MOST_TURNS = 8
 """Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""

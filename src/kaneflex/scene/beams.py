@@ -7,11 +7,11 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from kaneflex.errors import Fault
 from kaneflex.scene.materials import MATERIALS, Constants, Made
 from kaneflex.scene.profile import Piece, Profile
 from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveSecondMoment, WholeNumber
 from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient
+from kaneflex.support.errors import Fault
 
 _THEORIES = {
     "euler-bernoulli": (False, False),

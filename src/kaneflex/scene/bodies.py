@@ -6,12 +6,12 @@ from functools import cached_property
 
 from pydantic import Field, field_validator, model_validator
 
-from kaneflex.errors import Fault
 from kaneflex.scene.beams import Beam
 from kaneflex.scene.modal_data import ModalData, modal_data_of, read_modal_data
 from kaneflex.scene.profile import Profile
 from kaneflex.scene.quantities import Angle, Inertia, Point, PositiveLength, PositiveMass
 from kaneflex.scene.table import SceneTable
+from kaneflex.support.errors import Fault
 
 _SAME_MASS = 1e-6  # relative; mass and A of one beam may both be given if they agree this closely
 

@@ -6,13 +6,13 @@ import keyword
 import math
 from collections.abc import Iterator
 
-from kaneflex.errors import LONGEST_NAME, Problem, nearest
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
+from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
 
 def problems_of(scene: Scene) -> list[Problem]:

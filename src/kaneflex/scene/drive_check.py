@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.scene.law_check import check_drive_law
 from kaneflex.scene.scene import Scene, written
-from kaneflex.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
+from kaneflex.support.errors import Fault, Problem, nearest
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 
 def drive_problems(scene: Scene) -> Iterator[Problem]:

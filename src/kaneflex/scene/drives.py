@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from kaneflex.errors import Fault
 from kaneflex.scene.quantities import Angle, DriveSpeed, Length, NonNegativeRatio, PositiveAngle, PositiveTime
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
-from kaneflex.tables import Table, read_table
-from kaneflex.units import ANGLE, LENGTH, Dimension, unit_factor
+from kaneflex.scene.tables import Table, read_table
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import ANGLE, LENGTH, Dimension, unit_factor
 
 _KINDS = ("speed", "law", "table", "free")
 _BELONGS_TO = {
@@ -100,11 +100,11 @@ class Drive(SceneTable):
         return LENGTH
 
     def curve(self) -> np.ndarray:
-        """The block (see `kaneflex.tables`) of the drive's table. Raises Fault as `read_table`."""
+        """The block (see `kaneflex.scene.tables`) of the drive's table. Raises Fault as `read_table`."""
         return self.read_table().coefficients(self.period, self.interpolation)
 
     def read_table(self) -> Table:
-        """The drive's table, in rad or m over s. Raises Fault as `kaneflex.tables.read_table` does."""
+        """The drive's table, in rad or m over s. Raises Fault as `kaneflex.scene.tables.read_table` does."""
         table = read_table(self.table, self.column, self.unit, "s", self.table_dimension)
         if self.repeat is not None:
             table.check_period(self.repeat, self.closing)

@@ -8,7 +8,7 @@ import typing
 from pydantic import BaseModel
 
 from kaneflex.scene.scene import Scene
-from kaneflex.units import Dimension
+from kaneflex.support.units import Dimension
 
 ANY_NAME = "*"
 """Stands for the names that a user gives, where a table has any."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.errors import Fault
-from kaneflex.laws import parse_law, sample_times
 from kaneflex.scene.drives import Drive
+from kaneflex.scene.laws import parse_law, sample_times
 from kaneflex.scene.parts import Load
 from kaneflex.scene.scene import Scene
-from kaneflex.tables import evaluate_block
+from kaneflex.scene.tables import evaluate_block
+from kaneflex.support.errors import Fault
 
 
 def check_drive_law(scene: Scene, drive: Drive) -> None:
@@ -27,7 +27,7 @@ def check_load_law(scene: Scene, load: Load) -> None:
     """Raise Fault unless a load's law is one and has values wherever its drives' motion is known before the run.
 
     A law of a free joint's motion is tried where the joint starts; what depends on the speed of a spin-up, a law or a
-    table is sampled with the derived motion (`kaneflex.loading.check_finite`).
+    table is sampled with the derived motion (`kaneflex.solve.loading.check_finite`).
     """
     law = parse_law(load.law, scene.law_names())
     free = any(law.uses(name) or law.uses(f"{name}_speed") for name, drive in scene.drives.items() if drive.free)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kaneflex.errors import Fault, Problem, nearest
 from kaneflex.scene.law_check import check_load_law
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
+from kaneflex.support.errors import Fault, Problem, nearest
 
 
 def address_problems(scene: Scene, key: str, address: Address, ground: bool) -> Iterator[Problem]:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
-from kaneflex.errors import Fault, nearest
 from kaneflex.scene.quantities import NonNegativeRatio, PositiveDensity, PositiveModulus
 from kaneflex.scene.table import SceneTable
+from kaneflex.support.errors import Fault, nearest
 
 
 class Material(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from kaneflex.errors import SceneError, nearest
+from kaneflex.support.errors import SceneError, nearest
 
 REMOVED = "none"
 _OWN_WORD = ("reduction",)  # its "none" is a word of its own

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from kaneflex.errors import Problem
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.sensors import POINT_KINDS
+from kaneflex.support.errors import Problem
 
 
 def modal_problems(scene: Scene) -> Iterator[Problem]:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.errors import Fault
-from kaneflex.reading import check_file, check_size
+from kaneflex.support.errors import Fault
+from kaneflex.support.reading import check_file, check_size
 
 FORMAT = 1
 """Number of the file's format."""

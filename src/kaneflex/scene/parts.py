@@ -7,8 +7,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from kaneflex.errors import Fault, nearest
-from kaneflex.interpolation import Interpolation
 from kaneflex.scene.quantities import (
     Address,
     AddressField,
@@ -32,8 +30,10 @@ from kaneflex.scene.quantities import (
 )
 from kaneflex.scene.start import Start, start_of
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
-from kaneflex.tables import Table, read_table
-from kaneflex.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
+from kaneflex.scene.tables import Table, read_table
+from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.interpolation import Interpolation
+from kaneflex.support.units import ANGLE, FORCE, FORCE_PER_LENGTH, TIME, TORQUE, to_si
 
 PRESETS = ("rigid", "quasistatic", "paper", "linear", "stiffened", "coupled")
 _TIGHTEST = 1e-13
@@ -165,7 +165,7 @@ class Load(SceneTable):
         return the_one_given(self, ("value", "law", "table"))
 
     def read_table(self) -> Table:
-        """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.tables.read_table` does."""
+        """The load's table, in N or N m over rad or s. Raises Fault as `kaneflex.scene.tables.read_table` does."""
         dimension = TORQUE if self.torque_at else FORCE_PER_LENGTH if self.spread_on else FORCE
         unit = self.unit if "unit" in self.model_fields_set else self.si_unit
         table = read_table(self.table, self.column, unit, "s" if self.against == "t" else "deg", dimension)
@@ -174,7 +174,7 @@ class Load(SceneTable):
         return table
 
     def curve(self) -> np.ndarray:
-        """The block (see `kaneflex.tables`) of the load's table. Raises Fault as `read_table`."""
+        """The block (see `kaneflex.scene.tables`) of the load's table. Raises Fault as `read_table`."""
         return self.read_table().coefficients(self.period, self.interpolation)
 
 

@@ -95,7 +95,7 @@ class Profile:
         return replace(self, pieces=tuple(scaled))
 
     def element(self, x_0: float, length: float) -> dict[str, float]:
-        """Every parameter of the element from x_0 to x_0 + length [m], by its name in ``kaneflex.contract``.
+        """Every parameter of the element from x_0 to x_0 + length [m], by its name in ``kaneflex.support.contract``.
 
         A varying property is the linear function that is nearest to it in the mean square: its mean keeps the
         element's mass and average stiffness, and what is left out is of the fourth order in the element's length.

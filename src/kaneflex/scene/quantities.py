@@ -1,6 +1,6 @@
 """The field types of a scene file: quantities, vectors, names and addresses, as pydantic annotations.
 
-Every validator raises `kaneflex.errors.Fault`; `scene/read.py` adds the key and the value as the user wrote
+Every validator raises `kaneflex.support.errors.Fault`; `scene/read.py` adds the key and the value as the user wrote
 it.
 """
 
@@ -11,10 +11,10 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from kaneflex import units
-from kaneflex.errors import Fault
-from kaneflex.laws import FUNCTIONS
-from kaneflex.units import Dimension, to_si
+from kaneflex.scene.laws import FUNCTIONS
+from kaneflex.support import units
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import Dimension, to_si
 
 RESULT_NAMES = {"time": "the results are over it"}
 """What a sensor can't be called, and why: its name is that of a variable of the results, and stands nowhere else."""

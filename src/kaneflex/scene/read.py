@@ -10,13 +10,13 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from kaneflex.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest
-from kaneflex.reading import beside, is_file, read_text
 from kaneflex.scene.check import problems_of
 from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
 from kaneflex.scene.scene import Scene, written
 from kaneflex.scene.settings import nested
+from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest
+from kaneflex.support.reading import beside, is_file, read_text
 
 _DEEPEST = 20
 """Tables within tables at most: no scene has more than six."""

@@ -16,7 +16,7 @@ from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
-from kaneflex.units import SENSED, to_si
+from kaneflex.support.units import SENSED, to_si
 
 
 def written(raw: object, path: Sequence[str]) -> object:

@@ -8,10 +8,10 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from kaneflex.errors import Fault
 from kaneflex.scene.quantities import PositiveLength
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
-from kaneflex.units import LENGTH, RATIO, to_si
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import LENGTH, RATIO, to_si
 
 
 def _dimensions(*names: str) -> Any:

@@ -7,9 +7,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from kaneflex.errors import Fault
 from kaneflex.scene.quantities import Address, AddressField, Length
 from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.support.errors import Fault
 
 MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
 SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")

@@ -7,8 +7,8 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from kaneflex.errors import SceneError, nearest
 from kaneflex.scene.fields import ANY_NAME, has_entry, known_keys
+from kaneflex.support.errors import SceneError, nearest
 
 _MOST_NAMES = 3
 """Names that a message lists at most."""

@@ -6,10 +6,10 @@ from typing import Annotated
 
 from pydantic import ValidationInfo, WithJsonSchema, field_validator, model_validator
 
-from kaneflex.errors import Fault
 from kaneflex.scene.quantities import Address, AddressPair, Angle, NonNegativeLength
 from kaneflex.scene.table import SceneTable, the_one_given
-from kaneflex.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS, to_si
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS, to_si
 
 Stiffness = Annotated[
     float, WithJsonSchema({"type": ["number", "string"], "description": "a stiffness, N/m or N m/rad"})

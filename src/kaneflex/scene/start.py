@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from kaneflex.errors import Fault
 from kaneflex.scene.table import SceneTable
-from kaneflex.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 STARTS = ("zero", "quasistatic", "periodic")
 

@@ -11,10 +11,10 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from kaneflex.contract import FORMAT
-from kaneflex.laws import parse_law
+from kaneflex.scene.laws import parse_law
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
+from kaneflex.support.contract import FORMAT
 
 ANY = "*"
 """A number that the equations hold as a parameter."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pydantic import BaseModel, ConfigDict
 
-from kaneflex.errors import Fault
+from kaneflex.support.errors import Fault
 
 
 class SceneTable(BaseModel):

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from kaneflex.errors import SceneError
 from kaneflex.scene.merge import REMOVED
 from kaneflex.scene.read import read_scene, shipped_scenes, with_settings
 from kaneflex.scene.scene import Scene
-from kaneflex.writing import write_bytes
+from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.errors import SceneError
 
 _MARK = "\N{BYTE ORDER MARK}".encode()
 _HEADER = re.compile(r"^\s*\[([^\[\]]+)\]\s*(#.*)?$")

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.errors import SceneError
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import leading
 from kaneflex.integrate.run import cycle_map
-from kaneflex.model import Model
-from kaneflex.simulation import not_repeated
+from kaneflex.multibody.model import Model
+from kaneflex.solve.simulation import not_repeated
+from kaneflex.support.errors import SceneError
 
 FIRST_STEPS, MOST_STEPS = 256, 16384
 """Steps of the first attempt over a period, and those at which refining ends."""

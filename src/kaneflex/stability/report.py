@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
+from kaneflex.response.buckling import Buckling, buckling
+from kaneflex.response.campbell import INSTANTS, Frozen, freeze
 from kaneflex.scene import Scene
-from kaneflex.stability.buckling import Buckling, buckling
-from kaneflex.stability.campbell import INSTANTS, Frozen, freeze
+from kaneflex.solve.loading import load
 from kaneflex.stability.findings import findings
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
 from kaneflex.stability.steps import StepLimit, recommended, step_limits

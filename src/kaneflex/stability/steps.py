@@ -9,7 +9,7 @@ import numpy as np
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import cycle_map
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
 from kaneflex.stability.floquet import Multipliers
 
 FINEST, COARSEST = 2048, 8

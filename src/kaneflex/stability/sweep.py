@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.errors import SceneError
-from kaneflex.loading import load
-from kaneflex.model import Model
+from kaneflex.multibody.model import Model
+from kaneflex.response.campbell import FEW_INSTANTS, freeze
 from kaneflex.scene import Scene, with_settings
-from kaneflex.stability.campbell import FEW_INSTANTS, freeze
+from kaneflex.solve.loading import load
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
+from kaneflex.support.errors import SceneError
 
 _EDGE = 2e-5
 """Share of the sweep's width to which a band's edge is found between two of its speeds."""

@@ -11,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.errors import SceneError
-from kaneflex.module_cache import cache_folder, is_module, keep, sources_digest
 from kaneflex.scene import Scene, with_settings
 from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
 from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.run import Record, solve_chunk
+from kaneflex.support.errors import SceneError
+from kaneflex.support.module_cache import cache_folder, is_module, keep, sources_digest
 
 if TYPE_CHECKING:
     from distributed import Client, Future, WorkerPlugin

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.labelled import Labelled
 from kaneflex.study.plan import Plan
 from kaneflex.study.run import STATISTICS, Record
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
+from kaneflex.support.labelled import Labelled
 
 
 def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> Labelled:

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from kaneflex.errors import SceneError, nearest
-from kaneflex.module_cache import sources_digest
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.settings import nested, resolved
 from kaneflex.study.points import Point, points_of
 from kaneflex.study.study import Study, Value, read_study
+from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.module_cache import sources_digest
 
 FILE_KEYS = ("table", "modal_data")
 """Entries of a scene that name a file."""

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.errors import UserError
 from kaneflex.study.plan import Plan
+from kaneflex.support.errors import UserError
 
 if TYPE_CHECKING:
-    from kaneflex.model import Model
-    from kaneflex.solution import Solution
+    from kaneflex.multibody.model import Model
+    from kaneflex.solve.solution import Solution
 
 STATISTICS = ("min", "max", "rms", "mean")
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
@@ -68,8 +68,8 @@ def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
 
 
 def _solved(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
-    from kaneflex.loading import load
-    from kaneflex.simulation import simulate_together, solve
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import simulate_together, solve
 
     def begin(point: int) -> Model:
         return load(plan.at(point), like=next(reversed(models.values()), None))
@@ -101,7 +101,7 @@ def _tried(action: Callable[..., Model | Record], point: int, *more: Model) -> M
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:
-    from kaneflex.time_statistics import statistics
+    from kaneflex.response.time_statistics import statistics
 
     outcome = solution.outcome.name.lower()
     if outcome != COMPLETED:
@@ -111,7 +111,7 @@ def _record(plan: Plan, point: int, solution: Solution) -> Record:
     kept = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
     labels = {name: (entry.unit, entry.meaning) for name, entry in solution.series.items()}
     if plan.sensitivities:
-        from kaneflex.sensitivity.report import sensitivities
+        from kaneflex.study.sensitivity.report import sensitivities
 
         derivatives = sensitivities(solution, plan.sensitivities, plan.frozen)
         for name, derivative in derivatives.named().items():

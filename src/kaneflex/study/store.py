@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kaneflex.errors import OutputError
-from kaneflex.folders import writing
 from kaneflex.study.plan import Plan
 from kaneflex.study.run import Record
-from kaneflex.writing import write_text
+from kaneflex.support.atomic_output import write_text
+from kaneflex.support.errors import OutputError
+from kaneflex.support.output_folders import writing
 
 STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER = "study.json", "journal.jsonl", "series"
 RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}

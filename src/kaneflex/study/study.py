@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, StrictBool, StrictFloat, StrictInt, StrictStr, ValidationError
 from pydantic import model_validator as validated_by
 
-from kaneflex.errors import Fault, SceneError
 from kaneflex.scene.quantities import WholeNumber
 from kaneflex.scene.read import problem_in
 from kaneflex.scene.table import SceneTable, the_one_given
-from kaneflex.units import NUMBER_WITH_UNIT
+from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.units import NUMBER_WITH_UNIT
 
 Value = StrictBool | StrictInt | StrictFloat | StrictStr
 """What an entry of a scene is set to."""

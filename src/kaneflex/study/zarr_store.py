@@ -5,10 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from kaneflex.errors import SceneError
 from kaneflex.study.dataset import labelled, longest
 from kaneflex.study.plan import Plan
 from kaneflex.study.store import Store
+from kaneflex.support.errors import SceneError
 
 _POINTS = 1024
 """Points of a chunk, where there are no series."""

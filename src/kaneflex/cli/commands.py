@@ -1,0 +1,355 @@
+"""The command line. Every command imports what it needs when it runs, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kaneflex.cli.compare import compare
+from kaneflex.cli.mechanism import derive, equations, linearise, new, show
+from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
+from kaneflex.cli.stability import stability
+from kaneflex.cli.sweep import sweep
+from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
+from kaneflex.support.errors import SceneError, UserError
+from kaneflex.support.output_folders import file_stem
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from kaneflex.multibody.model import Model
+    from kaneflex.report.summary import Summary
+    from kaneflex.scene import Scene
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class _Refusal(click.ClickException):
+    exit_code = USER_ERROR
+
+    def show(self, file: object = None) -> None:
+        for line in self.message.splitlines():
+            click.echo(f"Error: {line}", file=file, err=True)
+
+
+@contextmanager
+def _ended_like_interrupted() -> Iterator[None]:
+    """SIGTERM, as a batch system's or a shutdown's, cleans up as Ctrl-C does."""
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+class _Commands(click.Group):
+    """Turns what a user can cure, and Ctrl-C or the system's request to end, into a message and an exit code."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            with _ended_like_interrupted():
+                return super().invoke(ctx)
+        except UserError as error:
+            raise _Refusal(str(error)) from error
+        except OSError as error:
+            if error.errno not in _FULL:
+                raise
+            raise _Refusal(_no_room(error)) from error
+        except KeyboardInterrupt:
+            click.echo("Interrupted; nothing was left behind.", err=True)
+            ctx.exit(INTERRUPTED)
+
+
+def _no_room(error: OSError) -> str:
+    """What to say of a full disk, as under numba's cache of compiled kernels, which names no file."""
+    file = f"{error.filename}: " if error.filename else ""
+    caches = "set NUMBA_CACHE_DIR for compiled kernels, XDG_CACHE_HOME for derived equations"
+    return f"{file}{error.strerror}. Free some space, or keep caches elsewhere: {caches}."
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="kaneflex")
+def main() -> None:
+    """Mechanisms with flexible links: from a scene to motion, deformation and forces.
+
+    SCENE is the name of a shipped scene (see `kaneflex list`) or the path of a TOML file. Quantities may carry units:
+    "137 mm", "6000 rpm", 90deg. Exit codes: 0 done, 2 something to correct, 3 the run stopped early, 130 interrupted.
+
+    \b
+    First steps:
+      kaneflex run engine                          results, summary and pictures in engine-results
+      kaneflex run engine --set rod.elements=1     one number changed
+      kaneflex check my-engine.toml                does it close, what will be solved
+    """
+
+
+@main.command("list")
+def list_() -> None:
+    """The shipped scenes, the presets and the integrators."""
+    from kaneflex.integrate.methods import METHODS
+    from kaneflex.report.presentation import PRESETS_IN_WORDS, block
+    from kaneflex.scene import read_scene, shipped_scenes
+
+    click.echo(block("scenes", {name: read_scene(name).description for name in shipped_scenes()}))
+    click.echo(block("presets (--preset)", PRESETS_IN_WORDS))
+    click.echo(block("integrators (--integrator)", {name: method.description for name, method in METHODS.items()}))
+
+
+def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from kaneflex.scene import json_schema
+
+        click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+        ctx.exit()
+
+
+@main.command()
+@scene_options
+@click.option(
+    "--json-schema", is_flag=True, is_eager=True, expose_value=False, callback=_print_schema,
+    help="Print the JSON Schema of scene files, for editors, and stop.",
+)  # fmt: skip
+def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None) -> None:
+    """Say what SCENE is and whether it can be run; nothing is solved.
+
+    Every entry is checked, and the linkage is closed over the whole range of its drives.
+    """
+    from kaneflex.report.presentation import description
+    from kaneflex.solve.loading import load
+    from kaneflex.support.terminal import Waiting
+
+    scene = read(name, all_settings(preset, settings, steps, integrator))
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+    click.echo(description(model))
+    for warning in model.warnings:
+        click.echo(f"Warning: {warning}", err=True)
+
+
+@main.command()
+@scene_options
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder to make. [default: NAME-results]"
+)
+@click.option(
+    "--after", type=click.Path(path_type=Path), metavar="RESULTS",
+    help="Continue from the last state of another run's folder (preset coupled).",
+)  # fmt: skip
+@click.option(
+    "--sensitivities", "parameters", multiple=True, metavar="PATHS",
+    help="Differentiate every sensor by these numbers of the scene: rod.E,rod.I,main.speed. Can be repeated.",
+)  # fmt: skip
+@click.option(
+    "--basis", type=click.Choice(["frozen", "recomputed"]), default="frozen", show_default=True,
+    help="Whether modal bases keep their shapes in --sensitivities.",
+)  # fmt: skip
+@click.option(
+    "--tolerance", metavar="SHARE",
+    help="Choose the cheapest model that keeps each sensor within a share of its peak, like 1%.",
+)
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
+@click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
+@click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
+@click.option("--force", is_flag=True, help="Replace an earlier result folder.")
+@click.pass_context
+def run(
+    ctx: click.Context, name: str, preset: str | None, settings: tuple[str, ...], steps: str | None,
+    integrator: str | None, output: Path | None, after: Path | None, parameters: tuple[str, ...], basis: str,
+    tolerance: str | None, sensors: tuple[str, ...], write_back: bool, plots: bool, force: bool,
+) -> None:  # fmt: skip
+    """Solve SCENE and write results.nc, summary.json and pictures into a new folder.
+
+    The folder appears when it is complete; a run that fails leaves none. A run that goes unstable keeps what came
+    before, says when and why, and ends with exit code 3. What --tolerance chose is kept in the user's cache; the
+    summary says what it was chosen on.
+    """
+    from kaneflex.cli.workflow import run_into, uncollected
+    from kaneflex.scene.write_back import file_to_write, write_settings
+
+    chosen = all_settings(preset, settings, steps, integrator)
+    refuse_with_tolerance(tolerance, {"--preset": preset, "--integrator": integrator, "--after": after})
+    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors), "--write-back": write_back})
+    file = file_to_write(name, chosen) if write_back else None
+    share = None if tolerance is None else tolerance_of(tolerance)
+    with uncollected():
+        scene = read(name, chosen)
+    folder = output or Path(f"{file_stem(scene.name)}-results")
+    names = [name.strip() for text in parameters for name in text.split(",")]
+    summary = run_into(
+        scene, folder, chosen, plots, force, after, names, basis == "frozen", share, sensors or None
+    )
+    _report(summary, folder)
+    if file is not None:
+        write_settings(file, summary.choice.settings)
+        click.echo(f"The model is written into {file}")
+    if summary.outcome != "completed":
+        ctx.exit(STOPPED_EARLY)
+
+
+def _report(summary: Summary, folder: Path) -> None:
+    from kaneflex.report.presentation import run_lines, spread_table, summary_table
+
+    if summary.sensors:
+        click.echo(summary_table(summary))
+    if summary.mode_angle_spread:
+        click.echo(spread_table(summary))
+    if summary.sensitivities:
+        from kaneflex.report.sensitivities import sensitivity_table
+
+        click.echo(sensitivity_table(summary))
+    click.echo(run_lines(summary))
+    if summary.choice is not None:
+        click.echo(chosen_lines(summary.choice))
+    click.echo(f"Written to {folder}")
+    for warning in summary.warnings:
+        click.echo(f"Warning: {warning}", err=True)
+    if summary.outcome != "completed":
+        click.echo(f"Stopped early: {summary.message}", err=True)
+
+
+@main.command()
+@scene_options
+@click.option(
+    "--at", metavar="DRIVE=ANGLE",
+    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
+)  # fmt: skip
+@click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
+@click.option(
+    "--export", type=click.Path(path_type=Path), metavar="FOLDER",
+    help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz.",
+)  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace existing files of --export.")
+def modes(
+    name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None,
+    at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool,
+) -> None:  # fmt: skip
+    """Undamped natural frequencies and mode shapes of SCENE at a configuration, from K_s and M alone.
+
+    Shapes are mass-normalised, one column of mode_shapes a mode, one row a coordinate (m or rad). Preset paper adds
+    K_d, as the paper's eq. (99) does.
+    """
+    from kaneflex.solve.loading import load
+    from kaneflex.support.terminal import Waiting
+
+    chosen = all_settings(preset, settings, steps, integrator)
+    scene = read(name, chosen)
+    if export is not None:
+        _export(scene, export, force)
+        return
+    if at is not None:
+        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+        names, omega, shapes = _modes_of(model, count)
+        too_few = mesh_hint(model, omega)
+    hertz = omega / (2.0 * math.pi)
+    if too_few:
+        click.echo(f"Warning: {too_few}", err=True)
+    if as_json:
+        click.echo(json.dumps(_modes_as_data(model, names, hertz, shapes), indent=2, ensure_ascii=False))
+        return
+    from kaneflex.report.presentation import modes_table
+
+    click.echo(modes_table(model, names, hertz, shapes))
+
+
+def _modes_of(model: Model, count: int | None) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Coordinates, angular frequencies and shapes; of a coupled model in modal coordinates, free joints with them."""
+    if model.coupled is None:
+        from kaneflex.multibody.building import reference_modes
+
+        return model.coordinates, *reference_modes(model, _mode_count(model.equations.size, model, count))
+    from kaneflex.solve.coupled_linearisation import modes_at_rest
+
+    names, omega, shapes = modes_at_rest(model)
+    count = _mode_count(len(names), model, count)
+    return names, omega[:count], shapes[:, :count]
+
+
+_LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
+"""Modes whose frequencies are compared with a mesh of twice the elements, the change that is said, and elements of a
+link beyond which none is looked for."""
+
+
+def mesh_hint(model: Model, omega: np.ndarray) -> str:
+    """Which of the lowest frequencies change by how much with twice the elements; empty where none does by 1 %."""
+    from kaneflex.multibody.building import reference_modes
+    from kaneflex.scene import with_settings
+    from kaneflex.solve.loading import load
+
+    scene = model.scene
+    finer = {name: 2 * body.beam.elements for name, body in scene.bodies.items() if body.elastic}
+    if model.coupled is not None or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
+        return ""
+    refined = load(with_settings(scene, [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]))
+    count = min(_LOOKED_AT, len(omega))
+    exact = reference_modes(refined, count)[0]
+    change = abs(omega[:count] - exact) / exact.clip(min=1e-6 * exact[-1])
+    if (change < _TOO_FAR).all():
+        return ""
+    mode = int((change > _TOO_FAR).argmax())
+    elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
+    return f"mode {mode + 1} is {change[mode]:.1%} off that with {elements}: give the links more elements"
+
+
+def _export(scene: Scene, folder: Path, force: bool) -> None:
+    from kaneflex.multibody.modal_data import export
+    from kaneflex.multibody.system import build_system
+    from kaneflex.support.terminal import Waiting
+
+    if not any(body.elastic for body in scene.bodies.values()):
+        raise SceneError("--export", str(folder), "no body has a beam: there are no shapes", "Give a body a beam")
+    with Waiting() as waiting:
+        system, _ = build_system(scene, waiting.stage)
+        written = export(scene, system, folder, force)
+    for path in written:
+        click.echo(f"Written to {path}")
+
+
+def _mode_count(size: int, model: Model, count: int | None) -> int:
+    from kaneflex.solve.solution import MOST_FREQUENCIES
+
+    if size == 0:
+        cure = "Give a body a beam, or choose another preset"
+        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
+    if count is not None and count > size:
+        raise SceneError("--count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
+    return count or min(size, MOST_FREQUENCIES)
+
+
+def _modes_as_data(
+    model: Model, names: tuple[str, ...], hertz: np.ndarray, shapes: np.ndarray
+) -> dict[str, object]:
+    stands, slides = model.reference_coordinates, model.scene.slides
+    lengths = {drive: value for drive, value in stands.items() if slides(drive)}
+    angles = {drive: round(math.degrees(value), 12) for drive, value in stands.items() if not slides(drive)}
+    return {
+        "scene": model.scene.name,
+        **({"at_m": lengths} if lengths else {}),
+        **({"at_deg": angles} if angles or not lengths else {}),
+        "coordinates": list(names),
+        "frequencies_hz": hertz.tolist(),
+        "mode_shapes": shapes.tolist(),
+    }
+
+
+for command in (derive, compare, trade, terms, stability, sweep, show, new, linearise, equations):
+    main.add_command(command)

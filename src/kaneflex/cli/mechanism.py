@@ -1,0 +1,231 @@
+"""Commands around a mechanism: draw it, start a new one, take its state space, its equations and its module out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kaneflex.cli.scene import all_settings, configuration, mode_angle, read
+from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
+from kaneflex.support.errors import OutputError, SceneError
+from kaneflex.support.output_folders import file_stem
+
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
+
+_PICTURES = (".png", ".svg", ".pdf")
+
+force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
+preset_option = click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`.")
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="PATH=VALUE", help="Change an entry of the scene. Can be repeated."
+)
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@preset_option
+@set_option
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.png",
+    help="Picture to write: .png, .svg or .pdf. [default: NAME.png]",
+)  # fmt: skip
+@click.option(
+    "--at", "places", multiple=True, metavar="DRIVE=ANGLE",
+    help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
+)  # fmt: skip
+@force_option
+def show(
+    name: str, preset: str | None, settings: tuple[str, ...], output: Path | None, places: tuple[str, ...], force: bool
+) -> None:
+    """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
+
+    Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
+    """
+    from kaneflex.fem.mobility import count_freedom, elastic_coordinates
+    from kaneflex.mechanism.position_analysis import place, with_branches
+    from kaneflex.mechanism.reach import followed, reach_lines
+    from kaneflex.report.presentation import block, freedom, parts
+    from kaneflex.support.atomic_output import refuse_existing, write_bytes
+
+    scene = read(name, all_settings(preset, settings))
+    path = output or Path(f"{file_stem(scene.name)}.png")
+    if path.suffix not in _PICTURES:
+        raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
+    refuse_existing(path, force, "mechanism.png")
+    at = dict(configuration(scene, text) for text in places)
+    click.echo(parts(scene))
+    try:
+        elastic = len(elastic_coordinates(scene))
+    except SceneError as error:
+        click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
+        elastic = None
+    click.echo(freedom(count_freedom(scene), elastic))
+    scene = with_branches(scene)
+    placement = place(scene, at)
+    if not scene.is_frame:
+        courses = {name: pose[:, None] for name, pose in placement.poses.items()} if at else followed(scene, placement)
+        several = len(next(iter(courses.values()))[0]) > 1
+        click.echo(block("over the run" if several else "where it is shown", reach_lines(scene, courses)))
+    from kaneflex.plots.scheme import scheme_picture
+
+    write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))
+    click.echo(f"Written to {path}")
+
+
+@click.command()
+@click.argument("name", metavar="NAME")
+@click.option("--like", required=True, metavar="SCENE", help="Shipped scene to start from, see `kaneflex list`.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE.toml", help="[default: NAME.toml]")
+@click.option("--force", is_flag=True, help="Replace existing files.")
+def new(name: str, like: str, output: Path | None, force: bool) -> None:
+    """Write a scene of your own to start from, with comments, and the tables that it reads beside it."""
+    from kaneflex.scene.template import new_scene
+
+    path = output or Path(f"{name}.toml")
+    if path.suffix != ".toml":
+        raise OutputError(str(path), None, "not the name of a scene file", "End it in .toml")
+    for written in new_scene(name, like, path, force):
+        click.echo(f"Written to {written}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@preset_option
+@set_option
+@click.option(
+    "--at", metavar="DRIVE=ANGLE",
+    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
+)  # fmt: skip
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
+    help="File to write: .npz for NumPy or .mat for MATLAB.",
+)  # fmt: skip
+@force_option
+def linearise(
+    name: str, preset: str | None, settings: tuple[str, ...], at: str | None, sensors: tuple[str, ...], output: Path,
+    force: bool,
+) -> None:  # fmt: skip
+    """Write the elastic equations of SCENE at one instant as a state space.
+
+    The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
+    outputs (sensors).
+    """
+    from kaneflex.report.presentation import poles_table
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.statespace import available_sensors, check_file_kind
+    from kaneflex.solve.statespace import linearise as state_space
+    from kaneflex.support.atomic_output import refuse_existing
+    from kaneflex.support.terminal import Waiting
+
+    check_file_kind(output)
+    refuse_existing(output, force, "engine.npz")
+    chosen = all_settings(preset, settings)
+    scene = read(name, chosen)
+    if at is not None:
+        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+    with Waiting() as waiting:
+        model = load(scene, waiting.stage)
+        system = state_space(model, sensors=sensors or None)
+    system.save(output)
+    click.echo(poles_table(system))
+    click.echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
+    left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
+    if left_out and not sensors:
+        click.echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
+    click.echo(f"Written to {output}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@click.option("--latex", "as_latex", is_flag=True, help="As a LaTeX document, the only form there is besides Python.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.tex", help="File to write. [default: printed]"
+)
+@force_option
+def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> None:
+    """Print the equations of SCENE that are compiled: the programs of its module, and the element's matrices."""
+    from kaneflex.support.atomic_output import refuse_existing, write_text
+    from kaneflex.support.terminal import Waiting
+
+    if not as_latex:
+        raise click.UsageError("Say --latex; as Python, the equations are what `kaneflex derive` writes.")
+    if output is not None:
+        refuse_existing(output, force, "engine.tex")
+    scene = read(name, [])
+    with Waiting() as waiting:
+        waiting.stage("importing SymPy")
+        from kaneflex.derive.latex import latex
+        from kaneflex.multibody.binding import derivable
+
+        with derivable(scene):
+            text = latex(scene, waiting.stage)
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        write_text(output, text)
+        click.echo(f"Written to {output}")
+
+
+@click.command()
+@click.argument("name", metavar="SCENE")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
+)
+@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead; with --slopes theirs.")
+@click.option("--slopes", is_flag=True, help="The slopes of the equations instead, that sensitivities are made of.")
+@click.option(
+    "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
+)
+@click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
+@force_option
+def derive(
+    name: str, output: Path, coupled: bool, slopes: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
+) -> None:
+    """Derive the equations of SCENE and write them as a numba module of its own.
+
+    The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
+    """
+    from kaneflex.mechanism.floating_frames import shape_counts
+    from kaneflex.support.atomic_output import refuse_existing, write_text
+    from kaneflex.support.terminal import Waiting
+
+    refuse_existing(output, force, "engine.py")
+    refuse_with_tolerance(tolerance, {"--coupled": coupled or None, "--slopes": slopes or None})
+    demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
+    scene = read(name, [])
+    if tolerance is not None:
+        _derive_chosen(scene, output, tolerance_of(tolerance), sensors)
+        return
+    with Waiting() as waiting:
+        waiting.stage("importing SymPy")
+        from kaneflex.multibody.binding import coupled_tangent_text, coupled_text, generate_text, tangent_text
+
+        if coupled:
+            text = (coupled_tangent_text if slopes else coupled_text)(scene, shape_counts(scene))
+        else:
+            text = tangent_text(scene) if slopes else generate_text(scene, waiting.stage)
+    write_text(output, text)
+    click.echo(f"Written to {output}")
+
+
+def _derive_chosen(scene: Scene, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
+    from kaneflex.scene import with_settings
+    from kaneflex.study.trade.cache import remembered_choice
+    from kaneflex.support.atomic_output import write_text
+    from kaneflex.support.terminal import Waiting
+
+    with Waiting() as waiting:
+        choice = remembered_choice(scene, tolerance, sensors or None, waiting.stage)
+        waiting.stage("importing SymPy")
+        from kaneflex.multibody.binding import generate_text, operation_count, pruned_text
+
+        text = pruned_text(with_settings(scene, choice.settings), waiting.stage)
+        whole = generate_text(scene, waiting.stage)
+    write_text(output, text)
+    click.echo(chosen_lines(choice))
+    click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
+    click.echo(f"Written to {output}")

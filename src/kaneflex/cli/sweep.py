@@ -1,0 +1,97 @@
+"""The command that runs one scene at many points of its parameters."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
+from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.study.sweep import Progress, Solver
+
+_FAILURES_SHOWN = 5
+_QUIET = 2.0
+"""Seconds between two lines about the progress."""
+
+
+@click.command()
+@click.argument("study", metavar="STUDY.toml", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the sweep. [default: STUDY-sweep]"
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Solve in so many processes of this machine.")
+@click.option(
+    "--scheduler", metavar="ADDRESS",
+    help='Solve on the workers of a Dask scheduler, like tcp://host:8786. Comes with pip install "kaneflex[cluster]".',
+)  # fmt: skip
+@click.option(
+    "--format", "form", type=click.Choice(["netcdf", "zarr"]), default="netcdf", show_default=True,
+    help='What to write; pip install "kaneflex[zarr]" brings the second.',
+)  # fmt: skip
+@click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
+@click.pass_context
+def sweep(
+    ctx: click.Context, study: Path, output: Path | None, workers: int | None, scheduler: str | None, form: str,
+    force: bool,
+) -> None:  # fmt: skip
+    """Run one scene at many points of its parameters, into one labelled dataset.
+
+    STUDY.toml names the scene and what varies in it: lists, ranges and samples. The folder gets sweep.nc with every
+    sensor's smallest, largest, rms and mean value at each point. Interrupted, the same command goes on where it
+    stopped. A point that fails is recorded with its reason; if all of them fail, the exit code is 3.
+    """
+    from kaneflex.study.plan import make_plan
+    from kaneflex.study.sweep import sweep as go_through
+
+    plan = make_plan(study)
+    solver = _solver(workers, scheduler)
+    folder = output or Path(f"{study.stem}-sweep")
+    try:
+        finished = go_through(plan, folder, solver, _reporter(), force, form)
+    except KeyboardInterrupt:
+        click.echo(f"Interrupted; finished points are kept in {folder}, the same command goes on from there.", err=True)
+        ctx.exit(INTERRUPTED)
+    for point, reason in list(finished.failures.items())[:_FAILURES_SHOWN]:
+        click.echo(f"Point {point}: {reason}", err=True)
+    if len(finished.failures) > _FAILURES_SHOWN:
+        click.echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
+    click.echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
+    click.echo(f"Written to {finished.path}")
+    if len(finished.failures) == finished.total:
+        ctx.exit(STOPPED_EARLY)
+
+
+def _solver(workers: int | None, scheduler: str | None) -> Solver:
+    if workers is not None and scheduler is not None:
+        cure = "Give one of the two"
+        raise SceneError("--workers", workers, "--scheduler has workers of its own", cure)
+    if scheduler is not None:
+        from kaneflex.study.cluster import on_cluster
+
+        return on_cluster(scheduler)
+    if workers is not None:
+        from kaneflex.study.processes import in_processes
+
+        return in_processes(workers)
+    from kaneflex.study.sweep import in_this_process
+
+    return in_this_process
+
+
+def _reporter() -> Callable[[Progress], None]:
+    """Writes a line about the progress every now and then, on stderr."""
+    last = time.perf_counter()
+
+    def report(progress: Progress) -> None:
+        nonlocal last
+        if time.perf_counter() - last >= _QUIET:
+            last = time.perf_counter()
+            click.echo(str(progress), err=True)
+
+    return report

@@ -1,0 +1,212 @@
+"""Commands that weigh models of a scene: error against time, and what each group of terms is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kaneflex.cli.scene import all_settings, read
+from kaneflex.support.errors import Fault, SceneError
+from kaneflex.support.output_folders import file_stem
+
+if TYPE_CHECKING:
+    from kaneflex.study.trade.ranking import Ranked, Trade
+    from kaneflex.study.trade.record import Choice
+    from kaneflex.study.trade.terms import Effect, Terms
+
+
+_UNKNOWN = "What is not known of it"
+
+
+def _options(command: Callable[..., None]) -> Callable[..., None]:
+    """What both commands take."""
+    options = (
+        click.argument("name", metavar="SCENE"),
+        click.option("--tolerance", default="1%", metavar="SHARE", help="Error of each sensor.", show_default=True),
+        click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
+        click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Count this one. Can be repeated."),
+        click.option(
+            "--set", "settings", multiple=True, metavar="PATH=VALUE",
+            help="Change an entry of the scene. Can be repeated.",
+        ),
+        click.option(
+            "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+            help="Folder to make. [default: NAME-COMMAND]",
+        ),
+        click.option("--plots/--no-plots", default=True, help="Draw the picture, PNG and SVG.", show_default=True),
+        click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@click.command()
+@_options
+def trade(
+    name: str, tolerance: str, budget: str, sensors: tuple[str, ...], settings: tuple[str, ...], output: Path | None,
+    plots: bool, force: bool,
+) -> None:  # fmt: skip
+    """Rank models of SCENE by error and time, and name the cheapest within the tolerance.
+
+    Presets, elements of each link, modes, steps, integrators and single terms left out are tried against the scene's
+    own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture.
+    """
+    from kaneflex.cli.trade_folder import trade_into
+    from kaneflex.support.units import TIME
+
+    share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
+    chosen = all_settings(None, settings)
+    scene = read(name, chosen)
+    folder = output or Path(f"{file_stem(scene.name)}-trade")
+    found = trade_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
+    click.echo(trade_table(found))
+    click.echo(reference_lines(found))
+    click.echo(choice_line(found))
+    _close(folder, found.left_out)
+
+
+@click.command()
+@_options
+def terms(
+    name: str, tolerance: str, budget: str, sensors: tuple[str, ...], settings: tuple[str, ...], output: Path | None,
+    plots: bool, force: bool,
+) -> None:  # fmt: skip
+    """Say what each group of terms costs SCENE, what changes without it, and whether the tolerance needs it.
+
+    Every group is left out of preset stiffened alone: spin, gyroscopic, Euler and geometric terms, damping, axial
+    deformation, each load, dynamics, two-way coupling and what else the scene has. The folder holds terms.csv,
+    terms.json and a picture.
+    """
+    from kaneflex.cli.trade_folder import terms_into
+    from kaneflex.support.units import TIME
+
+    share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
+    chosen = all_settings(None, settings)
+    scene = read(name, chosen)
+    folder = output or Path(f"{file_stem(scene.name)}-terms")
+    found = terms_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
+    click.echo(terms_table(found))
+    full = found.full
+    click.echo(f"Stiffened with all of them: {full.operations} operations, {full.ns_per_step:.0f} ns a step")
+    _close(folder, found.left_out)
+
+
+def _close(folder: Path, left_out: Mapping[str, str]) -> None:
+    click.echo(f"Written to {folder}")
+    for thing, reason in left_out.items():
+        click.echo(f"Left out: {thing}: {reason}", err=True)
+
+
+def tolerance_of(text: str) -> float:
+    """The share that "1%" or 0.01 means."""
+    from kaneflex.support.units import RATIO
+
+    percent = text.strip().endswith("%")
+    return _quantity("--tolerance", text.strip().removesuffix("%"), RATIO) * (0.01 if percent else 1.0)
+
+
+def _quantity(option: str, text: str, dimension: object) -> float:
+    from kaneflex.support.units import to_si
+
+    try:
+        try:
+            return float(text)
+        except ValueError:
+            return to_si(text, dimension)
+    except Fault as fault:
+        raise SceneError(option, text, fault.reason, fault.cure) from None
+
+
+def trade_table(found: Trade) -> str:
+    """Every model, the cheapest first; "*" on the Pareto front."""
+    from kaneflex.report.presentation import table
+
+    head = ("", "model", "worst sensor", "error", "rms", "set-up", "ns a step", "steps", "total", "spread", "within")
+    return table(head, [_row(found, entry) for entry in found.ranked], left=3)
+
+
+def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
+    cost = entry.cost
+    return (
+        "*" if entry in found.front else "", entry.name, entry.worst.sensor, _percent(entry.error),
+        _percent(entry.rms), f"{1e3 * cost.set_up:.3g} ms", f"{cost.ns_per_step:.0f}", str(cost.steps),
+        f"{1e3 * cost.total:.3g} ms", "" if cost.spread is None else f"{100 * cost.spread:.0f} %",
+        "yes" if found.good_enough(entry) else "no",
+    )  # fmt: skip
+
+
+def reference_lines(found: Trade) -> str:
+    """What the errors are measured against, and what is known of its own."""
+    reference = found.reference
+    lines = [f"Against {reference.name}; refining it changed sensors by {_percent(max(reference.refinement.values()))}"]
+    if reference.coupling:
+        sensor = max(reference.coupling, key=reference.coupling.get)
+        lines.append(f"Preset coupled differs from it by up to {_percent(reference.coupling[sensor])}, in {sensor}")
+    if reference.note:
+        lines.append(f"{_UNKNOWN}: {reference.note}")
+    return "\n".join(lines)
+
+
+def choice_line(found: Trade) -> str:
+    """The answer: the cheapest model within the tolerance."""
+    chosen, share = found.chosen, _percent(found.tolerance)
+    if chosen is None:
+        return f"No model that was run is known to be within {share}"
+    settings = " ".join(f"--set {setting}" for setting in found.settings_of(chosen))
+    return f"Cheapest within {share}: {chosen.name}\n  {settings}"
+
+
+def terms_table(found: Terms) -> str:
+    """Every group, those that change most first."""
+    from kaneflex.report.presentation import table
+
+    head = ("group", "", "needed", "most in", "change", "rms", "operations", "ns a step", "noise")
+    return table(head, [_effect_row(effect) for effect in found.effects], left=4)
+
+
+def _effect_row(effect: Effect) -> tuple[str, ...]:
+    changes = ("does not run without", "", "")
+    if effect.worst is not None:
+        changes = (effect.worst.sensor, _percent(effect.worst.peak_share), _percent(effect.rms))
+    times = ("", "")
+    if effect.ns_per_step is not None:
+        noise = "" if effect.noise_ns is None else f"{effect.noise_ns:.0f}"
+        times = (f"{effect.ns_per_step:+.0f}", noise)
+    operations = "" if effect.operations is None else f"{effect.operations:+d}"
+    needed = "yes" if effect.needed else "no"
+    return (effect.group.name, effect.group.meaning, needed, *changes, operations, *times)
+
+
+def chosen_lines(choice: Choice) -> str:
+    """What --tolerance chose, its worst sensor, and what that was measured against."""
+    sensor = max(choice.errors, key=choice.errors.__getitem__)
+    again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
+    settings = " ".join(f"--set {setting}" for setting in choice.settings)
+    note = f"\n  {_UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
+    return (
+        f"Chosen within {_percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
+        f"  {sensor} is {_percent(choice.errors[sensor])} off {choice.reference}, "
+        f"which itself is known to {_percent(max(choice.doubt.values()))}{note}"
+    )
+
+
+def refuse_with_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
+    """Raise SceneError for an option that says what --tolerance finds."""
+    for option, value in others.items():
+        if tolerance is not None and value is not None:
+            raise SceneError(option, str(value), "the model is what --tolerance chooses", "Leave one of the two out")
+
+
+def demand_tolerance(tolerance: str | None, others: Mapping[str, object]) -> None:
+    """Raise SceneError for an option that only --tolerance gives a meaning."""
+    for option, value in others.items():
+        if tolerance is None and value:
+            raise SceneError(option, None, "belongs to --tolerance", "Add --tolerance 1%, or leave it out")
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"

@@ -1,0 +1,236 @@
+"""A run or a comparison, from a scene to a complete result folder."""
+
+from __future__ import annotations
+
+import csv
+import gc
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kaneflex.scene import with_settings
+from kaneflex.solve.curves import FINE_ENOUGH, Resolution
+from kaneflex.study.comparison import Difference
+from kaneflex.support.output_folders import whole_folder, writing
+from kaneflex.support.terminal import Waiting
+
+if TYPE_CHECKING:
+    from kaneflex.report.summary import Summary
+    from kaneflex.scene import Scene
+    from kaneflex.solve.solution import Solution
+    from kaneflex.study.comparison import Comparison
+    from kaneflex.study.sensitivity.report import Sensitivities
+    from kaneflex.study.trade.record import Choice
+
+SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
+COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
+
+
+def run_into(
+    scene: Scene,
+    folder: Path,
+    settings: Sequence[str] = (),
+    plots: bool = True,
+    force: bool = False,
+    after: Path | None = None,
+    parameters: Sequence[str] = (),
+    frozen: bool = True,
+    tolerance: float | None = None,
+    sensors: Sequence[str] | None = None,
+) -> Summary:
+    """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
+
+    With parameters to differentiate by also ``sensitivities.nc``.
+
+    Parameters
+    ----------
+    scene : Scene
+        With all settings laid over it.
+    folder : Path
+        Appears when it is complete; what stops the run leaves none.
+    settings : sequence of str
+        The settings, for the summary.
+    plots : bool
+        Whether to draw. A run that stopped early is not drawn.
+    force : bool
+        Whether an earlier result folder may be replaced.
+    after : Path, optional
+        Results of a coupled run to continue from its last state.
+    parameters, frozen
+        Paths and basis as :func:`kaneflex.sensitivities` takes them.
+    tolerance : float, optional
+        Error allowed of each sensor as a share of its peak: the cheapest model that keeps it is chosen, or taken from
+        the user's cache, in place of the scene's own; the summary holds the choice.
+    sensors : sequence of str, optional
+        Sensors that the tolerance is for; all by default.
+
+    Returns
+    -------
+    Summary
+        Also of a run that stopped early, whose folder holds what came before.
+
+    Raises
+    ------
+    OutputError
+        If the folder exists or can't be written, before anything is computed where that can be known.
+    SceneError
+        If the scene can't be solved, or nothing can be chosen.
+    """
+    with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
+        choice = None
+        if tolerance is not None:
+            choice = _choose(scene, tolerance, sensors, waiting)
+            scene, settings = with_settings(scene, choice.settings), [*settings, *choice.settings]
+        with uncollected():
+            solution, summary = _solve(scene, settings, waiting, after, parameters, choice)
+            found = _differentiated(solution, parameters, frozen, waiting) if parameters else None
+            if found is not None:
+                summary = summary.model_copy(update={"sensitivities": found.summary()})
+            with writing(folder):
+                _write(solution, summary, partial)
+                if found is not None:
+                    found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
+        if plots and summary.outcome == "completed":
+            with writing(folder):
+                _draw(solution, partial, waiting)
+    return summary
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No garbage collection, now or later, of what is made within.
+
+    Most of it are modules, which live until the end; to look through them again and again for garbage, and once
+    more at the end, takes a third of a warm run.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def _choose(scene: Scene, tolerance: float, sensors: Sequence[str] | None, waiting: Waiting) -> Choice:
+    from kaneflex.study.trade.cache import remembered_choice
+
+    return remembered_choice(scene, tolerance, sensors, waiting.stage)
+
+
+def _solve(
+    scene: Scene, settings: Sequence[str], waiting: Waiting, after: Path | None, parameters: Sequence[str],
+    choice: Choice | None,
+) -> tuple[Solution, Summary]:
+    from kaneflex.report.summary import summarise
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import solve
+
+    state = None
+    if after is not None:
+        from kaneflex.solve.coupled_state import read_state
+
+        state = read_state(after)
+    if parameters:  # what can't be differentiated is known before anything is derived
+        from kaneflex.study.sensitivity.parameters import find_parameters
+        from kaneflex.study.sensitivity.report import check_differentiable
+
+        check_differentiable(scene, continued=after is not None)
+        find_parameters(scene, parameters)
+    model = load(scene, waiting.stage)
+    waiting.stage("compiling the integrator, first time only")
+    solution = solve(model, waiting.share_of("solving"), state)
+    waiting.stage("writing the results")
+    return solution, summarise(solution, settings, choice)
+
+
+def _differentiated(
+    solution: Solution, parameters: Sequence[str], frozen: bool, waiting: Waiting
+) -> Sensitivities | None:
+    """The derivatives of a run; none of one that stopped early."""
+    from kaneflex.integrate.outcome import Outcome
+    from kaneflex.study.sensitivity.report import sensitivities
+
+    if solution.outcome is not Outcome.COMPLETED:
+        return None
+    stage = "differentiating"
+    waiting.stage(stage)
+    return sensitivities(solution, parameters, frozen, waiting.share_of(stage))
+
+
+def _write(solution: Solution, summary: Summary, folder: Path) -> None:
+    text = summary.model_dump_json(indent=2) + "\n"
+    (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
+    if summary.sensors:
+        solution.labelled.to_netcdf(folder / RESULTS_FILE)
+
+
+def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
+    from kaneflex.plots import draw_all
+
+    stage = "drawing the pictures"
+    waiting.stage(stage)
+    draw_all(solution, folder, waiting.share_of(stage))
+
+
+def compare_into(
+    scene: Scene, folder: Path, presets: Sequence[str] | None = None, against: str | None = None,
+    settings: Sequence[str] = (), plots: bool = True, force: bool = False, peer: str | None = None,
+    resolution: Resolution = FINE_ENOUGH,
+) -> Comparison:  # fmt: skip
+    """Compare models and write ``comparison.json``, ``differences.csv``, ``curves.nc`` and pictures into a new folder.
+
+    Parameters
+    ----------
+    scene : Scene
+        With all settings laid over it.
+    folder : Path
+        Appears when it is complete.
+    presets, against, peer, resolution
+        As :func:`kaneflex.compare` takes them.
+    settings : sequence of str
+        The settings, for the file.
+    plots, force : bool
+        Whether to draw; whether an earlier comparison may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If the folder exists or can't be written, before anything is computed where that can be known.
+    SceneError
+        As :func:`kaneflex.compare`.
+    """
+    from kaneflex.study.comparison import compare
+
+    with whole_folder(folder, mark=COMPARISON_FILE, force=force) as partial, Waiting() as waiting:
+        comparison = compare(scene, presets, against, waiting.stage, peer, resolution)
+        with writing(folder):
+            _write_comparison(comparison, settings, partial)
+            if plots:
+                from kaneflex.plots.overlay import draw_overlay
+
+                waiting.stage("drawing the pictures")
+                draw_overlay(comparison, partial)
+    return comparison
+
+
+def _write_comparison(comparison: Comparison, settings: Sequence[str], folder: Path) -> None:
+    rows = [asdict(entry) for entry in comparison.differences]
+    about = {
+        "scene": comparison.scene.name,
+        "settings": list(settings),
+        "against": comparison.against,
+        "differences": rows,
+        "notes": {model: list(curves.notes) for model, curves in comparison.curves.items()},
+        "not_compared": {model: dict(curves.missing) for model, curves in comparison.curves.items()},
+        "left_out": dict(comparison.left_out),
+    }
+    text = json.dumps(about, indent=2, ensure_ascii=False) + "\n"
+    (folder / COMPARISON_FILE).write_text(text, encoding="utf-8", newline="\n")
+    with (folder / DIFFERENCES_FILE).open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(Difference)], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    comparison.labelled.to_netcdf(folder / CURVES_FILE)

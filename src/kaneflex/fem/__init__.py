@@ -1,0 +1,1 @@
+"""Elastic links: finite elements, coordinates, joints' releases, reduction, modes."""

@@ -1,0 +1,221 @@
+"""From parts in their own axes to the equations of the mechanism.
+
+With q = L(t) z of each part,
+
+    M_z = sum L^T M L
+    C_z = sum L^T C L + 2 L^T M L'
+    K_z = sum L^T K L + L^T C L' + L^T M L''
+    F_z = sum L^T F
+
+where L turns with the bodies. The paper drops L' and L''; kept, they cancel the spin and Coriolis terms of
+whatever inertia is isotropic, as they must.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kaneflex.fem.coordinate_map import Frame, to_link_axes
+from kaneflex.fem.links import MATRIX_OF_GROUP, Link, Part
+from kaneflex.mechanism.affine import Affine, Monomial
+from kaneflex.mechanism.rigid_bodies import Carried
+from kaneflex.scene import Scene
+from kaneflex.scene.parts import Load
+
+Placed = tuple[Part, Affine]
+"""A part and its L."""
+
+
+@dataclass(frozen=True)
+class ElasticEquations:
+    """M z'' + (C_s + C_d) z' + (K_s + K_d + K_c + K_g) z = F in the mechanism's coordinates, affine in the motion.
+
+    K_c = L^T C_s L' is the share of the material damping that turns with the links: it comes and goes with C_s.
+    """
+
+    coordinates: tuple[str, ...]
+    M: Affine
+    C_s: Affine
+    C_d: Affine
+    K_s: Affine
+    K_d: Affine
+    K_c: Affine
+    K_g: Affine
+    F: Affine
+
+    @property
+    def size(self) -> int:
+        return len(self.coordinates)
+
+    def matrices(self) -> dict[str, Affine]:
+        return {name: getattr(self, name) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")}
+
+    def in_basis(self, basis: np.ndarray, coordinates: tuple[str, ...]) -> ElasticEquations:
+        """The same equations projected on z = B a with a constant basis."""
+        projected = {
+            name: affine.projected(basis) if name == "F" else affine.congruent(basis)
+            for name, affine in self.matrices().items()
+        }
+        return ElasticEquations(coordinates, **projected)
+
+
+def inertia_part(name: str, body: str, mass: float, inertia: float, at: tuple[float, float], gravity) -> Part:
+    """A rigid mass at a point of a body, coordinates its global displacement x, y and the turn.
+
+    M = diag(m, m, J) is constant; F = (-m (a - g), -J epsilon) with a = a_O + epsilon S R r - omega^2 R r.
+    """
+    load = Affine.constant([[mass * gravity[0]], [mass * gravity[1]], [0.0]])
+    load += Affine.term((f"{body}.a_x",), [[-mass], [0.0], [0.0]]) + Affine.term(
+        (f"{body}.a_y",), [[0.0], [-mass], [0.0]]
+    )
+    x, y = at
+    if x or y:
+        spin, turn = (f"{body}.omega", f"{body}.omega"), (f"{body}.epsilon",)
+        global_axes = to_link_axes(body).T
+        toward = global_axes @ Affine.constant([[mass * x], [mass * y]])
+        across = global_axes @ Affine.constant([[-mass * y], [mass * x]])
+        arms = toward @ Affine.term(spin, [[1.0]]) + across @ Affine.term(turn, [[-1.0]])
+        load += Affine.constant(np.eye(3)[:, :2]) @ arms
+    if inertia:
+        load += Affine.term((f"{body}.epsilon",), [[0.0], [0.0], [-inertia]])
+    matrices = {key: Affine.zero(3, 1 if key == "F" else 3) for key in set(MATRIX_OF_GROUP.values())}
+    matrices |= {"M": Affine.constant(np.diag([mass, mass, inertia])), "F": load}
+    return Part(name, (f"{name}.x", f"{name}.y", f"{name}.turn"), matrices, {})
+
+
+def load_on_link(scene: Scene, part: Part, link: Link) -> Part:
+    """Add the scene's point loads on a link to its F, in link axes."""
+    total = part.matrices["F"]
+    for name, load in scene.forces.items():
+        if load.force_on.body == part.name:
+            direction = Affine.term((name,), np.array(load.direction)[:, None])
+            local = to_link_axes(part.name) @ direction if load.axes == "global" else direction
+            spread = np.zeros((part.size, 2))
+            spread[part.place[link.node_at(scene.point(load.force_on)[0])][:2], (0, 1)] = 1.0
+            total = total + Affine.constant(spread) @ local
+    return replace(part, matrices={**part.matrices, "F": total})
+
+
+def place_rigid(scene: Scene, carried: Mapping[str, Carried], frame: Frame) -> list[Placed]:
+    """The carried rigid bodies and the loads on them."""
+    placed = []
+    for name in carried:
+        body = scene.bodies[name]
+        if body.mass:
+            part = inertia_part(name, name, body.mass, body.inertia, body.centre, scene.gravity)
+            placed.append((part, frame.body_point(name, body.centre)))
+        placed.append((_turning_part(scene, name, carried[name]), frame.bodies[name]))
+    for body in carried:
+        for name, load, address, share in scene.pushes(body):
+            pushed = share * _along(name, load, body)
+            part = empty_part(name, 3)
+            matrices = {**part.matrices, "F": Affine.constant(np.eye(3)[:, :2]) @ pushed}
+            placed.append((replace(part, matrices=matrices), frame.body_point(body, scene.point(address))))
+    return placed
+
+
+def _along(name: str, load: Load, body: str) -> Affine:
+    """A load's size along its direction, global (2 x 1)."""
+    direction = Affine.term((name,), np.array(load.direction)[:, None])
+    return direction if load.axes == "global" else to_link_axes(body).T @ direction
+
+
+def place_torques(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
+    """Torques at joints, on the rotation of the second side against the first."""
+    placed = []
+    for name, load in scene.torques.items():
+        relative = Affine.zero(1, len(frame.coordinates))
+        for address, sign in zip(scene.joints[load.torque_at].addresses, (-1.0, 1.0), strict=True):
+            if address.body in links:
+                node = links[address.body].node_at(scene.point(address)[0])
+                motion = frame.link_point(address.body, parts[address.body], node)
+            elif address.body in frame.bodies:
+                motion = frame.bodies[address.body]
+            else:
+                continue
+            relative += sign * (Affine.constant([[0.0, 0.0, 1.0]]) @ motion)
+        part = empty_part(name, 1)
+        placed.append((replace(part, matrices={**part.matrices, "F": Affine.term((name,), [[1.0]])}), relative))
+    return placed
+
+
+def place_masses(scene: Scene, links: Mapping[str, Link], parts: Mapping[str, Part], frame: Frame) -> list[Placed]:
+    """Lumped masses on links and on carried rigid bodies, each once and in global axes."""
+    placed = []
+    for name, mass in scene.masses.items():
+        at = scene.point(mass.at)
+        if mass.at.body in links:
+            motion = frame.link_point(mass.at.body, parts[mass.at.body], links[mass.at.body].node_at(at[0]))
+        elif mass.at.body in frame.bodies:
+            motion = frame.body_point(mass.at.body, at)
+        else:
+            continue
+        placed.append((inertia_part(name, mass.at.body, mass.mass, mass.inertia, at, scene.gravity), motion))
+    return placed
+
+
+def empty_part(name: str, size: int) -> Part:
+    """A part without any matrix."""
+    matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
+    return Part(name, tuple(f"{name}.{k}" for k in range(size)), matrices, {})
+
+
+def _turning_part(scene: Scene, name: str, how: Carried) -> Part:
+    """K_g of a carried body that turns: the forces on it keep their direction while their arms turn.
+
+    A force F at the arm a = R (r - r_0) from the point that the body turns about does second-order work
+    -1/2 theta^2 a . F, so that K_theta_theta = sum a . F over inertia, weight, loads and joints.
+    """
+    part = empty_part(f"{name}.arms", 3)
+    if how.kind not in ("free", "hinged"):
+        return part
+    total = Affine.zero(1, 1)
+    body = scene.bodies[name]
+    for force, at in _forces_on(scene, name):
+        arm = np.array([[at[0] - how.at[0], at[1] - how.at[1]]])
+        if arm.any():
+            total += Affine.constant(arm) @ to_link_axes(name) @ force
+    inertia = inertia_part(name, name, body.mass, 0.0, body.centre, scene.gravity).matrices["F"]
+    arm = np.array([[body.centre[0] - how.at[0], body.centre[1] - how.at[1]]])
+    total += Affine.constant(arm) @ to_link_axes(name) @ Affine.constant(np.eye(3)[:2]) @ inertia
+    corner = Affine.constant([[0.0], [0.0], [1.0]])
+    return replace(part, matrices={**part.matrices, "K_g": corner @ total @ corner.T})
+
+
+def _forces_on(scene: Scene, body: str) -> Iterable[tuple[Affine, tuple[float, float]]]:
+    """Global force (2 x 1) and its point, of every load, spring and joint on a rigid body."""
+    for name, load, address, share in scene.pushes(body):
+        yield share * _along(name, load, body), scene.point(address)
+    pairs = {name: joint.addresses for name, joint in scene.joints.items() if joint.kind != "prismatic"}
+    pairs |= {name: spring.between for name, spring in scene.springs.items() if spring.ends}
+    for name, addresses in pairs.items():
+        for address, sign in zip(addresses, (-1.0, 1.0), strict=True):
+            if address.body == body:
+                force = Affine.term((f"{name}.force_x",), [[sign], [0.0]])
+                yield force + Affine.term((f"{name}.force_y",), [[0.0], [sign]]), scene.point(address)
+
+
+def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective: bool = True) -> ElasticEquations:
+    """Sum the parts; ``convective=False`` drops L' and L'', as the paper does."""
+    size = len(coordinates)
+    total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
+    total["F"] = Affine.zero(size, 1)
+    for part, L in placed:
+        A, L_T = part.matrices, L.T
+        for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g"):
+            total[key] += L_T @ A[key] @ L
+        total["F"] += L_T @ A["F"]
+        if convective:
+            rate = L.rate()
+            total["C_d"] += 2.0 * (L_T @ A["M"] @ rate)
+            total["K_d"] += L_T @ A["C_d"] @ rate + L_T @ A["M"] @ rate.rate()
+            total["K_c"] += L_T @ A["C_s"] @ rate
+    return ElasticEquations(coordinates, **total)
+
+
+def spin_or_euler(monomial: Monomial) -> str:
+    """Which complete group a term of K_d belongs to: "euler" if proportional to epsilon, else "spin"."""
+    return "euler" if any(name.endswith(".epsilon") for name in monomial) else "spin"

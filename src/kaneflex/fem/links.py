@@ -1,0 +1,331 @@
+"""Elastic links as chains of finite elements, in the axes of their own floating frame."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, from_entries, solve
+from kaneflex.scene import Scene
+
+MATRIX_OF_GROUP = {
+    "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
+    "damping": "C_s", "load": "F",
+}  # fmt: skip
+"""Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
+
+_SAME = 1e-9
+"""Points closer than this share of a link's length are one."""
+
+DOFS = ("u", "v", "theta")
+"""Coordinates of a node: axial and transverse displacement [m], rotation [rad]."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body of the elastic stage with its matrices in its own axes.
+
+    Attributes
+    ----------
+    name : str
+        The body's.
+    coordinates : tuple of str
+        Names of the local coordinates.
+    matrices : mapping
+        M, C_s, C_d, K_s, K_d, K_g (n x n) and F (n x 1), affine in the motion's scalars.
+    place : mapping of int to (int, int, int or None)
+        Node -> rows of u, v, theta; None where a reduction has absorbed the rotation.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    matrices: Mapping[str, Affine]
+    place: Mapping[int, tuple[int, int, int | None]]
+
+    @property
+    def size(self) -> int:
+        return len(self.coordinates)
+
+
+@dataclass(frozen=True)
+class Link:
+    """An elastic link: its mesh, its section and its finite-element matrices in link axes.
+
+    Attributes
+    ----------
+    nodes : ndarray (elements + 1,)
+        Distances from the link's start [m].
+    parameters : mapping of str to ndarray (elements,)
+        Parameters of every element, by the names in ``kaneflex.support.contract``.
+    element_terms : tuple of (key, monomial, ndarray (elements, 6, 6 or 1))
+        Each term's matrix of every element, for the forces at the elements' ends.
+    part : Part
+        The assembled link, coordinates u, v, theta of each node in turn; one u for all nodes if it does not stretch.
+    """
+
+    name: str
+    nodes: np.ndarray
+    parameters: Mapping[str, np.ndarray]
+    element_terms: tuple[tuple[str, Monomial, np.ndarray], ...]
+    part: Part
+
+    @property
+    def length(self) -> float:
+        return float(self.nodes[-1])
+
+    def node_at(self, x: float) -> int | None:
+        """Index of the node at distance x [m] from the start, if there is one."""
+        index = int(np.argmin(abs(self.nodes - x)))
+        return index if abs(self.nodes[index] - x) <= _SAME * self.length else None
+
+    def locate(self, x: float) -> tuple[int, float]:
+        """The element at distance x [m] from the start, and how far behind its own start that is."""
+        e = int(np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, len(self.nodes) - 2))
+        return e, x - self.nodes[e]
+
+    def length_of(self, e: int) -> float:
+        """Length of an element [m]."""
+        return float(self.nodes[e + 1] - self.nodes[e])
+
+    def shape(self, e: int, local: float) -> np.ndarray:
+        """Rows u, v, theta, v' of an element's shape functions at ``local`` [m] from its start, (4, 6)."""
+        growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
+        return shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
+
+    def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
+        """u, v, theta of each node in turn, (3 n_nodes, n_times), from the part's coordinates."""
+        return coordinates[[row for rows in self.part.place.values() for row in rows]]
+
+
+def forced_points(scene: Scene, link: str) -> dict[str, float]:
+    """Points between a link's ends where joints, loads, springs or masses act: name -> distance from the start [m]."""
+    addresses = [address for joint in scene.joints.values() for address in joint.addresses]
+    addresses += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
+    addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    inner = sorted({a.point for a in addresses if a.body == link and a.point not in ("start", "end")})
+    return {point: scene.bodies[link].points_all[point][0] for point in inner}
+
+
+def mesh(scene: Scene, link: str, elements: int) -> np.ndarray:
+    """Nodes at the ends, at points with a force and between segments, ``elements`` of nearly equal length in all."""
+    length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
+    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders}, length)
+    counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
+    spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
+    return np.concatenate([*spans, [length]])
+
+
+def _apart(stops: Collection[float], length: float) -> list[float]:
+    """The stops in order; of those that are one, the first."""
+    ordered = sorted(stops)
+    return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
+
+
+def build_link(
+    scene: Scene, name: str, module: ModuleType, elements: int, near: tuple[Link, ModuleType] | None = None
+) -> Link:
+    """Assemble the constant matrices of a link from the element kernels of its module.
+
+    Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
+    result has no more entries than the chain of elements, whatever its length. With a link ``near`` this one and the
+    module of its slopes, the elements' matrices are those of that link and their slopes towards this one.
+    """
+    body = scene.bodies[name]
+    nodes = mesh(scene, name, elements)
+    elements = len(nodes) - 1
+    sums: dict[tuple[str, Monomial], np.ndarray] = {}
+    of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
+    parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
+    for e in range(elements):
+        p = _of_element(module, parameters, e)
+        for term, group, target, factors in module.TERMS:
+            out = np.zeros((6, 1 if target == "F" else 6))
+            if near is None:
+                _interpret(module, f"term_{term}", p, out)
+            else:
+                _add_linear(term, module, near, e, p, out)
+            if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
+                out *= scene.damping.viscous.mu
+            elif group == "damping":
+                continue
+            key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
+            sums.setdefault(key, np.zeros((elements, *out.shape)))[e] += out
+    known = {scalar for scalar, *_ in module.SCALARS}
+    for point, x in forced_points(scene, name).items():
+        if f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
+            continue
+        # Beyond a force between the ends P is higher by a constant: the same matrix as for P_0, from there on.
+        beyond = nodes[:-1] > x - _SAME * body.length
+        key = "K_g", (f"{name}.link.jump_{point}",)
+        sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
+    for key, blocks in _spread_terms(scene, name, nodes, parameters):
+        sums[key] = sums.get(key, 0.0) + blocks
+    coordinates, place = node_coordinates(name, elements + 1, body.beam.axially_rigid)
+    size = len(coordinates)
+    matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
+    element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
+    for key, monomial, blocks in element_terms:
+        matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
+    part = Part(name, coordinates, matrices, place)
+    return Link(name, nodes, parameters, element_terms, part)
+
+
+def _of_element(module: ModuleType, parameters: Mapping[str, np.ndarray], e: int) -> np.ndarray:
+    return np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
+
+
+def _interpret(module: ModuleType, kernel: str, *arguments: np.ndarray) -> None:
+    """Call the Python that a kernel is compiled from: to compile the terms, or even to read them back from the cache,
+    takes a thousand times longer than the few dozen calls that a model needs."""
+    with np.errstate(all="ignore"):  # as compiled: what overflows is found where it matters
+        getattr(module, kernel).py_func(*arguments)
+
+
+def _add_linear(term: str, module: ModuleType, near: tuple[Link, ModuleType], e: int, p: np.ndarray, out: np.ndarray):
+    """Add a term of an element of the link nearby, and its slope along the difference of the parameters."""
+    link, slopes = near
+    p_0 = _of_element(module, link.parameters, e)
+    _interpret(module, f"term_{term}", p_0, out)
+    change = np.zeros_like(out)
+    _interpret(slopes, f"term_{term}_slope", p_0, p - p_0, change)
+    out += change
+
+
+_GAUSS = np.polynomial.legendre.leggauss(4)
+"""Exact for v'^2 of a cubic under an axial force that grows with the square of x."""
+
+
+def spread_sums(
+    scene: Scene, name: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a load of unit size that is spread along and across a link, for each element: its nodes' shares, K_g.
+
+    (elements, 6, 1) twice, (elements, 6, 6): int u^T p dx, int v^T p dx and, of the load along the link, the geometric
+    stiffness of P(X) = -int_0^X p dX, with the element's own shape functions.
+    """
+    load = scene.spreads[name]
+    first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / nodes[-1]
+    count = len(nodes) - 1
+    along, across, K_g = np.zeros((count, 6, 1)), np.zeros((count, 6, 1)), np.zeros((count, 6, 6))
+    for e, (a, b) in enumerate(pairwise(nodes)):
+        growth = parameters["E_I_rise"][e] / parameters["E_I"][e]
+        for point, weight in zip(*_GAUSS, strict=True):
+            x, w = 0.5 * (b - a) * (1 + point), 0.5 * (b - a) * weight
+            u, v, _, slope = shape_functions(x, b - a, parameters["phi_s"][e], growth)
+            X = a + x
+            along[e] += w * (first + rise * X) * u[:, None]
+            across[e] += w * (first + rise * X) * v[:, None]
+            K_g[e] -= w * (first * X + rise * X**2 / 2) * np.outer(slope, slope)
+    return along, across, K_g
+
+
+def _spread_terms(
+    scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
+    """Terms of the loads that are spread along a link, with a matrix for each element.
+
+    F holds int N^T q dx with the element's own shape functions; K_g the growth of the axial force that q's axial part
+    brings, P(X) = P_0 - int_0^X q dX. A structure that stands still has no known P_0, and none of its growth either.
+    """
+    for name, load in scene.spreads.items():
+        if load.spread_on != link:
+            continue
+        along, across, K_g = spread_sums(scene, name, nodes, parameters)
+        x, y = load.direction
+        parts = {(name,): (x, y)}
+        if load.axes == "global":
+            parts = {(name, f"{link}.c"): (x, y), (name, f"{link}.s"): (y, -x)}
+        for factors, (x, y) in parts.items():
+            monomial = tuple(sorted(factors))
+            yield ("F", monomial), x * along + y * across
+            if x and not scene.is_frame:
+                yield ("K_g", monomial), x * K_g
+
+
+def _scalar(link: str, factor: str) -> str:
+    """omega and epsilon of the link are those of the body; the others belong to the link's frame."""
+    return f"{link}.{factor}" if factor in ("omega", "epsilon") else f"{link}.link.{factor}"
+
+
+def node_coordinates(
+    link: str, nodes: int, axially_rigid: bool
+) -> tuple[tuple[str, ...], dict[int, tuple[int, int, int]]]:
+    """Names of a link's coordinates and the rows of each node's u, v, theta; one u for all if it does not stretch."""
+    if axially_rigid:
+        bending = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in DOFS[1:])
+        return (f"{link}.{DOFS[0]}", *bending), {i: (0, 2 * i + 1, 2 * i + 2) for i in range(nodes)}
+    names = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in DOFS)
+    return names, {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(nodes)}
+
+
+def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> Matrix:
+    """Overlap the elements' matrices (elements, 6, 6), or vectors (elements, 6, 1), along the chain."""
+    square = blocks.shape[2] == 6
+    ends = np.array([place[e] + place[e + 1] for e in range(len(blocks))])
+    rows = np.broadcast_to(ends[:, :, None], blocks.shape)
+    columns = np.broadcast_to(ends[:, None, :], blocks.shape) if square else np.zeros_like(rows)
+    return from_entries((size, size if square else 1), rows, columns, blocks)
+
+
+def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
+    """Add C_s = alpha M + beta K_s, formed in the part's own axes (alpha [1/s], beta [s])."""
+    matrices = dict(part.matrices)
+    matrices["C_s"] = matrices["C_s"] + alpha * part.matrices["M"] + beta * part.matrices["K_s"]
+    return Part(part.name, part.coordinates, matrices, part.place)
+
+
+def craig_bampton(
+    part: Part, held: Collection[int], modes: int, frozen: np.ndarray | None = None
+) -> tuple[Part, np.ndarray]:
+    """Reduce a link to its interface coordinates and its lowest fixed-interface modes (Craig & Bampton 1968).
+
+    Parameters
+    ----------
+    part : Part
+        Unreduced link.
+    held : collection of int
+        Local rows that other bodies share or fix; they stay coordinates of their own. Their static shapes hold the
+        axial extension and the rotation of the chord.
+    modes : int
+        Fixed-interface modes to keep.
+    frozen : ndarray (size, reduced size), optional
+        A basis to reduce to instead, of a link with the same coordinates and held rows.
+
+    Returns
+    -------
+    Part, ndarray (size, reduced size)
+        The reduced link, and the basis B with q = B q_reduced.
+    """
+    held = sorted(held)
+    basis = _basis(part, held, modes) if frozen is None else frozen
+    matrices = {
+        key: affine.projected(basis) if key == "F" else affine.congruent(basis) for key, affine in part.matrices.items()
+    }
+    names = [part.coordinates[row] for row in held]
+    names += [f"{part.name}.mode_{k + 1}" for k in range(basis.shape[1] - len(held))]
+    row_of = {row: k for k, row in enumerate(held)}
+    place = {
+        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
+    }
+    return Part(part.name, tuple(names), matrices, place), basis
+
+
+def _basis(part: Part, held: list[int], modes: int) -> np.ndarray:
+    """Static shapes of the held rows, then the lowest fixed-interface modes."""
+    from kaneflex.fem.modes import lowest_modes
+
+    free = np.setdiff1d(np.arange(part.size), held)
+    stiffness, mass = part.matrices["K_s"].value({}), part.matrices["M"].value({})
+    static = np.zeros((part.size, len(held)))
+    static[held, np.arange(len(held))] = 1.0
+    if held:
+        static[free] = -solve(stiffness[free][:, free], as_array(stiffness[free][:, held]))
+    _, shapes = lowest_modes(stiffness[free][:, free], mass[free][:, free], min(modes, len(free)))
+    dynamic = np.zeros((part.size, shapes.shape[1]))
+    dynamic[free] = shapes
+    return np.hstack([static, dynamic])

@@ -1,0 +1,77 @@
+"""Undamped natural modes of mass and stiffness matrices, and the damping ratios that a scene gives them."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from kaneflex.mechanism.affine import Matrix, as_array
+
+_DENSE_UP_TO = 150
+_ADAMS = (100.0, 1000.0), np.array([0.01, 0.1, 1.0])
+"""Frequencies [Hz] between which Adams changes the damping ratio of a flexible body's modes, and the ratios."""
+
+
+def lowest_modes(stiffness: Matrix, mass: Matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest modes of K phi = omega^2 M phi, paper (140).
+
+    Parameters
+    ----------
+    stiffness, mass : ndarray or sparse (n, n)
+        Symmetric; mass positive definite.
+    count : int
+        Modes wanted, at most n.
+
+    Returns
+    -------
+    ndarray (count,), ndarray (n, count)
+        Angular frequencies [rad/s], ascending; mass-normalised shapes, Phi^T M Phi = 1, paper (135), with the sign
+        fixed so that each shape's largest entry is positive (the first of them, where several are as large).
+
+    Raises
+    ------
+    ValueError
+        If more modes are asked for than there are degrees of freedom.
+    """
+    size = stiffness.shape[0]
+    if count > size:
+        raise ValueError(f"{count} modes of {size} degrees of freedom")
+    if count == 0:
+        return np.zeros(0), np.zeros((size, 0))
+    if size <= _DENSE_UP_TO or count > size // 3:
+        from scipy.linalg import eigh
+
+        squares, shapes = eigh(as_array(stiffness), as_array(mass), subset_by_index=[0, count - 1])
+    else:
+        from scipy.sparse.linalg import eigsh
+
+        start = np.ones(size)  # a fixed start vector makes the iteration reproducible
+        squares, shapes = eigsh(csc_array(stiffness), k=count, M=csc_array(mass), sigma=0.0, v0=start)
+        order = np.argsort(squares)
+        squares, shapes = squares[order], shapes[:, order]
+    return np.sqrt(np.maximum(squares, 0.0)), shapes * _signs(shapes)
+
+
+def damping_ratios(given: tuple[float, ...] | str, omega: np.ndarray) -> np.ndarray:
+    """The damping ratio of each mode from `damping.modal.ratio`.
+
+    One for each mode from the lowest frequency up, the last one for the rest; or "adams": by frequency, as MSC Adams
+    damps a flexible body unless told otherwise (Adams/Flex, default of the flexible body's damping ratio).
+
+    Parameters
+    ----------
+    given : tuple of float, or "adams"
+    omega : ndarray (n,)
+        Angular frequencies [rad/s], in any order.
+    """
+    if given == "adams":
+        limits, ratios = _ADAMS
+        return ratios[np.searchsorted(limits, omega / (2 * np.pi), side="right")]
+    rank = np.argsort(np.argsort(omega, kind="stable"))
+    return np.array([given[min(k, len(given) - 1)] for k in rank])
+
+
+def _signs(shapes: np.ndarray) -> np.ndarray:
+    largest = abs(shapes).max(axis=0)
+    decisive = np.argmax(abs(shapes) > (1 - 1e-6) * largest, axis=0)
+    return np.sign(shapes[decisive, np.arange(shapes.shape[1])])

@@ -1,0 +1,94 @@
+"""The table of the motion's scalars, handed to the compiled loops in pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.support.errors import UserError
+
+Table = Callable[[np.ndarray], np.ndarray]
+"""Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
+
+LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB
+
+
+@dataclass
+class Feed:
+    """Rows of the table for the steps of one run.
+
+    nodes: of the method, where a step reads the table
+    period_steps: steps of a cycle, whose table is made once and read again; None where there is no cycle
+    read: what the compiled loop reads of rows of the table; None where there is none
+    constant: indices of scalars that must keep their first values; None where all may change
+    """
+
+    table: Table
+    n_scalars: int
+    t0: float
+    step: float
+    nodes: tuple[float, ...]
+    period_steps: int | None
+    read: Callable[[np.ndarray], np.ndarray] | None = None
+    constant: np.ndarray | None = None
+    _cycle: np.ndarray | None = None
+    _cycle_table: np.ndarray | None = None
+    _first: np.ndarray | None = None
+
+    def first_row(self) -> np.ndarray:
+        """Scalars at the start of the run, shape (n_scalars,)."""
+        if self._first is None:
+            self._first = self.row(self.t0)
+        return self._first
+
+    def row(self, t: float) -> np.ndarray:
+        """Scalars at one time in s, shape (n_scalars,)."""
+        return self._checked(np.array([t]))[0]
+
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
+        """For at most `n_steps` steps after step `done`: a table, its steps, those already taken, those it serves."""
+        if self.period_steps is not None:
+            if self._cycle_table is None:
+                self._cycle_table = self.read(self.cycle())
+            return self._cycle_table, self.period_steps, done % self.period_steps, n_steps
+        steps = max(1, min(n_steps, LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
+        return self.read(self.rows(done, steps)), steps, 0, steps
+
+    def rows(self, done: int, steps: int) -> np.ndarray:
+        """Rows of so many steps after step `done`, shape (steps * nodes + 1, n_scalars): with the end of the last."""
+        rows = self._rows(done, steps)
+        return np.concatenate((rows, self._checked(np.array([self.t0 + (done + steps) * self.step]))))
+
+    def cycle(self) -> np.ndarray:
+        """Rows of a whole cycle, shape (period_steps * nodes + 1, n_scalars); the last is the first again."""
+        if self._cycle is None:
+            rows = self._rows(0, self.period_steps)
+            self._cycle = np.concatenate((rows, rows[:1]))
+        return self._cycle
+
+    def _rows(self, done: int, steps: int) -> np.ndarray:
+        at = done + np.arange(steps)
+        return self._checked((self.t0 + np.add.outer(at, np.array(self.nodes)) * self.step).ravel())
+
+    def _checked(self, times: np.ndarray) -> np.ndarray:
+        rows = np.array(self.table(times), dtype=np.float64, order="C")  # a copy: the loops want it writable
+        if rows.shape != (times.size, self.n_scalars):
+            raise ValueError(f"the table has shape {rows.shape}: must be {(times.size, self.n_scalars)}")
+        finite = np.isfinite(rows)
+        if not finite.all():
+            row, scalar = np.argwhere(~finite)[0]
+            key, reason = f"scalar {scalar} of the motion", f"not a finite number at t = {times[row]:.9g} s"
+            raise UserError(key, rows[row, scalar], reason, "Check the motion and the loads at this time")
+        if self.constant is not None:
+            self._check_constant(rows, times)
+        return rows
+
+    def _check_constant(self, rows: np.ndarray, times: np.ndarray) -> None:
+        first = rows[0] if self._first is None else self._first
+        changed = np.argwhere(rows[:, self.constant] != first[self.constant])
+        if changed.size:
+            reason = f"the matrices change in time (at t = {times[changed[0][0]]:.9g} s)"
+            cure = "Use radau, generalised-alpha or newmark, or a model that freezes the matrices"
+            raise UserError("integrator", "exact-modal", reason, cure)

@@ -1,0 +1,260 @@
+"""Seeds of the loops that Newton's method closes: the assembly followed over the drive's range, as tables.
+
+The sweep starts from the assembly that the scene names and follows it by its tangent; where the constraints' Jacobian
+changes its sign, or no small step leads on, the linkage locks or would change its branch. That is found here, before
+anything is computed, and the kernels need no memory of where they were.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.mechanism.joints import Rows, place_of
+from kaneflex.mechanism.position_analysis import larger_group, place
+from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.scene import Scene
+from kaneflex.scene.tables import Table
+from kaneflex.support.errors import SceneError
+
+_KNOTS = 720
+"""Knots of a turn, or of the drive's range."""
+_HALVINGS = 12
+"""Times that a step from knot to knot is halved before the linkage counts as locked."""
+_BENT = 0.2
+"""Largest correction of a tangent step, as a share of it, that is believed to stay on the branch."""
+
+Coordinates = Callable[[float], Mapping[str, float]]
+"""From what the tables are read at, a drive's coordinate or the time, to every drive's coordinate."""
+
+
+class _Locked(Exception):
+    """No step leads on from ``x``; ``joint`` closes the loop that locks there."""
+
+    def __init__(self, x: float, joint: str) -> None:
+        self.x, self.joint = x, joint
+
+
+def check_free(scene: Scene) -> None:
+    """A loop that Newton's method closes is followed over one drive's turn: none other may be beside it if it is free.
+
+    Raises
+    ------
+    SceneError
+        Before anything is derived; no preset can do without that turn.
+    """
+    free = [name for name, drive in scene.drives.items() if drive.free]
+    if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(scene)):
+        raise SceneError(
+            f"drives.{free[0]}", "free",
+            f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone, under "
+            "every preset",
+            "Prescribe all drives, or leave the others out",
+        )  # fmt: skip
+
+
+def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> np.ndarray:
+    """The kernels' argument p with the seeds' tables behind it; as it is where the module has no such loops.
+
+    Raises
+    ------
+    SceneError
+        If a loop can't close, closes in more ways than the scene chooses from, or locks within the drive's range over
+        ``horizon`` [s]; it names the joint that closes the loop and the drive's coordinate.
+    """
+    loops = getattr(module, "LOOPS", ())
+    if not loops:
+        return parameters
+    sweep = _swept(scene, module, parameters, horizon)
+    position = {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
+    values, blocks, filled = parameters.copy(), [], len(parameters)
+    for closing, _, turning, sliding in loops:
+        columns = {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
+        columns |= {f"joints.{joint}.seed_slide": sweep.slid(scene, joint) for joint in sliding}
+        for path, column in columns.items():
+            block = Table(sweep.x, column).coefficients(sweep.period)
+            values[position[path]] = filled
+            blocks.append(block)
+            filled += len(block)
+        values[position[f"joints.{closing}.side"]] = 1.0
+    p = np.concatenate([values, *blocks])
+    first = Motion(module, p).at(0.0)
+    for closing, *_ in loops:
+        p[position[f"joints.{closing}.side"]] = math.copysign(1.0, first[f"{closing}.closure"][0])
+    return p
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """Poses (n, bodies, 3) at x (n,); with a period they repeat."""
+
+    x: np.ndarray
+    poses: np.ndarray
+    bodies: tuple[str, ...]
+    period: float | None
+
+    def turned(self, body: str, key: str) -> np.ndarray:
+        return (np.cos if key == "c" else np.sin)(self.poses[:, self.bodies.index(body), 2])
+
+    def slid(self, scene: Scene, name: str) -> np.ndarray:
+        """Slide of a guide along its direction [m]."""
+        joint = scene.joints[name]
+        first, second = joint.addresses
+        found = []
+        for row in self.poses:
+            poses = {"ground": np.zeros(3), **dict(zip(self.bodies, row, strict=True))}
+            gap = place_of(scene, poses, second) - place_of(scene, poses, first)
+            angle = poses[first.body][2]
+            t_x, t_y = joint.direction
+            t = np.array([math.cos(angle) * t_x - math.sin(angle) * t_y, math.sin(angle) * t_x + math.cos(angle) * t_y])
+            found.append(t @ gap)
+        return np.array(found)
+
+
+def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
+    """The assembly over a whole turn of the only drive where it turns around, else over the drives' range."""
+    follower = _Follower(scene)
+    drives = list(scene.drives)
+    free = [name for name in drives if scene.drives[name].kind == "free"]
+    if len(drives) > 1:
+        motion = Motion(module, parameters)
+
+        def at_time(t: float) -> dict[str, float]:
+            rigid = motion.at(t)
+            return {name: float(rigid[f"{name}.angle"][0]) for name in drives}
+
+        steps = max(_KNOTS, math.ceil(_KNOTS * _turns(motion, drives, horizon)))
+        times = np.linspace(0.0, horizon, steps + 1)
+        return follower.over(times, at_time, None, lambda t: _at_all(scene, at_time(t)))
+    (drive,) = drives
+
+    def only(x: float) -> dict[str, float]:
+        return {drive: x}
+
+    def said(x: float) -> str:
+        return f"{drive} = {scene.written_coordinate(drive, x)}"
+
+    start = follower.start.drives[drive]
+    locked = None
+    if not scene.slides(drive):
+        try:
+            turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, said)
+            change = turn.poses[-1] - turn.poses[0]
+            change[:, 2] = np.remainder(change[:, 2] + math.pi, 2 * math.pi) - math.pi
+            if abs(change).max() < 1e-6 * max(1.0, follower.rows(only(start)).size):
+                return turn
+        except SceneError as error:
+            locked = error
+    if free:
+        raise locked or SceneError(
+            f"drives.{drive}", "free", "the linkage is not the same after a turn", "Prescribe this drive"
+        )
+    angles = Motion(module, parameters).at(np.linspace(0.0, horizon, _KNOTS + 1))[f"{drive}.angle"]
+    knots = max(_KNOTS, math.ceil(_KNOTS * np.ptp(angles) / (2 * math.pi)) if not scene.slides(drive) else _KNOTS)
+    there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only, None, said)
+    back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only, None, said)
+    # Where the drive only moves to one side of its start, the other sweep stands still.
+    x, first = np.unique(np.concatenate([back.x[::-1], there.x]), return_index=True)
+    if len(x) == 1:  # a drive that is held: the table has one value
+        x, first = x + np.array([-1.0, 0.0, 1.0, 2.0]), np.zeros(4, dtype=int)
+    return _Sweep(x, np.concatenate([back.poses[::-1], there.poses])[first], there.bodies, None)
+
+
+def _turns(motion: Motion, drives: list[str], horizon: float) -> float:
+    rigid = motion.at(np.linspace(0.0, horizon, _KNOTS + 1))
+    return max(np.ptp(rigid[f"{name}.angle"]) for name in drives) / (2 * math.pi)
+
+
+def _at_all(scene: Scene, drives: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in drives.items())
+
+
+def follow(scene: Scene, times: np.ndarray, drives: Coordinates) -> np.ndarray:
+    """Poses (n_times, bodies, 3) of the assembly that the scene starts from, by numbers alone.
+
+    Raises
+    ------
+    SceneError
+        If it can't close at the start, or locks on the way.
+    """
+    return _Follower(scene).over(times, drives, None, lambda t: _at_all(scene, drives(t))).poses
+
+
+class _Follower:
+    """Follows the assembly that a scene starts from."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.bodies, self.joints = scene, tuple(scene.bodies), [*scene.joints]
+        self.start = place(scene)
+
+    def rows(self, drives: Mapping[str, float]) -> Rows:
+        return Rows(self.scene, drives)
+
+    def over(self, xs: np.ndarray, drives: Coordinates, period: float | None, said: Callable[[float], str]) -> _Sweep:
+        """The poses at all of ``xs``, the first of which is the start."""
+        here = np.array([self.start.poses[name] for name in self.bodies]).ravel()
+        side = np.linalg.slogdet(self._jacobian(here, drives(xs[0])))[0]
+        found = [here]
+        try:
+            for x, to in pairwise(xs):
+                here = here if x == to else self._step(here, x, to, drives, side, 0)
+                found.append(here)
+        except _Locked as locked:
+            raise SceneError(
+                f"joints.{locked.joint}", None,
+                f"the loop that it closes locks near {said(locked.x)}: beyond that the linkage can't close, or would "
+                "change its branch",
+                "Change the lengths, or limit the drive's range",
+            ) from None  # fmt: skip
+        return _Sweep(np.array(xs), np.array(found).reshape(len(xs), -1, 3), self.bodies, period)
+
+    def _poses(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
+        return {"ground": np.zeros(3), **dict(zip(self.bodies, unknowns.reshape(-1, 3), strict=True))}
+
+    def _jacobian(self, unknowns: np.ndarray, drives: Mapping[str, float]) -> np.ndarray:
+        return self.rows(drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
+
+    def _step(self, here: np.ndarray, x: float, to: float, drives: Coordinates, side: float, depth: int) -> np.ndarray:
+        """The poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in halves."""
+        before, after = drives(x), drives(to)
+        jacobian = self._jacobian(here, before)
+        moved = np.zeros(len(here))
+        names = self.rows(before).driven(self.joints)
+        moved[len(here) - len(names) :] = [after[name] - before[name] for name in names]
+        rows = self.rows(after)
+        guess = here + np.linalg.solve(jacobian, moved)
+        unknowns = guess.copy()
+        scale = np.tile([rows.size, rows.size, 1.0], len(self.bodies))
+        for _ in range(8):
+            residual = rows.residuals(self._poses(unknowns), self.joints)
+            jacobian = self._jacobian(unknowns, after)
+            sign, size = np.linalg.slogdet(jacobian)
+            if not np.isfinite(size):
+                break
+            change = np.linalg.solve(jacobian, residual)
+            unknowns -= change
+            if abs(change / scale).max() < 1e-12:
+                step, bend = abs((guess - here) / scale).max(), abs((unknowns - guess) / scale).max()
+                if sign == side and bend <= _BENT * step:
+                    return unknowns
+                break
+        if depth == _HALVINGS:
+            raise _Locked(x, self._locking(here, before))
+        middle = 0.5 * (x + to)
+        here = self._step(here, x, middle, drives, side, depth + 1)
+        return self._step(here, middle, to, drives, side, depth + 1)
+
+    def _locking(self, unknowns: np.ndarray, drives: Mapping[str, float]) -> str:
+        """The joint that closes the loop which is about to lock: most strained by forces that balance themselves."""
+        stress = abs(np.linalg.svd(self._jacobian(unknowns, drives))[0][:, -1])
+        counts = [3 if self.scene.joints[name].kind == "weld" else 2 for name in self.joints]
+        ends = np.cumsum(counts)
+        strain = {
+            name: stress[end - count : end].max() for name, count, end in zip(self.joints, counts, ends, strict=True)
+        }
+        return max(self.scene.loop_joints(), key=strain.get)

@@ -1,0 +1,144 @@
+"""How the floating frame of an elastic link hangs on it, and how many shapes the coupled equations give the link.
+
+Both follow from where joints, loads and masses act, before any number of the beam is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kaneflex.mechanism.rigid_bodies import prescribed_bodies
+from kaneflex.scene.options import modes_of
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.scene import Scene
+
+_SAME = 1e-9
+"""Points closer than this share of a link's length are one."""
+
+
+@dataclass
+class Station:
+    """A point of a link's axis at which joints, loads or masses act.
+
+    Attributes
+    ----------
+    x : float
+        Distance from the link's start [m].
+    joined, turned, clamped : bool
+        Whether a joint is there; whether something can turn the section; whether something prescribes its turn.
+    """
+
+    x: float
+    joined: bool = False
+    turned: bool = False
+    clamped: bool = False
+
+
+def stations(scene: Scene, link: str) -> list[Station]:
+    """The stations of a link from its start to its end."""
+    found: list[Station] = []
+    length = scene.bodies[link].length
+    placed = prescribed_bodies(scene)
+
+    def at(address: Address) -> Station:
+        x = scene.point(address)[0]
+        for station in found:
+            if abs(station.x - x) <= _SAME * length:
+                return station
+        found.append(Station(x))
+        return found[-1]
+
+    torques = {load.torque_at for load in scene.torques.values()}
+    torques |= {spring.torsional_at for spring in scene.springs.values()}
+    for name, joint in scene.joints.items():
+        driven = name in scene.drives and scene.drives[name].kind != "free"
+        stiff = joint.kind != "revolute" or driven
+        for own, other in (joint.addresses, joint.addresses[::-1]):
+            if own.body == link:
+                station = at(own)
+                station.joined = True
+                station.turned |= stiff or name in torques
+                station.clamped |= stiff and other.body in placed
+    for load in scene.forces.values():
+        if load.force_on.body == link:
+            at(load.force_on)
+    for spring in scene.springs.values():
+        for end in spring.ends:
+            if end.body == link:
+                at(end)
+    for mass in scene.masses.values():
+        if mass.at.body == link:
+            at(mass.at).turned |= bool(mass.inertia)
+    return sorted(found, key=lambda station: station.x)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How a link's floating frame hangs on it.
+
+    Attributes
+    ----------
+    kind : str
+        What its x axis does: "tangent" touches the link at a joint, "chord" passes through its first and its last
+        joint, "mean" leaves the bending no moment of momentum about its only joint (Buckens).
+    at : float
+        Where the link keeps its place in the frame [m from the start]: at that joint. A chord keeps its mean place
+        along it, so that neither of its ends is the first.
+    to : float
+        The last joint [m].
+    """
+
+    kind: str
+    at: float
+    to: float
+
+
+def frame_of(stations_of_link: list[Station]) -> Frame:
+    """The floating frame of a link: where joints hold it, whichever of its ends is called its start.
+
+    A link that turns freely must not have a frame that its shapes could turn on the spot: its mass would be lost.
+    """
+    joined = [station for station in stations_of_link if station.joined]
+    if not joined:
+        return Frame("tangent", 0.0, 0.0)
+    clamped = [station for station in joined if station.clamped]
+    if len(clamped) == 1:
+        return Frame("tangent", clamped[0].x, clamped[0].x)
+    return Frame("chord" if len(joined) > 1 else "mean", joined[0].x, joined[-1].x)
+
+
+def shape_counts(scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Elastic link -> its numbers of axial and of transverse shapes, and 1 where its start moves in its frame."""
+    return {
+        name: _counts(scene, name, modes_of(scene)) if body.elastic else body.modal.counts
+        for name, body in scene.bodies.items()
+        if body.elastic or body.modal is not None
+    }
+
+
+def axial_modes(modes: int, elements: int, stations_of_link: int) -> int:
+    """Axial modes of a link: one for every three of bending begun, and no more than its elements have."""
+    return min(-(-modes // 3), max(0, elements + 1 - stations_of_link))
+
+
+def _counts(scene: Scene, name: str, modes: int) -> tuple[int, ...]:
+    found, beam = stations(scene, name), scene.bodies[name].beam
+    frame = frame_of(found)
+    away = [station for station in found if station.x not in (frame.at, frame.to)]
+    held = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
+    others = len(away) + (frame.kind == "chord")
+    axial = 0 if beam.axially_rigid else others + axial_modes(modes, beam.elements, others + 1)
+    # A mean frame makes the turn of the undeformed link itself: one of the static shapes, where there are any.
+    moves = (1,) * (frame.kind == "chord" or frame.at > 0)
+    return axial, held + modes - (frame.kind == "mean" and held > 0), *moves
+
+
+def shapes_given(scene: Scene) -> tuple[str, ...]:
+    """Coordinates of the shapes that bodies with modal data bring along, as the coupled equations name them."""
+    return tuple(
+        f"{name}.{kind}_{k}"
+        for name, body in scene.bodies.items()
+        if body.modal is not None
+        for kind, count in zip(("axial", "transverse"), body.modal.counts[:2], strict=True)
+        for k in range(count)
+    )

@@ -1,0 +1,115 @@
+"""How far a mechanism's joints go, and which points lie on each other: what shows that a loop closed the wrong way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+
+from kaneflex.mechanism.position_analysis import Placement, coordinate_at
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
+from kaneflex.support.errors import SceneError
+
+Courses = Mapping[str, np.ndarray]
+"""Body -> x, y of its start [m] and its angle [rad] over the motion, (3, n)."""
+_TURN = 360
+"""Samples of a turn of the fastest drive."""
+_MOST = 720
+"""Samples at most."""
+_SAME = 1e-6
+"""Share of the mechanism's size within which two points are one."""
+
+
+def courses_of(scene: Scene, rigid: RigidMotion) -> Courses:
+    """Those of a rigid motion."""
+    found = {}
+    for name in scene.bodies:
+        angle = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
+        found[name] = np.array([rigid[f"{name}.x"], rigid[f"{name}.y"], angle])
+    return found
+
+
+def followed(scene: Scene, placement: Placement) -> Courses:
+    """Those of the run, by numbers alone; of one instant where a joint is free or the linkage locks on the way."""
+    from kaneflex.mechanism.closure_continuation import follow
+
+    here = {name: pose[:, None] for name, pose in placement.poses.items()}
+    if scene.is_frame or not scene.drives or any(drive.free for drive in scene.drives.values()):
+        return here
+    turning = {name: abs(drive.speed) for name, drive in scene.drives.items() if drive.speed and not scene.slides(name)}
+    steady = all(scene.drives[name].kind == "constant speed" for name in turning) and len(scene.drives) == len(turning)
+    horizon = min(scene.horizon, math.tau / min(turning.values())) if steady else scene.horizon
+    turns = max(turning.values(), default=0.0) * horizon / math.tau
+    times = np.linspace(0.0, horizon, min(_MOST, max(_TURN, math.ceil(_TURN * turns))) + 1)
+    try:
+        poses = follow(scene, times, lambda t: {name: coordinate_at(scene, name, t) for name in scene.drives})
+    except SceneError:
+        return here  # loading says where it locks
+    return {name: poses[:, k].T for k, name in enumerate(scene.bodies)}
+
+
+def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
+    """Joint -> its range in words, and under "on each other" the points that coincide at the start without a joint."""
+    found = {}
+    for name, joint in scene.joints.items():
+        if joint.kind == "weld":
+            continue
+        first, second = joint.addresses
+        if joint.kind == "prismatic":
+            angle = _of(courses, first.body)[2]
+            t = np.array(_turned(joint.direction, angle))
+            course = 1e3 * (t * (_place(scene, courses, second) - _place(scene, courses, first))).sum(0)
+            found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
+        else:
+            course = np.degrees(_of(courses, second.body)[2] - _of(courses, first.body)[2])
+            course = course - 360.0 * np.round(course[0] / 360.0)
+            found[name] = "turns around" if np.ptp(course) > 359.0 else f"{_range(course)} deg"
+    meeting = _meeting(scene, courses)
+    return found | ({"on each other": "; ".join(meeting)} if meeting else {})
+
+
+def _range(course: np.ndarray) -> str:
+    low, high = (f"{value + 0.0:.4g}" for value in (course.min(), course.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def _of(courses: Courses, body: str) -> np.ndarray:
+    return np.zeros((3, 1)) if body == "ground" else courses[body]
+
+
+def _turned(vector: tuple[float, float], angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    c, s = np.cos(angle), np.sin(angle)
+    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
+
+
+def _place(scene: Scene, courses: Courses, address: Address) -> np.ndarray:
+    x, y, angle = _of(courses, address.body)
+    dx, dy = _turned(scene.point(address), angle)
+    return np.array([x + dx, y + dy])
+
+
+def _meeting(scene: Scene, courses: Courses) -> list[str]:
+    """Points of two bodies that are at one place at the start, though no joint holds them there."""
+    points = [Address(name, point) for name, body in scene.bodies.items() for point in body.points_all]
+    places = {address: _place(scene, courses, address)[:, 0] for address in points}
+    size = max([abs(place).max() for place in places.values()], default=0.0) or 1.0
+    return [
+        f"{one} and {other}"
+        for one, other in combinations(points, 2)
+        if one.body != other.body
+        and abs(places[one] - places[other]).max() <= _SAME * size
+        and not _joined(scene, one, other)
+    ]
+
+
+def _joined(scene: Scene, one: Address, other: Address) -> bool:
+    """Whether joints at these very points lead from one to the other, over other bodies, too."""
+    pins = [set(joint.addresses) for joint in scene.joints.values()]
+    reached = {one}
+    while more := {side for pin in pins if pin & reached for side in pin} - reached:
+        reached |= more
+    return other in reached

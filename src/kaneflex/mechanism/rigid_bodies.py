@@ -1,0 +1,158 @@
+"""Rigid bodies in the elastic stage: which of them the drives place, and how elastic links carry the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+from kaneflex.mechanism.joints import constraint_count
+from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
+from kaneflex.support.errors import SceneError
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A rigid body that moves with the deformation.
+
+    Attributes
+    ----------
+    kind : str
+        "guided" (a slide along the guide of a placed body), "hinged" (a turn about a point of another rigid body),
+        "welded" (moves with another rigid body) or "free" (displacement of its start, and a turn).
+    at : tuple of float
+        The point that it turns about, in its own axes [m].
+    joint : str or None
+        The joint by which another rigid body holds it.
+    base : Address or None
+        The holding body's point.
+    """
+
+    kind: str
+    at: tuple[float, float]
+    joint: str | None = None
+    base: Address | None = None
+
+
+def prescribed_bodies(scene: Scene) -> set[str]:
+    """Rigid bodies whose motion the drives fix: group after group that joints between rigid bodies determine."""
+    rigid = {"ground", *(name for name, body in scene.bodies.items() if not body.elastic)}
+    pairs = {name: {address.body for address in joint.addresses} for name, joint in scene.joints.items()}
+    pairs = {name: pair for name, pair in pairs.items() if pair <= rigid}
+    taken = {name: constraint_count(scene.joints[name]) + (name in scene.drives) for name in pairs}
+    fixed = {"ground"}
+    while group := _determined(pairs, taken, fixed, rigid - fixed):
+        fixed |= group
+    return fixed
+
+
+def _determined(
+    pairs: Mapping[str, set[str]], taken: Mapping[str, int], fixed: set[str], waiting: set[str]
+) -> set[str]:
+    """The fewest bodies with as many constraints, drives counted, as coordinates; none where there are none.
+
+    A driven body, a dyad (two bodies and three joints), a body raised by a cylinder (three bodies and five).
+    """
+
+    def count(group: set[str]) -> int:
+        return sum(taken[name] for name, pair in pairs.items() if pair & group and pair <= group | fixed)
+
+    # What fewer than three constraints hold is loose in any group: without it there are few to look through.
+    loose = {""}
+    while loose:
+        loose = {
+            name for name in waiting
+            if sum(taken[joint] for joint, pair in pairs.items() if name in pair and pair <= waiting | fixed) < 3
+        }  # fmt: skip
+        waiting = waiting - loose
+    for size in range(1, len(waiting) + 1):
+        for group in map(set, combinations(sorted(waiting), size)):
+            if count(group) >= 3 * size:
+                return group
+    return set()
+
+
+def carried_bodies(scene: Scene) -> dict[str, Carried]:
+    """How each rigid body that is not prescribed takes part in the deformation, holders before what they hold.
+
+    Raises
+    ------
+    SceneError
+        For a rigid body held twice by other rigid bodies, or guided by one that is itself carried.
+    """
+    prescribed = prescribed_bodies(scene)
+    carried: dict[str, Carried] = {}
+    waiting = [name for name, body in scene.bodies.items() if not body.elastic and name not in prescribed]
+    while waiting:
+        holders = {name: _holders(scene, name, prescribed | set(carried)) for name in waiting}
+        name = next((name for name in waiting if holders[name]), waiting[0])
+        waiting.remove(name)
+        if len(holders[name]) > 1:
+            joints = " and ".join(joint for joint, _, _ in holders[name])
+            raise SceneError(
+                f"bodies.{name}", "rigid", f"{joints} hold it between rigid bodies, so that it can't follow the links",
+                "Take preset rigid, give one of these bodies a beam, or leave one of the joints out",
+            )  # fmt: skip
+        carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))
+    return carried
+
+
+def _holders(scene: Scene, body: str, known: set[str]) -> list[tuple[str, Address, Address]]:
+    """Joints to rigid bodies whose motion is known: (joint, own point, the other body's point)."""
+    found = []
+    for name, joint in scene.joints.items():
+        first, second = joint.addresses
+        for own, other in ((first, second), (second, first)):
+            if own.body == body and other.body in known:
+                found.append((name, own, other))
+    return found
+
+
+def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[str]) -> Carried:
+    name, own, other = holder
+    joint = scene.joints[name]
+    if joint.kind == "prismatic":
+        if other.body not in prescribed:
+            raise SceneError(
+                f"joints.{name}", other.body, "a guide on a body that elastic links carry is not available yet",
+                "Put the guide on the ground or on a driven body, or take preset rigid",
+            )  # fmt: skip
+        return Carried("guided", scene.point(own), name, other)
+    kind = "hinged" if joint.kind == "revolute" and name not in scene.drives else "welded"
+    return Carried(kind, scene.point(own), name, other)
+
+
+def check_elastic(scene: Scene) -> None:
+    """What the elastic stage demands of a scene, before anything is derived.
+
+    A guide must hold a rigid body: an elastic one would slide through its own deformation. Loads, springs and lumped
+    masses on a link lie on its axis, where its nodes are.
+    """
+    carried_bodies(scene)  # raises where they can't follow the links
+    for name, spring in scene.springs.items():
+        joined = scene.joints[spring.torsional_at].addresses if spring.torsional_at is not None else ()
+        if scene.solve.preset == "paper" and any(a.body != "ground" and scene.bodies[a.body].elastic for a in joined):
+            raise SceneError(
+                f"springs.{name}", spring.torsional_at, "preset paper lets elastic bodies turn at a drive",
+                "Use another preset, or leave the spring out",
+            )  # fmt: skip
+    points = [(f"loads.{name}.force_on", load.force_on) for name, load in scene.forces.items()]
+    points += [(f"masses.{name}.at", mass.at) for name, mass in scene.masses.items()]
+    ends = ((name, end) for name, spring in scene.springs.items() for end in spring.ends)
+    points += [(f"springs.{name}.between", end) for name, end in ends if end.body != "ground"]
+    for key, address in points:
+        x, y = scene.point(address)
+        body = scene.bodies[address.body]
+        if body.elastic and not (y == 0 and 0 <= x <= body.length):
+            raise SceneError(
+                key, str(address), f"the point lies off the axis of {address.body}",
+                "Move the point onto the axis, between start and end, or join a rigid body there",
+            )  # fmt: skip
+    for name, joint in scene.joints.items():
+        for address in joint.addresses:
+            if joint.kind == "prismatic" and address.body in scene.bodies and scene.bodies[address.body].elastic:
+                raise SceneError(
+                    f"joints.{name}", address.body, "an elastic body on a guide is not available yet",
+                    "Join it to a guided rigid body by a revolute joint or a weld, or take preset rigid",
+                )  # fmt: skip

@@ -1,0 +1,86 @@
+"""The rigid motion of a mechanism: what its module tabulates, scalar by name, at any instants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.mechanism.affine import Affine, Monomial
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The rigid motion of a scene: its module's ``tabulate`` with the scene's numbers.
+
+    ``parameters`` is the kernels' argument p: PARAMETERS of the module in SI, then the blocks of its tables.
+    """
+
+    module: ModuleType
+    parameters: np.ndarray
+
+    @cached_property
+    def column(self) -> dict[str, int]:
+        return {name: k for k, (name, *_) in enumerate(self.module.SCALARS)}
+
+    def ordered(self, monomials: Iterable[Monomial]) -> tuple[Monomial, ...]:
+        """Products of scalars in the module's order: sums over them round alike, whatever a scene's names are."""
+        place = {name: k for k, name in enumerate([*self.column, *self.module.CONSTANTS])}
+        return tuple(sorted(monomials, key=lambda monomial: sorted(place[name] for name in monomial)))
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
+        times = np.ascontiguousarray(times, dtype=float)  # else the kernel is compiled again for strided ones
+        out = np.zeros((len(times), len(self.column)))
+        self.module.tabulate(times, self.parameters, out)
+        return out
+
+    def at(self, times: np.ndarray) -> RigidMotion:
+        """The rigid motion at ``times`` [s], scalar by name."""
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        return RigidMotion(self, times, self.table(times))
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """Scalars of the rigid motion at some times: ``motion["rod.omega"]`` has shape (n_times,)."""
+
+    motion: Motion
+    times: np.ndarray
+    values: np.ndarray
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name in self.motion.column:
+            return self.values[:, self.motion.column[name]]
+        return np.full(len(self.times), self.motion.module.CONSTANTS[name])
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.motion.column or name in self.motion.module.CONSTANTS
+
+    def monomial(self, names: Monomial) -> np.ndarray:
+        """Product of scalars, shape (n_times,)."""
+        if names not in self._products:
+            product = np.ones(len(self.times))
+            for name in sorted(names, key=lambda name: self.motion.column.get(name, -1)):
+                product = product * self[name]
+            self._products[names] = product
+        return self._products[names]
+
+    @cached_property
+    def _products(self) -> dict[Monomial, np.ndarray]:
+        """Those that were asked for: the matrices of a link, of its forces and of its frame share most of them."""
+        return {}
+
+    def apply(self, affine: Affine, vectors: np.ndarray) -> np.ndarray:
+        """A(t) x(t) for vectors of shape (columns, n_times); returns (rows, n_times)."""
+        total = np.zeros((affine.shape[0], len(self.times)))
+        for monomial, matrix in affine.terms.items():
+            total += self.monomial(monomial) * (matrix @ vectors)
+        return total
+
+    def column_of(self, affine: Affine) -> np.ndarray:
+        """An affine vector (rows x 1) at all times; returns (rows, n_times)."""
+        return self.apply(affine, np.ones((1, len(self.times))))

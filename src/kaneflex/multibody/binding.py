@@ -1,0 +1,265 @@
+"""Find the generated module of a scene's structure, or derive it, and bind the scene's numbers to its kernels."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import MappingProxyType, ModuleType
+
+import numpy as np
+
+from kaneflex.scene import Scene
+from kaneflex.scene.bodies import Body
+from kaneflex.scene.options import acting, left_out, resolve_options
+from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
+from kaneflex.support.contract import (
+    COUPLED_ATTRIBUTES,
+    COUPLED_TANGENT_ATTRIBUTES,
+    COURSES,
+    REQUIRED_ATTRIBUTES,
+    TANGENT_ATTRIBUTES,
+)
+from kaneflex.support.errors import SceneError
+from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
+
+Progress = Callable[[str], None]
+_MOMENT = 15.0
+"""Seconds of deriving that are announced."""
+
+
+def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the scene's structure: shipped, else from the user's cache, else derived now.
+
+    Returns the module and the seconds spent on deriving it.
+    """
+    return _find(scene.structure_hash(), lambda stage: generate_text(scene, stage), REQUIRED_ATTRIBUTES, progress)
+
+
+Counts = Mapping[str, tuple[int, ...]]
+"""Elastic link -> its numbers of axial and of transverse shapes."""
+
+
+def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
+    """The coupled module of a scene's structure with so many shapes; otherwise as :func:`find_module`."""
+    structure, seconds = coupled_hash(scene, shapes), seconds_to_derive(shapes)
+    return _find(structure, lambda stage: coupled_text(scene, shapes, stage), COUPLED_ATTRIBUTES, progress, seconds)
+
+
+def seconds_to_derive(shapes: Counts) -> float:
+    """About how long deriving the coupled equations takes [s], by the times of docs/derive-times.md."""
+    return sum(0.2 * transverse**2 for _, transverse, *_ in shapes.values())
+
+
+def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:
+    """Text of the coupled module of a scene's structure with so many shapes."""
+    from kaneflex.derive import generate_coupled
+
+    return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
+
+
+def find_tangent_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the slopes of a scene's motion and elements; otherwise as :func:`find_module`."""
+    return _find(tangent_hash(scene), lambda stage: tangent_text(scene), TANGENT_ATTRIBUTES, progress)
+
+
+def tangent_text(scene: Scene) -> str:
+    """Text of the module of the slopes of a scene's motion and elements."""
+    from kaneflex.derive import generate_tangent
+
+    with derivable(scene):
+        return generate_tangent(scene, tangent_hash(scene))
+
+
+def find_coupled_tangent_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the slopes of the coupled equations; otherwise as :func:`find_module`."""
+    structure = coupled_tangent_hash(scene, shapes)
+    return _find(structure, lambda stage: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, progress)
+
+
+def coupled_tangent_text(scene: Scene, shapes: Counts) -> str:
+    """Text of the module of the slopes of the coupled equations with so many shapes."""
+    from kaneflex.derive import generate_coupled_tangent
+
+    return generate_coupled_tangent(scene, shapes, coupled_tangent_hash(scene, shapes))
+
+
+def _find(
+    structure: str, text: Callable[[Progress], str], required: Sequence[str], progress: Progress, expected: float = 0.0
+) -> tuple[ModuleType, float]:
+    """The module and the seconds of deriving it; ``expected`` is how many it may take."""
+    from kaneflex.generated import STRUCTURES
+
+    if structure in STRUCTURES:
+        return importlib.import_module(f"kaneflex.generated.{STRUCTURES[structure]}"), 0.0
+    if _module_name(structure) in sys.modules:
+        return sys.modules[_module_name(structure)], 0.0
+    path = cache_folder() / f"{structure}.py"
+    data, seconds = kept(path), 0.0
+    if data is None:
+        about = f", some {expected:.0f} s" if expected > _MOMENT else ""
+        progress(f"deriving the equations, first time only{about}" if not path.exists() else
+                 "deriving the equations anew: what was kept of them is not as it was written")  # fmt: skip
+        started = time.perf_counter()
+        data = sealed(text(lambda stage: progress(f"deriving the equations{about}: {stage}")))
+        keep(path, data)
+        seconds = time.perf_counter() - started
+    return _execute(data, path, structure, required), seconds
+
+
+def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of the module of a scene's structure.
+
+    Raises
+    ------
+    SceneError
+        If the drives and joints don't determine the motion; it names what is open and what is redundant.
+    """
+    from kaneflex.derive import generate
+
+    with derivable(scene):
+        return generate(scene, progress)
+
+
+def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of a module of the scene by its own model: what its options leave out is not in the code.
+
+    Under preset coupled the coupled module, whose equations are one whole. Raises SceneError as :func:`generate_text`.
+    """
+    from kaneflex.derive import generate_pruned
+    from kaneflex.mechanism.floating_frames import shape_counts
+
+    options = resolve_options(scene)
+    if options.dynamics == "coupled":
+        return coupled_text(scene, shape_counts(scene))
+    scene, without = acting(scene, options), left_out(options)
+    if not without:
+        return generate_text(scene, progress)
+    with derivable(scene):
+        return generate_pruned(scene, without, pruned_hash(scene, without), progress)
+
+
+def operation_count(text: str) -> int:
+    """Operations of one call of each of a module's kernels, as they are emitted."""
+    tree = ast.parse(text)
+    counts = next(
+        ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "OPERATIONS"
+    )
+    return sum(shared for _, shared in counts.values())
+
+
+@contextmanager
+def derivable(scene: Scene) -> Iterator[None]:
+    """Turn what makes a scene's equations unsolvable into a SceneError in the scene's words."""
+    from kaneflex.derive import StructurallySingular, UnsupportedLoop
+    from kaneflex.fem.mobility import in_joints
+
+    try:
+        yield
+    except StructurallySingular as error:
+        reason, cure = in_joints(scene, error.spare_equations, error.open_unknowns)
+        raise SceneError("joints", None, reason, cure) from error
+    except UnsupportedLoop as error:
+        raise SceneError(
+            "joints", None, str(error), "Drive or join them: each needs three constraints, drives counted, and no more"
+        ) from error
+
+
+def _module_name(structure: str) -> str:
+    """What numba's cache files are keyed by."""
+    return f"kaneflex_{structure}"
+
+
+def import_file(path: Path, structure: str, required: Sequence[str] = REQUIRED_ATTRIBUTES) -> ModuleType:
+    """Import a generated file under a name made of its structure."""
+    found = sys.modules.get(_module_name(structure))
+    return found if found is not None else _execute(path.read_bytes(), path, structure, required)
+
+
+def _execute(data: bytes, path: Path, structure: str, required: Sequence[str]) -> ModuleType:
+    """Run the text of a generated module, which was read from ``path``, as a module."""
+    name = _module_name(structure)
+    specification = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # before it is executed: numba looks its functions' module up
+    try:
+        exec(compile(data, str(path), "exec"), module.__dict__)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    missing = [attribute for attribute in required if not hasattr(module, attribute)]
+    if missing or module.STRUCTURE != structure:
+        del sys.modules[name]
+        raise SceneError(
+            str(path),
+            structure,
+            "not a generated module of this structure",
+            "Delete the file; it is derived anew",
+        )
+    return module
+
+
+def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float] = MappingProxyType({})) -> np.ndarray:
+    """The kernels' argument p: every number of PARAMETERS in SI, then the tables' blocks.
+
+    ``known`` has the numbers that are not the scene's own, by their paths.
+    """
+    values: list[float] = []
+    blocks: list[np.ndarray] = []
+    filled = len(module.PARAMETERS)
+    for path, _ in module.PARAMETERS:
+        table, owner, name = (*path.split(".", 2), "")[:3]
+        if path in known:
+            values.append(known[path])
+        elif name == "table":
+            reader = getattr(scene, table)[owner]
+            block = reader.curve()
+            values.append(float(filled))
+            blocks.append(block)
+            filled += len(block)
+        elif name in (*COURSES, "side") or name.startswith("seed_"):
+            values.append(0.0)  # filled when the free joints have been integrated, and the loops swept
+        else:
+            values.append(float(_number(scene, table, owner, name)))
+    return np.concatenate([np.array(values), *blocks])
+
+
+def _number(scene: Scene, table: str, owner: str, name: str) -> float:
+    """The scene's number at a path TABLE.OWNER.NAME of PARAMETERS, or gravity.AXIS."""
+    if table == "gravity":
+        return scene.gravity["xy".index(owner)]
+    if table == "ground":
+        return scene.ground[owner]["xy".index(name)]
+    if table == "bodies":
+        return _body_number(scene.bodies[owner], name)
+    entry = getattr(scene, table)[owner]
+    if name.startswith("direction_"):
+        return entry.direction["xy".index(name[-1])]
+    if table == "drives" and name in ("angle", "position"):
+        return entry.start
+    if table == "joints" and name == "branch":
+        return 1.0 if entry.branch == "+" else -1.0
+    if table == "loads" and name.startswith("profile_"):
+        return entry.profile[name == "profile_end"]
+    return getattr(entry, name)
+
+
+def _body_number(body: Body, name: str) -> float:
+    field, _, inner = name.partition(".")
+    if field == "points":
+        point, _, axis = inner.partition(".")
+        return body.points_all[point]["xy".index(axis)]
+    if field == "element":
+        return body.profile.element(0.0, body.length / body.beam.elements)[inner]
+    if field == "pose_angle":
+        return body.pose.angle
+    if field.startswith(("pose_", "centre_")):
+        return (body.pose.at if field.startswith("pose_") else body.centre)["xy".index(field[-1])]
+    return getattr(body, field)

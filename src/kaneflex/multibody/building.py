@@ -1,0 +1,309 @@
+"""Build a model: mesh the links, find the coordinates, assemble, reduce."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from kaneflex.fem.assembly import (
+    ElasticEquations,
+    Placed,
+    assemble,
+    load_on_link,
+    place_masses,
+    place_rigid,
+    place_torques,
+)
+from kaneflex.fem.coordinate_map import Frame, build_frame
+from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
+from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayleigh
+from kaneflex.fem.modes import damping_ratios, lowest_modes
+from kaneflex.fem.springs import place_springs
+from kaneflex.mechanism.affine import Affine, Matrix, entries
+from kaneflex.mechanism.rigid_bodies import carried_bodies
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.multibody.model import REACHED, Model, keep_terms
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+_IN_EQUATIONS = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "damping")
+"""Tables of a scene that its equations depend on, beside the drives."""
+_SAMPLES = 4001
+"""Instants of a run among which the one is looked for at which the first drive stands somewhere."""
+_NARROW = 12
+"""Half-bandwidth that is not worth another order."""
+
+
+Near = tuple[Model, ModuleType]
+"""A model whose numbers are nearly the same, and the module of its slopes."""
+
+
+def build_model(
+    scene: Scene, options: Options, motion: Motion, near: Near | None = None, frozen: Model | None = None,
+    like: Model | None = None,
+) -> Model:  # fmt: skip
+    """Mesh the links, assemble, reduce.
+
+    ``near`` gives the order of the coordinates, and the elements that this model's differ from to first order;
+    ``frozen`` the bases and the modes of damping; ``like`` the equations, where they are the same.
+    """
+    reference, warnings = _reference(scene, options, motion)
+    if like is not None and _same_equations(scene, options, motion, like):
+        mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
+        return replace(like, **mine, energy=None, warnings=(), seconds={})
+    if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
+        empty = {
+            key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
+        }
+        none = ElasticEquations((), **empty)
+        return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
+    links = {
+        name: build_link(
+            scene, name, motion.module, options.elements or body.beam.elements, near and (near[0].links[name], near[1])
+        )
+        for name, body in scene.bodies.items()
+        if body.elastic
+    }
+    carried = carried_bodies(scene)
+    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
+    parts, bases = _parts(scene, options, links, interfaces, {} if frozen is None else frozen.bases)
+    frame = build_frame(scene, parts, carried, interfaces)
+    placed = [(part, frame.maps[name]) for name, part in parts.items()]
+    placed += place_rigid(scene, carried, frame)
+    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
+    if scene.damping is not None and scene.damping.kind == "rayleigh":
+        alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
+        placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
+    placed += place_springs(scene, links, parts, frame)  # with dampers of their own
+    frame, placed = _narrow_band(frame, placed) if near is None else _ordered(frame, placed, near[0].coordinates)
+    equations = assemble(placed, frame.coordinates, options.convective)
+    model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
+    if scene.damping is not None and scene.damping.kind == "modal":
+        equations = _with_modal_damping(model, model if frozen is None else frozen)
+        model = replace(model, equations=equations, reduced=equations)
+    if options.reduction == "modal":
+        omega, basis = reference_modes(model if frozen is None else frozen, options.modes)
+        names = tuple(f"mode_{k + 1}" for k in range(len(omega)))
+        reduced = equations.in_basis(basis, names)
+        if options.dynamics == "frozen":
+            reduced = _frozen(model, reduced, omega)
+        model = replace(model, reduced=reduced, modal_basis=basis)
+    return replace(model, warnings=warnings)
+
+
+def _same_equations(scene: Scene, options: Options, motion: Motion, like: Model) -> bool:
+    """Whether a model's equations are those of the scene: of what they depend on no more than speeds of drives differs.
+
+    A speed enters the scalars of the motion alone, unless the equations are those of one instant.
+    """
+    as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
+    if motion.module is not like.module or as_before != like.options or _of_an_instant(scene, options):
+        return False
+    if options.dynamics == "coupled" or scene.drives.keys() != like.scene.drives.keys():
+        return False
+    drives = {name: drive.model_copy(update={"speed": scene.drives[name].speed})
+              for name, drive in like.scene.drives.items()}  # fmt: skip
+    return drives == scene.drives and all(getattr(scene, name) == getattr(like.scene, name) for name in _IN_EQUATIONS)
+
+
+def _of_an_instant(scene: Scene, options: Options) -> bool:
+    """Whether the equations hold modes of the reference configuration, by reduction, freezing or damping."""
+    return options.reduction == "modal" or (scene.damping is not None and scene.damping.kind == "modal")
+
+
+def _narrow_band(frame: Frame, placed: list[Placed]) -> tuple[Frame, list[Placed]]:
+    """Order the coordinates so that those which meet are neighbours (Cuthill & McKee 1969), where that helps.
+
+    A chain of links is narrow as it was named; where a loop closes or several links meet, its two ends lie far apart.
+    """
+    size = len(frame.coordinates)
+    touched = Affine.zero(size, size).pattern()
+    for part, L in placed:
+        within, motion = sum(part.matrices[key].pattern() for key in ("M", "C_d", "K_s", "K_g")), L.pattern()
+        touched = touched + motion.T @ within @ motion
+    before = _half_bandwidth(touched)
+    if before <= _NARROW:  # what is narrow keeps the order of its names
+        return frame, placed
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    pattern = csr_array(touched)
+    order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
+    if _half_bandwidth(pattern[order][:, order]) >= before:
+        return frame, placed
+    return _ordered(frame, placed, [frame.coordinates[k] for k in order])
+
+
+def _ordered(frame: Frame, placed: list[Placed], coordinates: Sequence[str]) -> tuple[Frame, list[Placed]]:
+    """The same with the coordinates in another order; as it is where they are others."""
+    size = len(frame.coordinates)
+    if set(coordinates) != set(frame.coordinates):
+        return frame, placed
+    order = [frame.coordinates.index(name) for name in coordinates]
+    swap = Affine.constant(csr_array((np.ones(size), (order, np.arange(size))), shape=(size, size)))
+    moved = Frame(
+        tuple(coordinates),
+        {name: L @ swap for name, L in frame.maps.items()},
+        {name: L @ swap for name, L in frame.bodies.items()},
+    )
+    return moved, [(part, L @ swap) for part, L in placed]
+
+
+def _half_bandwidth(pattern: Matrix) -> int:
+    rows, columns, _ = entries(pattern)
+    return int(abs(rows - columns).max(initial=0))
+
+
+def _frozen(model: Model, reduced: ElasticEquations, omega: np.ndarray) -> ElasticEquations:
+    """a'' + 2 zeta omega a' + omega^2 a = Phi^T F(t), paper (143), with the matrices of the reference angle.
+
+    A mode of no frequency may have lost its stiffness to the spin: its omega^2 is then negative, and it diverges.
+    """
+    size = len(omega)
+    zero = Affine.zero(size, size)
+    rigid = model.motion.at(model.reference_time)
+    damping = np.diag(np.diag(_at(reduced.C_s, rigid).toarray())) if model.options.damping else np.zeros((size, size))
+    constant = {key: zero for key in ("C_d", "K_d", "K_c", "K_g")}
+    squares = np.where(omega > 0.0, omega**2, _at(keep_terms(reduced, model.options)["K"], rigid).diagonal())
+    constant |= {"M": np.eye(size), "C_s": damping, "K_s": np.diag(squares)}
+    frozen = {key: value if isinstance(value, Affine) else Affine.constant(value) for key, value in constant.items()}
+    return ElasticEquations(reduced.coordinates, F=reduced.F, **frozen)
+
+
+def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
+    """An affine matrix at the first time of a rigid motion."""
+    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
+
+
+def _reference(scene: Scene, options: Options, motion: Motion) -> tuple[float, tuple[str, ...]]:
+    """The instant [s] whose configuration reference modes are of, :func:`stands_at` or the first; what to warn of it.
+
+    Raises SceneError where a place was asked for at which the first drive never stands.
+    """
+    instant = stands_at(scene, options.mode_angle, motion)
+    if instant is not None or options.dynamics == "rigid":
+        return instant or 0.0, ()
+    name, drive = next(iter(scene.drives.items()))
+    angles = motion.at(np.linspace(0.0, scene.horizon, _SAMPLES))[f"{name}.angle"]
+    wanted, start, lowest, highest = (
+        scene.written_coordinate(name, x) for x in (options.mode_angle, angles[0], min(angles), max(angles))
+    )
+    if "mode_angle" not in scene.solve.model_fields_set and options.mode_angle == scene.solve.mode_angle:
+        said = f"{name} never stands at solve.mode_angle = {wanted}: the modes that it is for are those of {start}"
+        return 0.0, (said,) if _of_an_instant(scene, options) else ()
+    reason = f"{name} never stands there, but goes from {lowest} to {highest}"
+    if drive.kind == "free" and options.dynamics == "coupled":
+        reason = f"preset coupled computes where {name} goes: before, only its start at {start} is known"
+    elif lowest == highest:
+        reason = f"{name} stands still at {start}"
+    place = f"{name}.{'position' if scene.slides(name) else 'angle'}"
+    placed = f"Place it there by {place} = {wanted}, or c" if drive.kind in ("constant speed", "free") else "C"
+    raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a place within its range")
+
+
+def stands_at(scene: Scene, coordinate: float, motion: Motion) -> float | None:
+    """The first instant [s] at which the first drive stands at a coordinate [rad or m]; None where it never does.
+
+    After its cycle a drive stands where it stood before; one that turns without a cycle after a whole turn. One that
+    turns at a constant speed is followed beyond the run.
+    """
+    name, drive = next(iter(scene.drives.items()), (None, None))
+    if drive is None:
+        return 0.0
+    turn = math.inf if scene.slides(name) else drive.cycle or 2.0 * math.pi
+    if drive.kind == "constant speed" and drive.speed and not scene.slides(name):
+        instant = (coordinate - drive.start) / drive.speed
+        return instant if 0.0 <= instant <= scene.horizon else instant % (turn / abs(drive.speed))
+    times = np.linspace(0.0, scene.horizon, _SAMPLES)
+    ahead = motion.at(times)[f"{name}.angle"] - coordinate
+    around = ahead if math.isinf(turn) else ahead - turn * np.round(ahead / turn)
+    reached = REACHED["m" if math.isinf(turn) else "rad"]
+    for gap in (ahead, around):
+        if abs(gap[0]) < reached:
+            return 0.0
+        # from half a turn ahead to half a turn behind is no passing
+        passed = (gap[:-1] * gap[1:] <= 0.0) & (abs(np.diff(gap)) < turn / 2)
+        if passed.any():
+            k = int(passed.argmax())
+            level = float(coordinate + ahead[k] - gap[k])
+            return _passing(motion, name, level, times[k], times[k + 1])
+    return None
+
+
+def _passing(motion: Motion, drive: str, coordinate: float, start: float, end: float) -> float:
+    """When a drive passes a coordinate between two instants [s]: by ever finer samples, then a straight line."""
+    for _ in range(3):
+        times = np.linspace(start, end, 101)
+        gap = motion.at(times)[f"{drive}.angle"] - coordinate
+        k = int((gap[:-1] * gap[1:] <= 0.0).argmax())
+        start, end, before, rise = times[k], times[k + 1], gap[k], gap[k + 1] - gap[k]
+    return float(start - (end - start) * before / rise) if rise else float(start)
+
+
+def _parts(
+    scene: Scene, options: Options, links: dict[str, Link], interfaces: Interfaces, frozen: Mapping[str, np.ndarray]
+) -> tuple[dict[str, Part], dict[str, np.ndarray]]:
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, link in links.items():
+        parts[name] = load_on_link(scene, link.part, link)
+        if options.reduction == "craig-bampton":
+            held = interfaces.held_rows(parts[name]) | _loaded_rows(scene, link)
+            limit = parts[name].size - len(held)
+            count = limit if options.modes == "all" else options.modes
+            if count > limit:
+                raise SceneError(
+                    "solve.modes", options.modes, f"{name} has {limit} fixed-interface modes",
+                    "Ask for fewer modes, or give the link more elements",
+                )  # fmt: skip
+            parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
+    return parts, bases
+
+
+def _loaded_rows(scene: Scene, link: Link) -> set[int]:
+    """Rows of the nodes with lumped masses, springs or torques, which a reduction keeps."""
+    addresses = [mass.at for mass in scene.masses.values()]
+    addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    turned = {joint for joint, _ in scene.joint_torques.values()}
+    addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
+    nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
+    return {row for node in nodes for row in link.part.place[node]}
+
+
+def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:
+    """alpha [1/s] and beta [s] of C = alpha M + beta K with one damping ratio at two frequencies [Hz]."""
+    w_1, w_2 = 2 * math.pi * f_1, 2 * math.pi * f_2
+    return 2 * ratio * w_1 * w_2 / (w_1 + w_2), 2 * ratio / (w_1 + w_2)
+
+
+def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndarray]:
+    """Undamped modes at the reference configuration: angular frequencies [rad/s] and shapes, one a column.
+
+    K_s alone, but for the frozen model of the paper, whose K is K_s + K_d, eq. (99).
+    """
+    rigid = model.motion.at(model.reference_time)
+    frozen = model.options.dynamics == "frozen"
+    stiffness = keep_terms(model.equations, model.options)["K"] if frozen else model.equations.K_s
+    size = model.equations.size
+    count = size if modes == "all" else modes
+    if count > size:
+        raise SceneError(
+            "solve.modes", modes, f"the mechanism has {size} degrees of freedom",
+            "Ask for fewer modes, or give the links more elements",
+        )  # fmt: skip
+    square = _at(stiffness, rigid)
+    return lowest_modes((square + square.T) * 0.5, _at(model.equations.M, rigid), count)
+
+
+def _with_modal_damping(model: Model, of: Model) -> ElasticEquations:
+    """C = M Phi diag(2 zeta omega) Phi^T M at the reference configuration, Phi and omega those ``of`` a model."""
+    omega, shapes = reference_modes(of, "all")
+    zeta = damping_ratios(model.scene.damping.modal.ratio, omega)
+    weighted = _at(model.equations.M, model.motion.at(model.reference_time)) @ shapes
+    damping = Affine.constant(weighted * (2.0 * zeta * omega) @ weighted.T)
+    return replace(model.equations, C_s=model.equations.C_s + damping)

@@ -1,0 +1,64 @@
+"""A link's modal data as arrays: what the coupled equations take of it, written for other programs."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from kaneflex.fem.links import Link
+from kaneflex.multibody.inertia_integrals import link_numbers
+from kaneflex.multibody.system import CoupledSystem
+from kaneflex.scene import Scene
+from kaneflex.scene.modal_data import ARRAYS, FORMAT, POINT_ARRAYS
+from kaneflex.support.atomic_output import refuse_existing, write_bytes
+
+
+def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.ndarray]:
+    """Arrays of one link, SI, without the scene's lumped masses.
+
+    Returns
+    -------
+    dict
+        "format", "length" [m], "points" (names), every name of ARRAYS, and of POINT_ARRAYS with the points first.
+    """
+    shapes = system.shapes[link.name]
+    numbers = link_numbers(scene, link, shapes)
+    sizes = {"s": shapes.axial.shape[1], "w": shapes.transverse.shape[1], "a": shapes.all.shape[1]}
+    points = [name for name in scene.bodies[link.name].points_all if f"{name}.X" in numbers]
+    found = {"format": np.array(FORMAT), "length": np.array(link.length), "points": np.array(points)}
+    for name, (axes, pattern, _) in ARRAYS.items():
+        found[name] = _packed(numbers, pattern if axes else name, [sizes[axis] for axis in axes], axes)
+    for name, (axes, pattern, _) in POINT_ARRAYS.items():
+        of_points = [_packed(numbers, f"{at}.{pattern}", [sizes[axis] for axis in axes], axes) for at in points]
+        found[name] = np.array(of_points)
+    return found
+
+
+def _packed(numbers: Mapping[str, float], pattern: str, shape: list[int], axes: str) -> np.ndarray:
+    """Numbers by their names as an array; of a symmetric one the names hold the upper triangle."""
+    symmetric = len(axes) == 2 and axes[0] == axes[1]
+    found = np.zeros(shape)
+    for index in np.ndindex(*shape):
+        found[index] = numbers[pattern.format(*(sorted(index) if symmetric else index))]
+    return found
+
+
+def export(scene: Scene, system: CoupledSystem, folder: Path, force: bool) -> list[Path]:
+    """Write BODY.npz for every elastic link of a scene into a folder, which is made if it is not there.
+
+    Raises
+    ------
+    OutputError
+        If a file is there and ``force`` is not given, or can't be written.
+    """
+    paths = {name: folder / f"{name}.npz" for name in system.links}
+    for path in paths.values():
+        refuse_existing(path, force, "modal-data")
+    for name, path in paths.items():
+        content = io.BytesIO()
+        np.savez(content, **modal_data(scene, system.links[name], system))
+        write_bytes(path, content.getvalue())
+    return list(paths.values())

@@ -1,0 +1,245 @@
+"""A scene with numbers bound to its kernels: what is integrated, and what can be asked at any instant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from kaneflex.fem.assembly import ElasticEquations, spin_or_euler
+from kaneflex.fem.coordinate_map import Frame
+from kaneflex.fem.interface_coordinates import Interfaces
+from kaneflex.fem.links import Link, Part
+from kaneflex.fem.products import Products
+from kaneflex.integrate.system import AffineSystem
+from kaneflex.mechanism.affine import Affine, Monomial, as_array, entries
+from kaneflex.mechanism.floating_frames import shapes_given
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.energy import Energy
+    from kaneflex.multibody.system import CoupledSystem
+
+REACHED = {"rad": 1e-3, "m": 1e-5}
+"""Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A scene bound to its generated module, ready to be simulated. Made by :func:`kaneflex.load`.
+
+    Attributes
+    ----------
+    scene, options
+        What is modelled, and how.
+    motion : Motion
+        The rigid stage.
+    links : mapping of str to Link
+        Elastic bodies with their meshes.
+    parts : mapping of str to Part
+        The links as they were assembled, reduced where asked.
+    bases : mapping of str to ndarray
+        Craig-Bampton basis of each reduced link.
+    interfaces, frame
+        How the parts hang together.
+    equations : ElasticEquations
+        Assembled and constrained, in the coordinates ``coordinates``.
+    reduced : ElasticEquations
+        What is integrated: the same, or in modes of the whole mechanism, and frozen where the preset says so.
+    modal_basis : ndarray or None
+        Modes of the whole mechanism that the motion is sought in, one a column.
+    reference_time : float
+        Instant [s] at which the first drive stands at ``options.mode_angle``; 0 where it never does.
+    coupled : CoupledSystem or None
+        The coupled equations, under preset ``coupled``.
+    energy : Energy or None
+        Of the rigid mechanism, where its free joints were integrated before anything deforms.
+    seconds : mapping
+        Wall time of the stages of loading.
+    """
+
+    scene: Scene
+    options: Options
+    motion: Motion
+    links: Mapping[str, Link]
+    parts: Mapping[str, Part]
+    bases: Mapping[str, np.ndarray]
+    interfaces: Interfaces | None
+    frame: Frame | None
+    equations: ElasticEquations
+    reduced: ElasticEquations
+    modal_basis: np.ndarray | None
+    reference_time: float
+    coupled: CoupledSystem | None = None
+    energy: Energy | None = None
+    warnings: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"Model({self.in_short})"
+
+    @property
+    def in_short(self) -> str:
+        """Name, preset and degrees of freedom."""
+        return f"{self.scene.name}, {self.options.preset}, {self.degrees_of_freedom} degrees of freedom"
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Elastic ones before any reduction; bodies with modal data have their shapes."""
+        nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
+        return nodal + len(self.shapes_given)
+
+    @property
+    def shapes_given(self) -> tuple[str, ...]:
+        """Coordinates of the shapes of bodies with modal data, which preset coupled solves for as they are."""
+        return () if self.coupled is None else shapes_given(self.scene)
+
+
+    @property
+    def reference_coordinates(self) -> dict[str, float]:
+        """Coordinate of each drive at ``reference_time`` [rad or m]; the first as asked for, if it is there."""
+        rigid, asked = self.motion.at(self.reference_time), self.options.mode_angle
+        found = {name: float(rigid[f"{name}.angle"][0]) for name in self.scene.drives}
+        for name in list(found)[:1]:
+            slides = self.scene.slides(name)
+            away = found[name] - asked if slides else math.remainder(found[name] - asked, 2.0 * math.pi)
+            if abs(away) < REACHED["m" if slides else "rad"]:
+                found[name] = asked
+        return found
+
+    @property
+    def module(self) -> ModuleType:
+        """The generated module whose kernels are used."""
+        return self.motion.module
+
+    @property
+    def balances(self) -> bool:
+        """Whether the equations balance at every instant, so that reactions follow from their residual.
+
+        Those of the paper's frozen model don't: its matrices are those of one crank angle, its loads those of all.
+        """
+        return self.options.dynamics in ("dynamic", "quasistatic", "coupled")
+
+    @cached_property
+    def rayleigh(self) -> tuple[float, float]:
+        """alpha [1/s] and beta [s] of the kept damping alpha M + beta K_s of links, bodies and lumped masses."""
+        from kaneflex.multibody.building import rayleigh_coefficients
+
+        damping = self.scene.damping
+        if damping is None or damping.kind != "rayleigh" or not self.options.damping:
+            return 0.0, 0.0
+        return rayleigh_coefficients(damping.rayleigh.ratio, *damping.rayleigh.at)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the rows of M, C, K and F: u, v [m] and theta [rad] of nodes, x, y [m] of joints, slides [m]."""
+        return self.equations.coordinates
+
+    @property
+    def step(self) -> float:
+        """Time step [s]."""
+        return (self.scene.period if self.options.cycles else self.options.duration) / self.options.steps
+
+    def M(self, t: float) -> np.ndarray:
+        """Mass matrix at time t [s], shape (n, n)."""
+        return self._dense(self.equations.M, t)
+
+    def K_s(self, t: float) -> np.ndarray:
+        """Elastic stiffness at time t [s], shape (n, n)."""
+        return self._dense(self.equations.K_s, t)
+
+    def K_d(self, t: float) -> np.ndarray:
+        """Spin and Euler stiffness at time t [s], with T' and T'' of the joints where the preset keeps them; (n, n)."""
+        return self._dense(self.equations.K_d, t)
+
+    def K_g(self, t: float) -> np.ndarray:
+        """Geometric stiffness by the axial forces at time t [s], shape (n, n)."""
+        return self._dense(self.equations.K_g, t)
+
+    def C(self, t: float) -> np.ndarray:
+        """Damping and gyroscopic matrix C_s + C_d at time t [s], shape (n, n)."""
+        return self._dense(self.equations.C_s, t) + self._dense(self.equations.C_d, t)
+
+    def F(self, t: float) -> np.ndarray:
+        """Load at time t [s], shape (n,)."""
+        return self._dense(self.equations.F, t)[:, 0]
+
+    def _dense(self, affine: Affine, t: float) -> np.ndarray:
+        rigid = self.motion.at(float(t))
+        return rigid.apply(affine, np.ones((1, 1))) if affine.shape[1] == 1 else self._matrix(affine, rigid)
+
+    @staticmethod
+    def _matrix(affine: Affine, rigid: RigidMotion) -> np.ndarray:
+        total = np.zeros(affine.shape)
+        for monomial, matrix in affine.terms.items():
+            total += rigid.monomial(monomial)[0] * as_array(matrix)
+        return total
+
+    @cached_property
+    def kept(self) -> dict[str, Affine]:
+        """M, C, K, F of what is integrated, with the term groups that the options keep."""
+        return keep_terms(self.reduced, self.options)
+
+    @cached_property
+    def monomials(self) -> tuple[Monomial, ...]:
+        """The products of motion scalars that the kept equations are made of."""
+        return self.motion.ordered(set().union(*(affine.terms for affine in self.kept.values())))
+
+    def scalars(self, times: np.ndarray) -> np.ndarray:
+        """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""
+        return self._products.at(self.motion.table(times))
+
+    @cached_property
+    def _products(self) -> Products:
+        return Products.of(self.monomials, self.motion.column, self.motion.module.CONSTANTS)
+
+    @cached_property
+    def system(self) -> AffineSystem:
+        """The kept equations as the integrators read them."""
+        return affine_system(self.kept, self.monomials)
+
+
+def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> AffineSystem:
+    """M, C, K, F as the integrators read them: one column for each product of the motion's scalars."""
+    size = kept["M"].shape[0]
+    number = {monomial: k for k, monomial in enumerate(monomials)}
+    found = {}
+    for name in ("M", "C", "K", "F"):
+        terms = [(number[monomial], entries(matrix)) for monomial, matrix in kept[name].terms.items()]
+        terms.append((0, (np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))))
+        scalars = np.repeat([k for k, _ in terms], [len(values) for _, (*_, values) in terms])
+        found[name] = (*(np.concatenate(parts) for parts in zip(*(each for _, each in terms), strict=True)), scalars)
+    half_bandwidth = max(int(abs(found[name][0] - found[name][1]).max(initial=0)) for name in "MCK")
+    width = 2 * half_bandwidth + 1
+
+    def slots(name: str) -> csr_array:
+        rows, columns, values, scalars = found[name]
+        count, slot = (size, rows) if name == "F" else (size * width, rows * width + columns - rows + half_bandwidth)
+        order = np.lexsort((scalars, slot))
+        ends = np.cumsum(np.bincount(slot, minlength=count))
+        return csr_array((values[order], scalars[order], np.append(0, ends)), shape=(count, len(monomials)))
+
+    return AffineSystem(size, half_bandwidth, *(slots(name) for name in ("M", "C", "K", "F")))
+
+
+def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:
+    """M, C, K, F of some equations with the complete term groups that the options keep."""
+    stiffness = equations.K_s + equations.K_d.only(
+        lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin
+    )
+    damping = Affine.zero(equations.size, equations.size)
+    if options.damping:
+        damping, stiffness = equations.C_s, stiffness + equations.K_c
+    if options.gyroscopic:
+        damping = damping + equations.C_d
+    if options.geometric:
+        stiffness = stiffness + equations.K_g
+    return {"M": equations.M, "C": damping, "K": stiffness, "F": equations.F}

@@ -1,0 +1,112 @@
+"""Families of functions that can stand for a link's fixed-interface modes: sine, clamped-free, polynomial."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.mechanism.floating_frames import Station, frame_of, modes_of, stations
+from kaneflex.scene import Scene
+from kaneflex.support.errors import SceneError
+
+_SAME = 1e-9
+"""Share of a link's length within which a point is its end."""
+
+
+def check_family(scene: Scene, name: str, elements: int) -> None:
+    """A link's family of shapes must know its theory, suit its joints, and be resolved by its ``elements``.
+
+    Raises
+    ------
+    SceneError
+        It names the link's ``beam.shapes``.
+    """
+    beam, length = scene.bodies[name].beam, scene.bodies[name].length
+    if beam.shapes == "craig-bampton":
+        return
+    modes = modes_of(scene)
+    if beam.theory == "timoshenko":
+        reason, cure = "these functions have no shear, a Timoshenko beam has", "Take craig-bampton, or another theory"
+    elif beam.shapes == "sine" and not _between_ends(stations(scene, name), length):
+        reason = "sines vanish at both ends of the link, and one of them is not held by a joint that lets it turn"
+        cure = "Take craig-bampton or polynomial"
+    elif beam.shapes == "clamped-free" and not _held_at_an_end(stations(scene, name), length):
+        reason, cure = "these shapes are clamped at one end, and here it turns", "Take craig-bampton or polynomial"
+    elif modes > elements:
+        reason = f"{modes} of them take as many elements, the link has {elements}"
+        cure = f"Give bodies.{name}.beam.elements, or ask for fewer modes"
+    else:
+        return
+    raise SceneError(f"bodies.{name}.beam.shapes", beam.shapes, reason, cure)
+
+
+def _between_ends(found: list[Station], length: float) -> bool:
+    """Whether a link has its chord between joints at both of its ends."""
+    frame = frame_of(found)
+    return frame.kind == "chord" and frame.at < _SAME * length and frame.to > (1 - _SAME) * length
+
+
+def _held_at_an_end(found: list[Station], length: float) -> bool:
+    """Whether a link touches its frame's axis at its start or its end."""
+    frame = frame_of(found)
+    return frame.kind == "tangent" and not _SAME * length < frame.at < (1 - _SAME) * length
+
+
+def family(word: str, X: np.ndarray, constrained: list[int], count: int) -> np.ndarray:
+    """The lowest ``count`` functions of a family at a link's nodes.
+
+    Parameters
+    ----------
+    word : str
+        "sine", "clamped-free" or "polynomial".
+    X : ndarray (n_nodes,)
+        Distances of the nodes from the start [m].
+    constrained : list of int
+        Rows that are to stay at zero: all of polynomials, which have no ends of their own; where the first of them is
+        of the last node, that is the clamped end.
+
+    Returns
+    -------
+    ndarray (3 n_nodes, count)
+        Rows u = 0, v, theta = dv/dX of each node in turn: the elements' cubic between them interpolates the function.
+    """
+    length = X[-1]
+    x = X / length
+    found = np.zeros((3 * len(X), count))
+    if word == "sine":
+        k = np.pi * np.arange(1, count + 1)
+        found[1::3], found[2::3] = np.sin(np.outer(x, k)), k * np.cos(np.outer(x, k)) / length
+        return found
+    if word == "clamped-free":
+        sign, x = (-1.0, 1.0 - x) if constrained[0] == len(found) - 2 else (1.0, x)
+        for k in range(count):
+            found[1::3, k], slope = clamped_free(k, x)
+            found[2::3, k] = sign * slope / length
+        return found
+    return _polynomials(x, length, constrained, count)
+
+
+def clamped_free(k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenfunction k = 0, 1, ... of a uniform clamped-free beam at x = X / L, with its slope (Blevins 1979, ch. 8).
+
+    cosh bx - cos bx - sigma (sinh bx - sin bx), its growing part written with (1 - sigma) e^b, which does not cancel.
+    """
+    from scipy.optimize import brentq  # 0.3 s: only where these shapes are used
+
+    b = brentq(lambda z: np.cos(z) + 1 / np.cosh(z), k * np.pi, (k + 1) * np.pi, xtol=1e-14)
+    decay = np.exp(-b)
+    sigma = (1 - decay**2 - 2 * decay * np.sin(b)) / (1 + decay**2 + 2 * decay * np.cos(b))
+    grown = 2 * (decay + np.cos(b) + np.sin(b)) / (1 + decay**2 + 2 * decay * np.cos(b))  # (1 - sigma) e^b
+    growing, falling = grown * np.exp(b * (x - 1)) / 2, (1 + sigma) * np.exp(-b * x) / 2
+    c, s = np.cos(b * x), np.sin(b * x)
+    return growing + falling - c + sigma * s, b * (growing - falling + s + sigma * c)
+
+
+def _polynomials(x: np.ndarray, length: float, constrained: list[int], count: int) -> np.ndarray:
+    """Polynomials of the lowest degrees that vanish in the constrained rows, out of Legendre's."""
+    several = np.polynomial.legendre.Legendre.basis
+    basis = np.zeros((3 * len(x), count + len(constrained)))
+    for k in range(basis.shape[1]):
+        function = several(k, domain=[0.0, 1.0])
+        basis[1::3, k], basis[2::3, k] = function(x), function.deriv()(x) / length
+    rows = basis[constrained] * np.where(np.array(constrained) % 3 == 2, length, 1.0)[:, None]
+    return basis @ np.linalg.svd(rows)[2][len(constrained) :].T

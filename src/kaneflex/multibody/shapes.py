@@ -1,0 +1,198 @@
+"""Modal coordinates of elastic links: shapes of a link's own finite elements in its floating frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import eigh
+
+from kaneflex.fem.links import Link
+from kaneflex.mechanism.affine import as_array
+from kaneflex.mechanism.floating_frames import Frame, axial_modes, frame_of, stations
+from kaneflex.multibody.shape_families import family
+from kaneflex.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Shapes of one link at its nodes, one a column, rows u, v, theta of each node in turn.
+
+    Attributes
+    ----------
+    axial, transverse : ndarray (3 n_nodes, n)
+        Zero where the link's frame is attached, those of a chord with no displacement along it in the mean over the
+        link's mass. Orthogonal with respect to mass and stiffness; the largest displacement of each is one.
+    frame : Frame
+    node : int
+        The node at which the frame is attached; of a chord the first one.
+    """
+
+    axial: np.ndarray
+    transverse: np.ndarray
+    frame: Frame
+    node: int
+
+    @property
+    def all(self) -> np.ndarray:
+        """Axial shapes, then transverse ones."""
+        return np.hstack([self.axial, self.transverse])
+
+    def shortening(self, link: Link) -> np.ndarray:
+        """H_jk = int w_j' w_k' dX [1/m] from where the frame is attached to every node, (n_nodes, n, n).
+
+        Of a chord less its mean over the link's mass: neither of its ends stays more than the other one.
+        """
+        monomial, w = (f"{link.name}.link.P_0",), self.transverse
+        blocks = next(blocks for _, name, blocks in link.element_terms if name == monomial)
+        steps = [w[3 * e : 3 * e + 6].T @ block @ w[3 * e : 3 * e + 6] for e, block in enumerate(blocks)]
+        found = np.concatenate([np.zeros((1, *steps[0].shape)), np.cumsum(steps, axis=0)])
+        if self.frame.kind != "chord":
+            return found - found[self.node]
+        tension = (link.part.matrices["K_g"].terms[key] for key in (monomial, (f"{link.name}.link.a_x",)))
+        whole, beyond = (w.T @ as_array(matrix) @ w for matrix in tension)
+        along = np.zeros(len(w))
+        along[0::3] = 1.0
+        return found - (whole - beyond / (along @ link.part.matrices["M"].at({}) @ along))
+
+
+def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
+    """Static shapes of the points where forces enter, and ``modes`` fixed-interface modes (Craig & Bampton 1968).
+
+    The beam's ``shapes`` can put functions of another family in the place of these modes. Axial shapes are the stretch
+    by forces at those points and by the link's own inertia.
+    """
+    rows = _rows(scene, link)
+    count = modes + rows.turns
+    stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
+    beam = scene.bodies[link.name].beam
+    axial = np.zeros((len(mass), 0))
+    if not beam.axially_rigid:
+        loose = np.setdiff1d(3 * np.arange(len(link.nodes)), [3 * rows.node, *rows.pulled])
+        wanted = axial_modes(modes, beam.elements, len(rows.pulled) + 1)
+        inertial = _inertial(stiffness, mass, _axial_loads(link, rows), loose, wanted)
+        axial = np.hstack([_static(stiffness, rows.pulled, loose), inertial])
+        axial = _orthogonal(_mean_free(axial, mass, rows.frame), stiffness, mass)
+    dynamic = np.zeros((len(mass), count))
+    if count and beam.shapes != "craig-bampton":
+        dynamic = family(beam.shapes, link.nodes, [*rows.fixed, *rows.held], count)
+    elif count:
+        square = np.ix_(rows.free, rows.free)
+        dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, count - 1))[1]
+    transverse = _orthogonal(np.hstack([_static(stiffness, rows.held, rows.free), dynamic]), stiffness, mass)
+    # In the mean frame the lowest of them is the turn of the undeformed link, which the frame itself makes.
+    turns = rows.frame.kind == "mean"
+    return Shapes(axial, transverse[:, turns:], rows.frame, rows.node)
+
+
+def _inertial(stiffness: np.ndarray, mass: np.ndarray, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
+    """Stretch by the inertia of axial motions ``loads``, then by that of the stretch itself, and so on.
+
+    Load-dependent Ritz vectors (Wilson, Yuan & Dickens 1982) with the rows held that are not ``loose``. They converge
+    faster than modes, and need no more than the solution of a static problem each.
+    """
+    found, square, first = np.zeros((len(mass), count)), np.ix_(loose, loose), loads.shape[1]
+    for k in range(count):
+        moving = loads[:, k] if k < first else found[:, k - first]
+        found[loose, k] = np.linalg.solve(stiffness[square], mass[loose] @ moving)
+        for _ in range(2):  # twice is enough against rounding (Parlett 1998, 6-9)
+            found[:, k] -= found[:, :k] @ (found[:, :k].T @ mass @ found[:, k])
+        found[:, k] /= np.sqrt(found[:, k] @ mass @ found[:, k])
+    return found
+
+
+def _axial_loads(link: Link, rows: _Rows) -> np.ndarray:
+    """A centrifugal acceleration about the point that holds the frame, and a uniform one; of a chord this one first."""
+    found = np.zeros((3 * len(link.nodes), 2))
+    found[0::3, 0], found[0::3, 1] = link.nodes - link.nodes[rows.node], 1.0
+    return found[:, ::-1] if rows.frame.kind == "chord" else found
+
+
+def _mean_free(axial: np.ndarray, mass: np.ndarray, frame: Frame) -> np.ndarray:
+    """Axial shapes of a chord without displacement in the mean: neither of its ends is the one that stays."""
+    if frame.kind != "chord":
+        return axial
+    along = np.zeros(len(mass))
+    along[0::3] = 1.0
+    weights = mass @ along
+    return axial - np.outer(along, weights @ axial) / (weights @ along)
+
+
+def spanned(shapes: Shapes, link: Link) -> Shapes:
+    """The space that some shapes span, by the modes of a link within it.
+
+    The equations take shapes that are orthogonal; the motion knows their space alone.
+    """
+    stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
+    turn = np.zeros((len(mass), 1 if shapes.frame.kind == "mean" else 0))
+    turn[1::3], turn[2::3] = (link.nodes - link.nodes[shapes.node])[:, None], 1.0
+    transverse = _orthogonal(np.hstack([turn, shapes.transverse]), stiffness, mass)[:, turn.shape[1] :]
+    axial = _orthogonal(_mean_free(shapes.axial, mass, shapes.frame), stiffness, mass)
+    return replace(shapes, axial=axial, transverse=transverse)
+
+
+def alike(shapes: Shapes, others: Shapes) -> Shapes:
+    """The shapes with the size and sign of others where those are largest."""
+    return replace(
+        shapes, axial=_scaled(shapes.axial, others.axial), transverse=_scaled(shapes.transverse, others.transverse)
+    )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a link's nodes: u that something can pull at, transverse ones that a reduction keeps, the other ones.
+
+    ``fixed`` are those that hold the frame, at the node ``node`` first.
+    """
+
+    frame: Frame
+    node: int
+    fixed: list[int]
+    pulled: list[int]
+    held: list[int]
+    free: np.ndarray
+
+    @property
+    def turns(self) -> bool:
+        """Whether one of the fixed-interface modes is a turn of the undeformed link."""
+        return self.frame.kind == "mean" and not self.held
+
+
+def _rows(scene: Scene, link: Link) -> _Rows:
+    found = stations(scene, link.name)
+    frame = frame_of(found)
+    first, last = (link.node_at(x) for x in (frame.at, frame.to))
+    fixed = {"tangent": [3 * first + 1, 3 * first + 2], "mean": [3 * first + 1]}.get(frame.kind)
+    fixed = fixed or [3 * first + 1, 3 * last + 1]
+    nodes = [(link.node_at(station.x), station) for station in found]
+    kept = [3 * node + 1 for node, _ in nodes] + [3 * node + 2 for node, station in nodes if station.turned]
+    held = sorted(set(kept) - set(fixed))
+    pulled = [3 * node for node, _ in nodes if node != first]
+    size = 3 * len(link.nodes)
+    free = np.setdiff1d(np.arange(size), [*range(0, size, 3), *fixed, *held])
+    return _Rows(frame, first, fixed, pulled, held, free)
+
+
+def _static(stiffness: np.ndarray, held: list[int], free: np.ndarray) -> np.ndarray:
+    """Shapes of unit displacements of the held rows, one at a time."""
+    shapes = np.zeros((len(stiffness), len(held)))
+    shapes[held, np.arange(len(held))] = 1.0
+    if held and len(free):
+        shapes[free] = -np.linalg.solve(stiffness[np.ix_(free, free)], stiffness[np.ix_(free, held)])
+    return shapes
+
+
+def _orthogonal(basis: np.ndarray, stiffness: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    """The same space by the modes within it, largest displacement +1."""
+    if not basis.shape[1]:
+        return basis
+    _, mixed = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis)
+    return _scaled(basis @ mixed)
+
+
+def _scaled(shapes: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
+    """Each with +1 where its displacement, or that of the other one, is largest."""
+    looked_at = shapes if others is None else others
+    displacements = np.where((np.arange(len(shapes)) % 3 == 2)[:, None], 0.0, looked_at)
+    largest = abs(displacements).argmax(axis=0) if shapes.shape[1] else []
+    return shapes / shapes[largest, np.arange(shapes.shape[1])]

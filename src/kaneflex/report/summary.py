@@ -1,0 +1,317 @@
+"""The summary of a run: what ``summary.json`` holds, and its documentation from the same source.
+
+``python -m kaneflex.report.summary`` prints the documentation that is kept in ``docs/summary.md``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from kaneflex.response.time_statistics import statistics
+from kaneflex.solve.solution import MOST_FREQUENCIES
+from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
+from kaneflex.study.trade.record import Attempt, Choice
+
+if TYPE_CHECKING:
+    from kaneflex.response.sensors import Series
+    from kaneflex.solve.solution import Solution
+
+SCHEMA_VERSION = 1
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Instant(_Table):
+    """When something happened."""
+
+    time_s: float = Field(description="time, s")
+    drive_deg: float | None = Field(
+        description="angle of the first drive that turns, degrees: within its cycle where it has one; null without"
+    )
+
+
+class SensorSummary(_Table):
+    """A sensor over the stored times, in SI."""
+
+    unit: str = Field(description="SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1")
+    meaning: str = Field(description="what is measured, where and in which axes")
+    min: float = Field(description="smallest value")
+    max: float = Field(description="largest value")
+    at_min: Instant = Field(description="where the smallest value was first reached")
+    at_max: Instant = Field(description="where the largest value was first reached")
+    rms: float = Field(description="root of the mean square over time, by the trapezoidal rule")
+    mean: float = Field(description="mean over time, by the trapezoidal rule")
+
+
+class Timing(_Table):
+    """Wall time of the stages."""
+
+    derive_s: float = Field(description="deriving the equations, s; 0 where their module existed")
+    compile_s: float = Field(description="compiling the kernels or loading them from the cache, s")
+    set_up_s: float = Field(description="everything else before the first step, s")
+    integrate_s: float = Field(description="solving, s; the first time the integrator is compiled in it")
+    ns_per_step: float = Field(description="one step in the compiled loop, ns; 0 where nothing is integrated")
+
+
+class Operations(_Table):
+    """Arithmetic operations of one call of a kernel."""
+
+    written_out: int = Field(description="as the equations stand")
+    shared: int = Field(description="with common subexpressions shared, as emitted")
+
+
+class PeakSpread(_Table):
+    """A sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+
+    smallest: float = Field(description="smallest peak")
+    largest: float = Field(description="largest peak")
+
+
+class UnresolvedMode(_Table):
+    """A mode at the reference configuration that the steps of a coupled run are too long for.
+
+    Steps under control of their error leave out only vibrations that are smaller than the error allowed; what such a
+    mode bears of forces is then its static share.
+    """
+
+    frequency_hz: float = Field(description="natural frequency, Hz")
+    shape: str = Field(description="what moves most in it: stretch or bending of a link")
+    steps_per_period: float = Field(description="mean steps in its period, below 3")
+
+
+class EnergyBalance(_Table):
+    """Where the energy went, in J, from start to end; but for preset coupled that of the rigid mechanism."""
+
+    stored: float = Field(description="growth of kinetic, strain and potential energy")
+    dissipated: float = Field(description="by damping")
+    supplied: float = Field(description="by loads and prescribed drives")
+    gap: float = Field(description="largest |stored + dissipated - supplied| at any instant")
+    drift: float = Field(description="the gap against the largest energy turned over")
+
+
+class Summary(_Table):
+    """What a run was and gave."""
+
+    schema_version: Literal[1] = Field(description="raised when a field goes or changes its meaning")
+    kaneflex: str = Field(description="version of kaneflex")
+    scene: str = Field(description="name of the scene")
+    settings: list[str] = Field(description="what the command line changed in the scene, as path=value")
+    structure: str = Field(description="structure hash: names the generated module")
+    preset: str = Field(description="named model the options started from")
+    options: dict[str, Any] = Field(description="every option in force, in SI: kaneflex.scene.options.Options")
+    elements: dict[str, int] = Field(description="number of elements of each elastic link")
+    outcome: str = Field(description="completed, unstable, singular or no_periodic_state")
+    message: str = Field(description="the outcome in words, with time and reason")
+    warnings: list[str] = Field(description="what to know before trusting the numbers")
+    duration_s: float = Field(description="time that the stored results cover, s")
+    step_s: float = Field(description="time step, s")
+    steps: int = Field(description="steps asked for")
+    stored: int = Field(description="instants stored, over which the sensors are summed up")
+    sensors: dict[str, SensorSummary] = Field(description="by name; NAME_rigid is the rigid mechanism's value")
+    mode_angle_spread: dict[str, PeakSpread] = Field(
+        description="preset paper: by sensor, how its peak depends on options.mode_angle, at equal angles over a turn; "
+        "empty for equations that are not frozen"
+    )
+    frequencies_hz: list[float] = Field(
+        description="natural frequencies at options.mode_angle, or at the start where the first drive never stands "
+        f"there, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; empty where nothing is elastic"
+    )
+    degrees_of_freedom: int = Field(
+        description="elastic degrees of freedom before reduction; of bodies with modal data their shapes"
+    )
+    modes_kept: int = Field(description="coordinates solved for: the degrees of freedom where nothing is reduced")
+    floquet_multiplier_max: float | None = Field(
+        description="largest modulus of the Floquet multipliers of the steps (unstable above 1); null if not computed"
+    )
+    events: dict[str, list[float]] = Field(description="times of the scene's events, s")
+    energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
+    unresolved_modes: list[UnresolvedMode] = Field(
+        description="under preset coupled: the modes that its steps do not follow; empty for others"
+    )
+    choice: Choice | None = Field(description="the model that --tolerance chose, with its evidence; null without")
+    timing: Timing = Field(description="wall time")
+    operations: dict[str, Operations] = Field(description="by kernel of the generated module")
+    sensitivities: dict[str, ParameterSensitivity] = Field(
+        description="derivatives of the sensors by parameter; empty for a run that was not asked for any"
+    )
+
+
+def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice | None = None) -> Summary:
+    """The summary of a solution; ``settings`` are those that were laid over the scene, ``choice`` what chose them.
+
+    A run that stopped before its first step has no sensors.
+    """
+    import kaneflex
+
+    model, trajectory = solution.model, solution.trajectory
+    seconds, times = model.seconds, solution.times
+    multipliers = trajectory.multipliers
+    return Summary(
+        schema_version=SCHEMA_VERSION,
+        kaneflex=kaneflex.__version__,
+        scene=model.scene.name,
+        settings=list(settings),
+        structure=model.motion.module.STRUCTURE,
+        preset=model.options.preset,
+        options=model.options.as_dict(),
+        elements={name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links},
+        outcome=trajectory.outcome.name.lower(),
+        message=trajectory.message,
+        warnings=list(solution.warnings),
+        duration_s=float(times[-1] - times[0]) if len(times) else 0.0,
+        step_s=model.step,
+        steps=model.options.steps,
+        stored=len(times),
+        sensors=sensor_summaries(solution) if len(times) else {},
+        mode_angle_spread=_spread(solution),
+        frequencies_hz=list(solution.frequencies),
+        degrees_of_freedom=model.degrees_of_freedom,
+        modes_kept=model.reduced.size + len(model.shapes_given),
+        floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
+        events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
+        energy=_energy(solution),
+        unresolved_modes=_unresolved(solution),
+        choice=choice,
+        timing=Timing(
+            derive_s=seconds["derive"],
+            compile_s=seconds["compile"],
+            set_up_s=seconds["set_up"],
+            integrate_s=solution.seconds,
+            ns_per_step=trajectory.ns_per_step,
+        ),
+        operations={
+            kernel: Operations(written_out=written_out, shared=shared)
+            for kernel, (written_out, shared) in model.module.OPERATIONS.items()
+        },
+        sensitivities={},
+    )
+
+
+def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
+    """Every sensor over the stored times, of which there is at least one."""
+    degrees = drive_degrees(solution)
+    return {name: _sensor(series, solution.times, degrees) for name, series in solution.series.items()}
+
+
+def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> SensorSummary:
+    def instant(index: int) -> Instant:
+        return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
+
+    found = statistics(series.values, times)
+    return SensorSummary(
+        unit=series.unit,
+        meaning=series.meaning,
+        min=found.min,
+        max=found.max,
+        at_min=instant(found.at_min),
+        at_max=instant(found.at_max),
+        rms=found.rms,
+        mean=found.mean,
+    )
+
+
+def drive_degrees(solution: Solution) -> np.ndarray | None:
+    """Angle of the first drive that turns in degrees, within its cycle where it has one; None where none does."""
+    for name, drive in solution.model.scene.drives.items():
+        if solution.model.scene.slides(name):
+            continue
+        degrees = np.degrees(solution.drive_angles[name])
+        if drive.cycle is None:
+            return degrees
+        # rounded before it is folded, or the end of a cycle could read 719.9999999 or 0
+        return np.mod(np.round(degrees, 9), round(math.degrees(drive.cycle), 9))
+    return None
+
+
+def _spread(solution: Solution) -> dict[str, PeakSpread]:
+    if solution.model.options.dynamics != "frozen":
+        return {}
+    from kaneflex.solve.mode_angle_envelope import mode_angle_spread
+
+    peaks = mode_angle_spread(solution.model)
+    return {name: PeakSpread(smallest=smallest, largest=largest) for name, (smallest, largest) in peaks.items()}
+
+
+def _energy(solution: Solution) -> EnergyBalance | None:
+    energy = solution.model.energy if solution.coupled is None else solution.coupled.trajectory.energy
+    if energy is None or not len(solution.times):
+        return None
+    return EnergyBalance(
+        stored=energy.stored[-1] - energy.stored[0],
+        dissipated=energy.dissipated[-1],
+        supplied=energy.supplied[-1],
+        gap=abs(energy.gap).max(),
+        drift=energy.drift,
+    )
+
+
+def _unresolved(solution: Solution) -> list[UnresolvedMode]:
+    if solution.coupled is None:
+        return []
+    from kaneflex.solve.unresolved import unresolved
+
+    return [
+        UnresolvedMode(frequency_hz=mode.frequency, shape=mode.shape, steps_per_period=mode.steps)
+        for mode in unresolved(solution)
+    ]
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of ``summary.json``."""
+    schema = Summary.model_json_schema(mode="serialization")
+    return schema | {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+
+
+def documentation() -> str:
+    """The text of ``docs/summary.md``: every field, and the JSON Schema."""
+    parts = [_HEAD.format(version=SCHEMA_VERSION)]
+    for table in _TABLES:
+        parts.append(f"\n## {table.__name__}\n\n{table.__doc__}\n\n| field | type | meaning |\n| --- | --- | --- |\n")
+        parts += [
+            f"| `{name}` | {_type_name(field.annotation)} | {field.description} |\n"
+            for name, field in table.model_fields.items()
+        ]
+    schema = json.dumps(json_schema(), indent=2, ensure_ascii=False)
+    parts.append(f"\n## JSON Schema\n\n```json\n{schema}\n```\n")
+    return "".join(parts)
+
+
+_HEAD = """# summary.json
+
+`kaneflex run` writes `summary.json` beside `results.nc`. All numbers are SI but for angles of drives, which are in
+degrees, and times of a step in ns, as their names say. This is version {version} of the schema: a field that is added
+leaves the version as it is, a field that goes or changes its meaning raises it.
+
+Made by `python -m kaneflex.report.summary`; do not edit.
+"""
+
+
+_TABLES = (
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, UnresolvedMode, Choice, Attempt, Timing, Operations,
+    ParameterSensitivity, SensorDerivative,
+)  # fmt: skip
+
+
+def _type_name(kind: Any) -> str:
+    if get_origin(kind) is dict:
+        return f"table of {_type_name(get_args(kind)[1])}"
+    if get_origin(kind) is list:
+        return f"list of {_type_name(get_args(kind)[0])}"
+    if get_origin(kind) is Literal:
+        return str(get_args(kind)[0])
+    if get_args(kind):
+        return " or ".join(_type_name(option) for option in get_args(kind))
+    names = {float: "number", int: "integer", str: "text", type(None): "null", Any: "any"}
+    return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
+
+
+if __name__ == "__main__":
+    print(documentation(), end="")

@@ -1,0 +1,191 @@
+"""Section forces of a link under preset coupled: what the part before a section needs to move as it does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+
+import numpy as np
+
+from kaneflex.multibody.motion import CoupledMotion
+from kaneflex.response.section_forces import Forces, LinkForces
+from kaneflex.scene.quantities import Address
+
+_GAUSS = np.polynomial.legendre.leggauss(5)
+"""Exact for rho A (r x a) of an element: the cubic v, and u with its shortening of the fifth degree."""
+_SAME = 1e-9
+"""Points closer than this share of a link's length are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """d'Alembert's balance of one link in its deformed configuration.
+
+    Force and moment at a section are int rho A (a - g) and its moment over the part before it, less all forces on that
+    part, where they act; a is the acceleration of the deflected axis. What the shapes can't bend the section forces
+    still feel, through the two integrations (the idea of the mode-acceleration method, Craig 1981, ch. 15).
+
+    Attributes
+    ----------
+    forces : mapping of float to (ndarray (2, n_times), ndarray (n_times,))
+        Distance from the start [m] -> force and moment there by joints, loads, springs and lumped masses, in the axes
+        of the floating frame.
+
+    Damping in proportion to the mass (Rayleigh's alpha, viscous) acts on the deformation alone, which no joint has to
+    react to: it is none of the forces on the link.
+    """
+
+    motion: CoupledMotion
+    link: str
+    forces: Mapping[float, tuple[np.ndarray, np.ndarray]]
+
+    def section(self, x: float, at_x: float | None = None) -> np.ndarray:
+        """Axial force N [N, tension positive], shear force V [N] and bending moment M [N m]; (3, n_times).
+
+        N and V are components along the floating frame's axes. Of forces that act at x [m] from the start, ``at_x`` is
+        the share that lies before the section: by default all at the start, none at the end and half between them.
+        """
+        own = self.motion.system.links[self.link]
+        if at_x is None:
+            at_x = 0.5 if _SAME < x / own.length < 1 - _SAME else float(x < 0.5 * own.length)
+        e, local = own.locate(x)
+        total = self._elements_before[e] + self._sums(e, local) - self._pushes(x, at_x)
+        # The link as a whole balances but for terms of third order: both sides of a section share them.
+        total -= x / own.length * self._gap
+        place = self._place(x)
+        total[2] -= place[0] * total[1] - place[1] * total[0]
+        return total
+
+    @cached_property
+    def _gap(self) -> np.ndarray:
+        """Rate of momentum of the whole link less all forces on it, (3, n_times)."""
+        own = self.motion.system.links[self.link]
+        last = len(own.nodes) - 2
+        return self._elements_before[last] + self._sums(last, own.length_of(last)) - self._pushes(own.length, 1.0)
+
+    def _pushes(self, x: float, at_x: float) -> np.ndarray:
+        """Sum of the forces before x and of the share ``at_x`` of those at x, and their moments about the start."""
+        near = _SAME * self.motion.system.links[self.link].length
+        total = np.zeros((3, len(self.motion.trajectory.times)))
+        for at, (force, moment) in self.forces.items():
+            share = at_x if abs(x - at) <= near else float(at < x)
+            if share:
+                place = self._place(at)
+                total += share * np.array([force[0], force[1], place[0] * force[1] - place[1] * force[0] + moment])
+        return total
+
+    def _place(self, x: float) -> np.ndarray:
+        """Place of a point of the deflected axis in the floating frame, (2, n_times)."""
+        place = self.motion.place_along(self.link, x)[0]
+        return self._turned_back(place[:2] - self.motion.body(self.link)[0][:2])
+
+    def _turned_back(self, vector: np.ndarray) -> np.ndarray:
+        phi = self.motion.body(self.link)[0][2]
+        c, s = np.cos(phi), np.sin(phi)
+        return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
+
+    @cached_property
+    def _elements_before(self) -> list[np.ndarray]:
+        """Sums over the elements before each."""
+        own = self.motion.system.links[self.link]
+        still = np.zeros((3, len(self.motion.trajectory.times)))
+        return list(accumulate((self._sums(e, own.length_of(e)) for e in range(len(own.nodes) - 2)), initial=still))
+
+    def _sums(self, e: int, reach: float) -> np.ndarray:
+        """Rate of momentum, and of its moment about the start, of an element as far as ``reach`` [m] from its start.
+
+        Less the loads that are spread along it; (3, n_times).
+        """
+        own, scene = self.motion.system.links[self.link], self.motion.model.scene
+        start, gravity = self.motion.body(self.link)[0][:2], np.array(scene.gravity)[:, None]
+        total = np.zeros((3, start.shape[1]))
+        if not reach:
+            return total
+        for point, weight in zip(*_GAUSS, strict=True):
+            local = 0.5 * reach * (1 + point)
+            share = local / own.length_of(e) - 0.5
+            density, rotary = (
+                own.parameters[key][e] + share * own.parameters[f"{key}_rise"][e] for key in ("rho_A", "rho_I")
+            )
+            place, _, accel = self.motion.place_along(self.link, own.nodes[e] + local)
+            r, a = self._turned_back(place[:2] - start), density * self._turned_back(accel[:2] - gravity)
+            a -= self._spread(own.nodes[e] + local)
+            total += 0.5 * reach * weight * np.array([a[0], a[1], r[0] * a[1] - r[1] * a[0] + rotary * accel[2]])
+        return total
+
+    def _spread(self, x: float) -> np.ndarray:
+        """Loads spread along the link, per length at x [N/m], in the floating frame's axes (2, n_times)."""
+        floating, scene = self.motion.floating(), self.motion.model.scene
+        total = np.zeros((2, len(floating.times)))
+        for name, load in scene.spreads.items():
+            if load.spread_on == self.link:
+                first, last = load.profile
+                size = (first + (last - first) * x / scene.bodies[self.link].length) * floating[name]
+                push = np.array(load.direction)[:, None] * size
+                total += push if load.axes == "body" else self._turned_back(push)
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """Section forces of one link whose modal coordinates are few.
+
+    A balance bends the link statically by all that its shapes leave out. That is right for loads slower than the modes
+    that were left out, and wrong for the ringing of the rod in tension, which is faster than most of them: their own
+    inertia holds against it. So shear and bending follow from the ``quiet`` balance, of accelerations without ringing.
+    At the ends and at joints the link must feel what the joints exert, in the ``loud`` balance: the difference there
+    goes over linearly from each to the next, as under forces and moments at the joints alone.
+    """
+
+    loud: Balance
+    quiet: Balance
+
+    def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """N [N, tension positive], V [N] and M [N m] at x [m] from the start, as :meth:`Balance.section`."""
+        N, V, M = self.loud.section(x)
+        stops = self._stops
+        if np.min(abs(stops - x)) > _SAME * stops[-1]:
+            last = int(np.searchsorted(stops, x))
+            a, b = stops[last - 1], stops[last]
+            rest = (b - x) / (b - a) * self._difference(a, 1.0) + (x - a) / (b - a) * self._difference(b, 0.0)
+            _, V, M = self.quiet.section(x) + rest
+        return N, V, M
+
+    @cached_property
+    def _stops(self) -> np.ndarray:
+        """The ends, and where joints are between them [m]."""
+        motion, link = self.loud.motion, self.loud.link
+        scene = motion.model.scene
+        joined = [address for joint in scene.joints.values() for address in joint.addresses if address.body == link]
+        return np.unique([0.0, motion.system.links[link].length, *(scene.point(address)[0] for address in joined)])
+
+    def _difference(self, x: float, at_x: float) -> np.ndarray:
+        return self.loud.section(x, at_x) - self.quiet.section(x, at_x)
+
+
+class FloatingForces(LinkForces):
+    """Forces on the links of a coupled motion: in their floating frames, with lumped masses on the deflected axis."""
+
+    def __init__(self, motion: CoupledMotion):
+        super().__init__(motion.model.scene, motion.floating())
+        self.motion = motion
+
+    def felt(self, address: Address) -> np.ndarray:
+        g_x, g_y = self.scene.gravity
+        return self.motion.joined(address)[2] - np.array([[g_x], [g_y], [0.0]])
+
+    def balance(self, link: str) -> Balance:
+        """The balance of a link with all forces on it."""
+        forces: dict[float, Forces] = {}
+        for point, (x, _) in self.scene.bodies[link].points_all.items():
+            before, more = forces.get(x, (0.0, 0.0)), self.forces_at(Address(link, point))
+            forces[x] = before[0] + more[0], before[1] + more[1]
+        return Balance(self.motion, link, forces)
+
+
+def balanced(motion: CoupledMotion) -> dict[str, Balanced]:
+    """The section forces of every link of a coupled motion."""
+    loud, quiet = FloatingForces(motion), FloatingForces(motion.quiet)
+    return {name: Balanced(loud.balance(name), quiet.balance(name)) for name in motion.system.links}

@@ -1,0 +1,275 @@
+"""Displacements and section forces anywhere on an elastic link, from a solution's coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate
+
+import numpy as np
+
+from kaneflex.fem.assembly import load_on_link, spin_or_euler
+from kaneflex.fem.links import Link
+from kaneflex.mechanism.affine import Affine, Monomial, solve
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+
+_GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
+Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Deformation:
+    """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (3 n_nodes, n_times).
+
+    ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it. ``shortened``
+    are the displacements that foreshortening asks of the nodes, those of the bent axis apart.
+    """
+
+    model: Model
+    link: Link
+    rigid: RigidMotion
+    q: np.ndarray
+    q_rate: np.ndarray
+    q_accel: np.ndarray
+    turned: tuple[np.ndarray, np.ndarray] | None = None
+    shortened: Rates | None = None
+
+    def at(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(u, v, theta) and first and second rates at distance x [m] from the start; each (3, n_times).
+
+        With foreshortening u holds -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987), and all of them what closes
+        the joints then, see :mod:`kaneflex.response.foreshortening`.
+        """
+        e, local = self.link.locate(x)
+        shape = self.link.shape(e, local)[:3]
+        rows = slice(3 * e, 3 * e + 6)
+        d, d_rate, d_accel = (shape @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
+        if self.shortened is None:
+            return d, d_rate, d_accel
+        closing = (shape @ series[rows] for series in self.shortened)
+        d, d_rate, d_accel = (part + more for part, more in zip((d, d_rate, d_accel), closing, strict=True))
+        for part, shortening in zip((d, d_rate, d_accel), self.foreshortening(x), strict=True):
+            part[0] -= shortening
+        return d, d_rate, d_accel
+
+    def foreshortening(self, x: float) -> np.ndarray:
+        """1/2 int_0^x v'^2 and its rates, (3, n_times)."""
+        e, local = self.link.locate(x)
+        return self._shortened_before[e] + self._shortened(e, local)
+
+    @cached_property
+    def _shortened_before(self) -> list[np.ndarray]:
+        """Foreshortening of the elements before each."""
+        lengths = [self.link.length_of(e) for e in range(len(self.link.nodes) - 2)]
+        own = (self._shortened(e, length) for e, length in enumerate(lengths))
+        return list(accumulate(own, initial=np.zeros((3, self.q.shape[1]))))
+
+    def _shortened(self, e: int, reach: float) -> np.ndarray:
+        """1/2 int v'^2 of an element as far as `reach` [m] from its start, and its rates, (3, n_times)."""
+        points, weights = _GAUSS
+        slopes = np.array([self.link.shape(e, 0.5 * reach * (1 + point))[3] for point in points])
+        rows = slice(3 * e, 3 * e + 6)
+        s, s_rate, s_accel = (slopes @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
+        squares = np.array([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel])
+        return 0.5 * reach * (weights @ squares)
+
+    def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Axial force N [N, tension positive], shear force V [N] and bending moment M = E I v'' [N m] at x.
+
+        At a node from the equilibrium of the elements beside it; between nodes interpolated with the exact share of
+        the rigid body's own inertia load on the element.
+        """
+        e, local = self.link.locate(x)
+        left, right = self._ends(e)
+        if self.link.node_at(x) is not None and e > 0 and local < 0.5 * self.link.length_of(e):
+            return tuple(0.5 * (before + after) for before, after in zip(self._ends(e - 1)[1], left, strict=True))
+        length = self.link.length_of(e)
+        s = local / length
+        N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
+        if self.model.options.dynamics == "frozen":
+            return N, V, M
+        axial, transverse = (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
+
+        def sag(load: np.ndarray, integrals: int) -> np.ndarray:
+            """The load integrated once or twice, less the straight line between its values at both ends."""
+            total = np.zeros(load.shape[1])
+            for k, coefficient in enumerate(load):
+                power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
+                total += coefficient * (local**power - s * length**power) / divisor
+            return total
+
+        # N' = -n, V' = -p and M'' = p under the loads n along and p across the link.
+        return N - sag(axial, 1), V - sag(transverse, 1), M + sag(transverse, 2)
+
+    def _rigid_load(self, e: int) -> tuple[np.ndarray, np.ndarray]:
+        """Inertia load of the rigid link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
+        rigid, name, parameters = self.rigid, self.link.name, self.link.parameters
+        growth = parameters["rho_A_rise"][e] / parameters["length"][e]
+        density = parameters["rho_A"][e] - parameters["rho_A_rise"][e] / 2
+        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+
+        def load(at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
+            """-rho_A(x) a(x) of an acceleration that is linear in x."""
+            return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
+
+        x_0 = self.link.nodes[e]
+        along = load(rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
+        return along, load(rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
+
+    def _spread(self, e: int) -> tuple[np.ndarray, np.ndarray]:
+        """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
+        scene, rigid, name = self.model.scene, self.rigid, self.link.name
+        along, across = np.zeros((3, self.q.shape[1])), np.zeros((3, self.q.shape[1]))
+        for key, load in scene.spreads.items():
+            if load.spread_on != name:
+                continue
+            (x, y), (first, last) = load.direction, load.profile
+            if load.axes == "global":
+                c, s = rigid[f"{name}.c"], rigid[f"{name}.s"]
+                x, y = c * x + s * y, c * y - s * x
+            growth = (last - first) / self.link.length
+            for k, share in enumerate((first + growth * self.link.nodes[e], growth)):
+                along[k] += rigid[key] * share * x
+                across[k] += rigid[key] * share * y
+        return along, across
+
+    def _ends(self, e: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """(N, V, M) inside the first and the second end of an element."""
+        f = self.end_forces(e)
+        return (-f[0], -f[1], -f[2]), (f[3], f[4], f[5])
+
+    def end_forces(self, e: int) -> np.ndarray:
+        """Forces and moments on an element at its nodes, link axes, shape (6, n_times).
+
+        The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
+        K_s q alone for the frozen model of the paper. An axially rigid element besides passes on what pulls at it.
+        """
+        if e not in self._end_forces:
+            total = self._residual(e)
+            if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.options.dynamics != "frozen":
+                total[0] -= self._passed_on[e]
+                total[3] += self._passed_on[e]
+            self._end_forces[e] = total
+        return self._end_forces[e]
+
+    @cached_property
+    def _end_forces(self) -> dict[int, np.ndarray]:
+        """Those that were asked for, by element."""
+        return {}
+
+    @cached_property
+    def _passed_on(self) -> np.ndarray:
+        """Tension of each element of an axially rigid link beside its own residual, (elements, n_times).
+
+        From the free ends towards the node at the joint every node is in balance under its elements' forces, the loads
+        and the lumped masses there.
+        """
+        elements = len(self.link.nodes) - 1
+        joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), elements)
+        residuals = [self._residual(e) for e in range(elements)]
+        tension = np.zeros((elements, self.q.shape[1]))
+        for node in range(joint):
+            before = tension[node - 1] + residuals[node - 1][3] if node else 0.0
+            tension[node] = before + residuals[node][0] - self._axial_push(node)
+        for node in range(elements, joint, -1):
+            beyond = tension[node] - residuals[node][0] if node < elements else 0.0
+            tension[node - 1] = beyond - residuals[node - 1][3] + self._axial_push(node)
+        return tension
+
+    def _axial_push(self, node: int) -> np.ndarray:
+        """Axial force of the loads and the lumped masses at a node, (n_times,)."""
+        scene, rigid, name, options = self.model.scene, self.rigid, self.link.name, self.model.options
+        total = np.zeros(self.q.shape[1])
+        for key, load in scene.forces.items():
+            if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
+                (x, y), turned = load.direction, load.axes == "global"
+                total += rigid[key] * (rigid[f"{name}.c"] * x + rigid[f"{name}.s"] * y if turned else x)
+        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+        u, v = self.q[3 * node : 3 * node + 2]
+        felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
+        felt = felt - options.spin * omega**2 * u - options.euler * epsilon * v
+        q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
+        gyroscopic = options.gyroscopic or self.turned is not None
+        felt = felt + q_accel[3 * node] - gyroscopic * 2 * omega * q_rate[3 * node + 1]
+        for mass in scene.masses.values():
+            if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
+                total -= mass.mass * felt
+        return total
+
+    def _residual(self, e: int) -> np.ndarray:
+        """M q'' + C q' + K q - F of one element, (6, n_times)."""
+        rows = slice(3 * e, 3 * e + 6)
+        q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
+        series = {"M": q_accel[rows], "C": q_rate[rows], "K": self.q[rows]}
+        total = np.zeros((6, self.q.shape[1]))
+        for key, monomial, blocks in self._kept_terms:
+            factor = self.rigid.monomial(monomial)
+            if key == "F":
+                total -= factor * blocks[e]
+            else:
+                total += factor * (blocks[e] @ series[key[0]])
+        alpha, beta = self.model.rayleigh
+        if alpha or beta:
+            for key, monomial, blocks in self.link.element_terms:
+                weight = {"M": alpha, "K_s": beta}.get(key, 0.0)
+                if weight and not monomial:
+                    total += weight * (blocks[e] @ series["C"])
+        return total
+
+    @cached_property
+    def _kept_terms(self) -> list[tuple[str, Monomial, np.ndarray]]:
+        return [term for term in self.link.element_terms if self._keeps(*term[:2])]
+
+    def _keeps(self, key: str, monomial: Monomial) -> bool:
+        options = self.model.options
+        if options.dynamics == "frozen":  # matrices of another angle balance nothing: only the strains are meant
+            return key == "K_s"
+        if key == "K_d":
+            return options.euler if spin_or_euler(monomial) == "euler" else options.spin
+        gyroscopic = options.gyroscopic or self.turned is not None
+        return {"C_s": options.damping, "C_d": gyroscopic, "K_g": options.geometric}.get(key, True)
+
+
+def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
+    """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
+    z, v, a = coordinates
+    q, q_rate, q_accel = rigid.apply(L, z), rigid.apply(L, v), rigid.apply(L, a)
+    if model.options.convective:
+        rate = L.rate()
+        q_rate += rigid.apply(rate, z)
+        q_accel += 2.0 * rigid.apply(rate, v) + rigid.apply(rate.rate(), z)
+    return q, q_rate, q_accel
+
+
+def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
+    """The deformation of one link, reduced coordinates expanded."""
+    L, link = model.frame.maps[name], model.links[name]
+    series = follow(model, rigid, coordinates, L)
+    if model.options.dynamics == "quasistatic":
+        rate = L.rate()
+        series += rigid.apply(rate, coordinates[0]), rigid.apply(rate.rate(), coordinates[0])
+    if name in model.bases:
+        series = tuple(model.bases[name] @ part for part in series)
+    q, q_rate, q_accel, *turned = (link.at_nodes(part) for part in series)
+    found = Deformation(model, link, rigid, q, q_rate, q_accel, tuple(turned) or None)
+    return found if name not in model.bases else _with_static_share(found)
+
+
+def _with_static_share(found: Deformation) -> Deformation:
+    """What the modes that a reduction left out add statically: the mode-acceleration method (Craig 1981, ch. 15).
+
+    Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
+    """
+    link, model = found.link, found.model
+    unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
+    residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
+    for e in range(len(link.nodes) - 1):
+        rows = [row for node in (e, e + 1) for row in link.part.place[node]]
+        np.add.at(residual, rows, found.end_forces(e))
+    kept = set(model.parts[link.name].coordinates)
+    inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
+    stiffness = link.part.matrices["K_s"].value({})[inner][:, inner]
+    share = np.zeros_like(residual)
+    share[inner] = solve(stiffness, residual[inner])
+    return replace(found, q=found.q - link.at_nodes(share))

@@ -1,0 +1,146 @@
+"""Where a mechanism's points are when its links bend: what the shortening of each link does to all that hangs on it.
+
+A link that bends by v(x) is shorter by s(x) = 1/2 int_0^x v'^2 between its start and x. Links are joined, so that the
+others must follow: to the second order in the deformation, the mechanism takes up the lengths that its links are short
+of as it takes up any initial strain, with the least elastic energy. L z being where the joints go and s the shortening
+there, w = L z + s strains the link, hence
+
+    min 1/2 sum w^T K w  =>  S z = -sum L^T K s,  S = sum L^T K L
+
+where K is the link's stiffness, condensed to its joints. In a mechanism the links move as rigid bodies then, and w
+strains nothing. Drives hold. What nothing determines (bodies that hang free) moves least. S and L turn with the bodies:
+
+    S z' = g' - S' z,   S z'' = g'' - 2 S' z' - S'' z   with g = -sum L^T K s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kaneflex.mechanism.affine import Affine, as_array, solve
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+from kaneflex.response.deformation import Deformation, Rates, deform, follow
+
+_LEAST = 1e-11
+"""Stiffness, as a share of each coordinate's own, by which undetermined motions are the least ones."""
+_CHUNK = 2_000_000
+"""Numbers in one batch of matrices: 16 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Displaced:
+    """Deformations of all links and the coordinates that carry rigid bodies along, foreshortening included.
+
+    ``coordinates`` are z, z', z'', each (n, n_times), for :func:`kaneflex.response.deformation.follow`.
+    """
+
+    links: Mapping[str, Deformation]
+    coordinates: Rates
+
+
+def displaced(model: Model, rigid: RigidMotion, coordinates: Rates) -> Displaced:
+    """Every link deformed, and where the model's displacements include foreshortening, moved as far as it asks for."""
+    links = {name: deform(model, rigid, coordinates, name) for name in model.links}
+    if not (links and model.options.foreshortening):
+        return Displaced(links, coordinates)
+    ends = {name: _ends_of(model, found) for name, found in links.items()}
+    moved = _closing(model, rigid, list(ends.values()))
+    shortened = {}
+    for name, found in links.items():
+        strained = (part + s for part, s in zip(follow(model, rigid, moved, ends[name].L), ends[name].s, strict=True))
+        own = tuple(found.link.at_nodes(ends[name].shapes @ part) for part in strained)
+        shortened[name] = replace(found, shortened=own)
+    return Displaced(shortened, tuple(z + more for z, more in zip(coordinates, moved, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """A link as its joints feel it.
+
+    Attributes
+    ----------
+    L : Affine (rows, n)
+        Coordinates of the joints from those of the mechanism.
+    shapes : ndarray (size, rows)
+        Static shapes of unit displacements of the joints.
+    stiffness : ndarray (rows, rows)
+        K condensed to the joints.
+    s : Rates
+        Shortening between the link's start and each joint, in the rows along the link; (rows, n_times).
+    """
+
+    L: Affine
+    shapes: np.ndarray
+    stiffness: np.ndarray
+    s: Rates
+
+
+def _ends_of(model: Model, found: Deformation) -> _Ends:
+    link, part = found.link, found.link.part
+    held = sorted(model.interfaces.held_rows(part))
+    assembled = model.parts[link.name].coordinates
+    pick = np.zeros((len(held), len(assembled)))
+    pick[np.arange(len(held)), [assembled.index(part.coordinates[row]) for row in held]] = 1.0
+    free = np.setdiff1d(np.arange(part.size), held)
+    stiffness = part.matrices["K_s"].value({})
+    shapes = np.zeros((part.size, len(held)))
+    shapes[held, np.arange(len(held))] = 1.0
+    if held and len(free):
+        inner, outer = stiffness[free][:, free], as_array(stiffness[free][:, held])
+        turns = len(held) < 3  # on a single pin: it turns as a rigid body
+        shapes[free] = -np.linalg.lstsq(as_array(inner), outer, rcond=None)[0] if turns else -solve(inner, outer)
+    s = np.zeros((3, len(held), found.q.shape[1]))
+    for name, node in model.interfaces.displaced:
+        if name == link.name:
+            s[:, held.index(part.place[node][0])] = found.foreshortening(float(link.nodes[node]))
+    L = Affine.constant(pick) @ model.frame.maps[link.name]
+    return _Ends(L, shapes, shapes.T @ (stiffness @ shapes), tuple(s))
+
+
+def _closing(model: Model, rigid: RigidMotion, ends: list[_Ends]) -> Rates:
+    """z of the shortening alone, and its rates; (n, n_times)."""
+    size = model.equations.size
+    used = np.flatnonzero(sum(as_array(end.L.pattern()).sum(axis=0) for end in ends))
+    found = np.zeros((3, size, len(rigid.times)))
+    if not len(used):
+        return tuple(found)
+    pick = np.eye(size)[:, used]
+    pushes = [end.L.T @ Affine.constant(end.stiffness) for end in ends]
+    S = Affine.zero(len(used), len(used))
+    for push, end in zip(pushes, ends, strict=True):
+        S += (push @ end.L).congruent(pick)
+    pushes = [push.projected(pick) for push in pushes]
+    orders = [S, S.rate(), S.rate().rate()]
+    g = np.zeros((3, len(used), len(rigid.times)))
+    for push, end in zip(pushes, ends, strict=True):
+        first, second = push.rate(), push.rate().rate()
+        s, s_rate, s_accel = end.s
+        g[0] -= rigid.apply(push, s)
+        g[1] -= rigid.apply(first, s) + rigid.apply(push, s_rate)
+        g[2] -= rigid.apply(second, s) + 2 * rigid.apply(first, s_rate) + rigid.apply(push, s_accel)
+    batch = max(1, _CHUNK // len(used) ** 2)
+    for start in range(0, len(rigid.times), batch):
+        rows = slice(start, start + batch)
+        here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
+        stiff, rate, accel = (_matrices(order, here) for order in orders)
+        diagonal = np.einsum("tii->i", stiff) / len(stiff)
+        stiff += np.diag(_LEAST * np.where(diagonal > 0, diagonal, 1.0))
+        push, push_rate, push_accel = (part[:, rows].T[..., None] for part in g)
+        z = np.linalg.solve(stiff, push)
+        z_rate = np.linalg.solve(stiff, push_rate - rate @ z)
+        z_accel = np.linalg.solve(stiff, push_accel - 2 * rate @ z_rate - accel @ z)
+        for order, part in enumerate((z, z_rate, z_accel)):
+            found[order][used, rows] = part[..., 0].T
+    return tuple(found)
+
+
+def _matrices(affine: Affine, rigid: RigidMotion) -> np.ndarray:
+    """An affine matrix at all times, (n_times, rows, columns)."""
+    total = np.zeros((len(rigid.times), *affine.shape))
+    for monomial, matrix in affine.terms.items():
+        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
+    return total

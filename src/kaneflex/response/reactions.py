@@ -1,0 +1,240 @@
+"""Joint reactions and drive torques that are consistent with the elastic motion.
+
+Every interface node of an elastic link and every rigid body must balance: the residual of its equations is what the
+joints exert. The joints' unknown forces follow from those balances; where the model is rigid they are the
+multipliers that the ``motion`` kernel already gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+from kaneflex.response.deformation import Deformation, Rates, follow
+from kaneflex.response.spring_forces import spring_force
+from kaneflex.scene.parts import Load
+from kaneflex.scene.quantities import Address
+
+
+def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
+    """Joint or drive -> names of its reactions in the motion's scalars."""
+    rows = {}
+    for name, joint in model.scene.joints.items():
+        kinds = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment")}
+        rows[name] = tuple(f"{name}.{row}" for row in kinds.get(joint.kind, ("normal", "moment")))
+    for name in model.scene.drives:
+        rows[f"{name}.drive"] = (f"{name}.drive",)
+    return rows
+
+
+def consistent_reactions(
+    model: Model, rigid: RigidMotion, coordinates: Rates, deformed: Mapping[str, Deformation]
+) -> dict[str, np.ndarray]:
+    """Solve the balances of all interface nodes and rigid bodies for the reactions.
+
+    Returns
+    -------
+    dict
+        Name of the reaction, as in the motion's scalars -> series (n_times,); forces act on the second body.
+    """
+    names = [row for rows in reaction_rows(model).values() for row in rows]
+    balances = _Balances(model, rigid, names, coordinates, deformed)
+    matrix, residual = balances.assemble()
+    # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
+    turned = matrix.transpose(0, 2, 1)
+    solved = np.linalg.solve(turned @ matrix, turned @ residual[..., None])[..., 0]
+    return {name: solved[:, k] for k, name in enumerate(names)}
+
+
+class _Balances:
+    """Rows 'sum of joint forces = residual' with the joint forces' coefficients, at all times."""
+
+    def __init__(self, model: Model, rigid: RigidMotion, names: list[str], coordinates: Rates, deformed):
+        self.model, self.rigid, self.coordinates, self.deformed = model, rigid, coordinates, deformed
+        self.index = {name: k for k, name in enumerate(names)}
+        self.steps = len(rigid.times)
+        lengths = [body.length for body in model.scene.bodies.values() if body.length]
+        self.scale = 1.0 / max(lengths)
+
+    def assemble(self) -> tuple[np.ndarray, np.ndarray]:
+        bodies = self.model.scene.bodies
+        sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
+        matrix, residual = np.zeros((self.steps, 3 * len(sites), len(self.index))), []
+        for k, (name, node) in enumerate(sites):
+            self._add_joints(name, node, matrix[:, 3 * k : 3 * k + 3])
+            residual.append(self._rigid_residual(name) if node is None else self._node_residual(name, node))
+        used = (matrix.max(axis=(0, 2)) > 0) | (matrix.min(axis=(0, 2)) < 0)  # a balance without joints says nothing
+        scale = np.tile([1.0, 1.0, self.scale], len(sites))[used]
+        return matrix[:, used] * scale[:, None], np.concatenate(residual)[used].T * scale
+
+    def _nodes(self, link: str) -> list[int]:
+        return [node for name, node in self.model.interfaces.displaced if name == link]
+
+    def _add_joints(self, body: str, node: int | None, rows: np.ndarray) -> None:
+        """Fill (n_times, 3, n_reactions): global force x, y and moment on the body (about its start) or on the node."""
+        for name, joint in self.model.scene.joints.items():
+            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+                if address.body == body and (node is None or self._node(address) == node):
+                    self._add_joint(name, joint, address, node, sign, rows)
+
+    def _node(self, address: Address) -> int | None:
+        return self.deformed[address.body].link.node_at(self.model.scene.point(address)[0])
+
+    def _add_joint(
+        self, name: str, joint, address: Address, node: int | None, sign: float, rows: np.ndarray
+    ) -> None:
+        arm = (0.0, 0.0) if node is not None else self._arm(joint, address)
+
+        def push(reaction: str, direction: np.ndarray | tuple[float, float]) -> None:
+            k = self.index[f"{name}.{reaction}"]
+            rows[:, 0, k] += sign * direction[0]
+            rows[:, 1, k] += sign * direction[1]
+            rows[:, 2, k] += sign * (arm[0] * direction[1] - arm[1] * direction[0])
+
+        if joint.kind == "prismatic":
+            t = self._turn(joint.addresses[0].body, joint.direction)
+            push("normal", np.array([-t[1], t[0]]))
+            if name in self.model.scene.drives:
+                push("drive", t)
+        else:
+            push("force_x", (1.0, 0.0))
+            push("force_y", (0.0, 1.0))
+            if name in self.model.scene.drives:
+                rows[:, 2, self.index[f"{name}.drive"]] += sign
+        if joint.kind != "revolute":
+            rows[:, 2, self.index[f"{name}.moment"]] += sign
+
+    def _arm(self, joint, address: Address) -> np.ndarray:
+        """Where a joint's force acts on a rigid body, from the body's start, global components (2, n_times)."""
+        # What slides in a guide is pushed at its own point, and pushes the guide there: action is reaction.
+        touches = joint.addresses[1] if joint.kind == "prismatic" else address
+        arm = self._turn(touches.body, self.model.scene.point(touches))
+        return arm + self._start(touches.body) - self._start(address.body)
+
+    def _start(self, body: str) -> np.ndarray:
+        if body == "ground":
+            return np.zeros((2, self.steps))
+        return np.array([self.rigid[f"{body}.x"], self.rigid[f"{body}.y"]])
+
+    def _turn(self, body: str, vector: tuple[float, float]) -> np.ndarray:
+        """Global components of a body-fixed vector, shape (2, n_times)."""
+        if body == "ground":
+            return np.outer(vector, np.ones(self.steps))
+        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
+        return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+    def _node_residual(self, link: str, node: int) -> np.ndarray:
+        """Global force and moment that the joints exert on a node, (3, n_times)."""
+        deformation = self.deformed[link]
+        elements = len(deformation.link.nodes) - 1
+        local = np.zeros((3, self.steps))
+        if node < elements:
+            local += deformation.end_forces(node)[:3]
+        if node > 0:
+            local += deformation.end_forces(node - 1)[3:]
+        c, s = self.rigid[f"{link}.c"], self.rigid[f"{link}.s"]
+        total = np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]])
+        for name, load in self.model.scene.forces.items():
+            if load.force_on.body == link and self._node(load.force_on) == node:
+                total[:2] -= self._load(name, load, link)
+        total[2] -= self._torque(link, node)
+        for name, spring in self.model.scene.springs.items():
+            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
+                if end.body == link and self._node(end) == node:
+                    total[:2] -= sign * self._spring(name)
+        for mass in self.model.scene.masses.values():
+            if mass.at.body == link and self._node(mass.at) == node:
+                motion = self.model.frame.link_point(link, self.model.parts[link], node)
+                total += self._inertia(link, mass.mass, mass.inertia, mass.at, motion)
+        return total
+
+    def _inertia(
+        self, body: str, mass: float, inertia: float, at: Address | tuple, motion: Affine | None
+    ) -> np.ndarray:
+        """m (a - g) and J epsilon of a mass fixed to a body, with the elastic motion of its place; (3, n_times).
+
+        To the elastic motion belongs the damping alpha m d' that Rayleigh's gives to every mass.
+        """
+        rigid, gravity = self.rigid, self.model.scene.gravity
+        x, y = self._turn(body, self.model.scene.point(at) if isinstance(at, Address) else at)
+        omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
+        total = np.array([
+            rigid[f"{body}.a_x"] - epsilon * y - omega**2 * x - gravity[0],
+            rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - gravity[1],
+            epsilon,
+        ])  # fmt: skip
+        if motion is not None and self.model.options.dynamics == "quasistatic":
+            # What turns with a body is accelerated by its spin, L'' z, also where z'' and z' are left out.
+            total += rigid.apply(motion.rate().rate(), self.coordinates[0])
+        elif motion is not None:
+            _, rate, accel = follow(self.model, rigid, self.coordinates, motion)
+            total += accel + self.model.rayleigh[0] * rate
+        return np.array([[mass], [mass], [inertia]]) * total
+
+    def _rigid_residual(self, body: str) -> np.ndarray:
+        """Inertia minus loads of a rigid body, moments about its start, (3, n_times).
+
+        Where the deformation turns the body by theta, the forces keep their direction and the arms turn: each force F
+        at the arm a adds -theta a . F to the moments.
+        """
+        scene, frame = self.model.scene, self.model.frame
+        data = scene.bodies[body]
+        carried = body in frame.bodies
+        fixed = [(data.mass, data.inertia, data.centre)]
+        fixed += [(m.mass, m.inertia, scene.point(m.at)) for m in scene.masses.values() if m.at.body == body]
+        total = np.zeros((3, self.steps))
+        work = np.zeros(self.steps)  # sum of a . F over all forces on the body
+        for mass, inertia, at in fixed:
+            motion = frame.body_point(body, at) if carried else None
+            push = self._inertia(body, mass, inertia, at, motion)
+            arm = self._turn(body, at)
+            total += push
+            total[2] += arm[0] * push[1] - arm[1] * push[0]
+            work -= arm[0] * push[0] + arm[1] * push[1]
+        for name, load, address, share in scene.pushes(body):
+            push, arm = share * self._load(name, load, body), self._turn(body, scene.point(address))
+            total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+            work += arm[0] * push[0] + arm[1] * push[1]
+        for name, spring in scene.springs.items():
+            for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
+                if end.body == body:
+                    push, arm = sign * self._spring(name), self._turn(body, scene.point(end))
+                    total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+                    work += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
+        total[2] -= self._torque(body, None)
+        if carried and self.model.options.geometric:
+            turn = self.rigid.apply(frame.bodies[body], self.coordinates[0])[2]
+            total[2] += turn * (work + self._joint_work(body))
+        return total
+
+    def _torque(self, body: str, node: int | None) -> np.ndarray:
+        """Sum of the torques that loads and springs exert on a rigid body, or on a node of a link."""
+        total = np.zeros(self.steps)
+        scene = self.model.scene
+        for name, (joint, on_second) in scene.joint_torques.items():
+            for address, sign in zip(scene.joints[joint].addresses, (-on_second, on_second), strict=True):
+                if address.body == body and (node is None or self._node(address) == node):
+                    spring = name.removesuffix(".torque")
+                    total += sign * (-self._spring(spring)[0] if spring in scene.springs else self.rigid[name])
+        return total
+
+    def _spring(self, name: str) -> np.ndarray:
+        return spring_force(self.model, self.rigid, self.coordinates, name)
+
+    def _joint_work(self, body: str) -> np.ndarray:
+        """Sum of a . F over the rigid mechanism's joint forces on a body."""
+        total = np.zeros(self.steps)
+        for name, joint in self.model.scene.joints.items():
+            for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
+                if address.body == body and joint.kind != "prismatic":
+                    arm = self._turn(body, self.model.scene.point(address))
+                    total += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
+        return total
+
+    def _load(self, name: str, load: Load, body: str) -> np.ndarray:
+        """A load's size along its direction, global, (2, n_times)."""
+        return self.rigid[name] * self._turn("ground" if load.axes == "global" else body, load.direction)

@@ -1,0 +1,100 @@
+"""What of the loads and the motion falls between two steps of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+from kaneflex.scene import Scene
+from kaneflex.scene.tables import largest_of_block, overshoot_of_block
+
+_SAMPLES = 60_000
+"""Instants that are looked at, spread over the steps."""
+_FINEST = 256
+"""Instants looked at within a step at most."""
+_UNSEEN = 0.2
+"""Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
+_BEYOND_ROWS = 0.02
+"""How far a table's curve may go beyond the two rows beside it, as a share of its largest value, without a word."""
+_TURN = 0.5
+"""Angle [rad] that a drive may turn in a step without a word."""
+
+
+def unseen(model: Model) -> list[str]:
+    """Warnings of :func:`between_steps`, and of tables whose curve goes where no row is."""
+    found = between_steps(model)
+    scene = model.scene
+    tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
+    for name, drive in scene.drives.items():
+        if drive.kind == "table":
+            tables[f"drives.{name}"] = (drive, "m" if scene.slides(name) else "rad")
+    for key, (reader, unit) in tables.items():
+        curve = reader.curve()
+        in_time = getattr(reader, "against", "t") == "t"
+        beyond = overshoot_of_block(curve)
+        if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
+            x, at = (beyond.x, "s") if in_time else (np.degrees(beyond.x), "deg")
+            first, last = beyond.rows
+            found.append(
+                f"{key}: its {reader.interpolation} goes to {beyond.value:.4g} {unit} at {x:.4g} {at}, between rows "
+                f"of {first:.4g} and {last:.4g} {unit}; give more rows, or interpolation = 'pchip', which stays between"
+            )
+    return found
+
+
+def between_steps(model: Model) -> list[str]:
+    """Warnings where loads or speeds of links come and go between two steps, or drives turn far within one.
+
+    Looked at are the rows of the loads' tables, however close, and instants spread over the steps. Preset coupled
+    chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
+    """
+    options, scene = model.options, model.scene
+    if options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values()):
+        return []  # the motion of the rigid mechanism is not theirs
+    within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
+    steps = min(options.steps, _SAMPLES // within)
+    seen = model.motion.at(model.step * np.arange(steps + 1))
+    spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
+    rigid = model.motion.at(np.union1d(spread, _instants_of_rows(scene, seen)))
+    found = []
+    for name, drive in scene.drives.items():
+        turned = abs(np.diff(seen[f"{name}.angle"])).max()
+        if turned > _TURN and not scene.slides(name) and not drive.free:
+            wanted = int(np.ceil(options.steps * turned / _TURN))
+            found.append(
+                f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; give "
+                f"solve.steps = {wanted} or more"
+            )
+    varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "constant"}
+    speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in rigid}
+    fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # the rest may be rounding
+    for thing, name in (varying | speeds).items():
+        values = rigid[name]
+        straight = np.interp(rigid.times, seen.times, seen[name])
+        largest = fastest if thing in speeds else abs(values).max()
+        share = abs(values - straight).max() / max(largest, np.finfo(float).tiny)
+        if share > _UNSEEN:
+            t = rigid.times[int(abs(values - straight).argmax())]
+            found.append(
+                f"{thing} comes and goes between two steps, by {share:.0%} of its largest value at t = {t:.4g} s: "
+                f"give more than solve.steps = {options.steps}"
+            )
+    return found
+
+
+def _instants_of_rows(scene: Scene, seen: RigidMotion) -> np.ndarray:
+    """Instants [s] at which the loads' tables are read at their rows, where what they are read against goes one way."""
+    found = [np.zeros(0)]
+    for load in (load for load in scene.loads.values() if load.kind == "table"):
+        x = (seen.times if load.against == "t" else seen[f"{load.against}.angle"]) - load.offset
+        way = np.sign(x[-1] - x[0])
+        if not (np.diff(x) * way > 0).all():
+            continue
+        rows, times = load.read_table().x, seen.times
+        if load.period is not None:
+            rounds = np.arange(np.floor((x.min() - rows[0]) / load.period), (x.max() - rows[0]) / load.period)
+            rows = np.add.outer(load.period * rounds[:_SAMPLES // len(rows)], rows).ravel()
+        rows = rows[(rows >= x.min()) & (rows <= x.max())]
+        found.append(np.interp(way * rows, way * x, times))
+    return np.concatenate(found)

@@ -1,0 +1,141 @@
+"""A law's constant parts: numbers with a bound of their rounding errors, so that a zero is known as one.
+
+Every part of a law that holds no name but pi is evaluated here, before anything symbolic sees it. Beside its value goes
+an absolute bound of its error, by running error analysis (Higham 2002, Accuracy and Stability of Numerical Algorithms,
+sec. 3.3, to first order): what lies within its own bound of zero is not divided by, and no logarithm is taken of it.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from typing import NamedTuple
+
+from kaneflex.support.errors import Fault
+from kaneflex.support.units import LARGEST
+
+_UNIT = 2.0**-53
+"""Unit roundoff of float64."""
+_CURE = "Write finite and real numbers"
+
+
+class _Number(NamedTuple):
+    value: float
+    error: float
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether it can't be told from zero."""
+        return abs(self.value) <= self.error
+
+
+def check_constants(node: ast.expr) -> None:
+    """Raise Fault for a constant part of a checked law that is not finite, not real, or beyond 1e60."""
+    _value(node)
+
+
+def _value(node: ast.expr) -> _Number | None:
+    """The value of a part of a law; None where it holds a name, which varies."""
+    match node:
+        case ast.Constant(value=value):
+            found = _literal(value)
+        case ast.Name(id=name):
+            return _Number(math.pi, _UNIT * math.pi) if name == "pi" else None
+        case ast.UnaryOp(op=op, operand=operand):
+            inner = _value(operand)
+            if inner is None:
+                return None
+            found = _Number(-inner.value if isinstance(op, ast.USub) else inner.value, inner.error)
+        case ast.BinOp(op=op, left=left, right=right):
+            a, b = _value(left), _value(right)
+            if b is not None and isinstance(op, ast.Div) and b.is_zero:
+                raise Fault(f"{ast.unparse(node)} divides by zero", _CURE)
+            if a is None or b is None:
+                return None
+            found = _binary(node, a, b)
+        case ast.Call(func=func, args=[argument]):
+            x = _value(argument)
+            if x is None:
+                return None
+            found = _call(node, func.id, x)
+    if not abs(found.value) <= LARGEST:
+        raise Fault(f"{_short(node)} is beyond {LARGEST:g}, where products of a few numbers are not finite", _CURE)
+    return found
+
+
+def _short(node: ast.expr) -> str:
+    """Text of a part of a law; a number that is too long, or that no float holds, is not repeated."""
+    if isinstance(node, ast.Constant) and (isinstance(node.value, int) or math.isinf(node.value)):
+        return "a number"
+    return ast.unparse(node)
+
+
+def _literal(value: float) -> _Number:
+    try:
+        number = float(value)
+    except OverflowError:
+        return _Number(math.inf, 0.0)
+    return _Number(number, 0.0 if number == value and number.is_integer() else _UNIT * abs(number))
+
+
+def _binary(node: ast.BinOp, a: _Number, b: _Number) -> _Number:
+    match node.op:
+        case ast.Add():
+            value, error = a.value + b.value, a.error + b.error
+        case ast.Sub():
+            value, error = a.value - b.value, a.error + b.error
+        case ast.Mult():
+            value, error = a.value * b.value, abs(a.value) * b.error + abs(b.value) * a.error
+        case ast.Div():
+            value = a.value / b.value
+            error = (a.error + abs(value) * b.error) / (abs(b.value) - b.error)
+        case ast.Pow():
+            return _power(node, a, b)
+    return _Number(value, error + _UNIT * abs(value))
+
+
+def _power(node: ast.BinOp, a: _Number, b: _Number) -> _Number:
+    """a**b; its relative error is b da / a + log |a| db."""
+    if a.is_zero and b.value < 0:
+        raise Fault(f"{ast.unparse(node)} divides by zero", _CURE)
+    if a.value < 0 and not b.value.is_integer():
+        raise Fault(f"{ast.unparse(node)} is not real", _CURE)
+    try:
+        value = a.value**b.value
+    except OverflowError:
+        value = math.inf
+    if a.is_zero:
+        return _Number(value, abs(value))
+    relative = abs(b.value) * a.error / abs(a.value) + abs(math.log(abs(a.value))) * b.error
+    return _Number(value, abs(value) * min(relative + _UNIT, 1.0))
+
+
+def _call(node: ast.Call, name: str, x: _Number) -> _Number:
+    """A function's value; its error is that of its argument times its slope."""
+    v, e = x
+    if name in ("log", "sqrt") and v < 0 and not x.is_zero:
+        raise Fault(f"{ast.unparse(node)} is not real", _CURE)
+    if (name == "log" and x.is_zero) or (name == "tan" and abs(math.cos(v)) <= e):
+        raise Fault(f"{ast.unparse(node)} is not finite", _CURE)
+    match name:
+        case "abs":
+            return _Number(abs(v), e)
+        case "sqrt":
+            value = math.sqrt(max(v, 0.0))
+            slope = 1.0 / (2.0 * value) if value else 0.0
+            error = min(e * slope, math.sqrt(e))
+        case "exp":
+            value = math.exp(v) if v < _LARGEST_EXPONENT else math.inf
+            error = e * value
+        case "log":
+            value, error = math.log(v), e / v
+        case "tan":
+            value = math.tan(v)
+            error = e * (1.0 + value * value)
+        case _:  # sin, cos, tanh: slopes up to one
+            value, error = getattr(math, name)(v), e
+    return _Number(value, error + _UNIT * abs(value))
+
+
+_LARGEST_EXPONENT = 700.0
+"""math.exp raises beyond 709."""

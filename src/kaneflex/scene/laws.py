@@ -1,0 +1,176 @@
+"""Laws: a user's expression for a load in the time, the drives' angles and speeds.
+
+Parsed by Python's `ast`, checked against a whitelist and for its size, its constants for being finite and real
+(`kaneflex.scene.law_constants`); nothing is ever evaluated as Python code. `Law.to` walks the checked tree and builds
+the expression from any kind of number: SymPy's, NumPy's or plain floats.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kaneflex.scene.law_constants import check_constants
+from kaneflex.support.errors import Fault, nearest
+
+FUNCTIONS = ("abs", "cos", "exp", "log", "sin", "sqrt", "tan", "tanh")
+
+_BINARY = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_LONGEST = 100_000
+"""Characters, so that parsing is quick; what stands for a law's size is its number of operations."""
+_MOST_OPERATIONS = 1000
+_DEEPEST = 100
+"""Operations within each other, each term of a sum or a product within the next, so that no walk runs out of stack."""
+_MOST_NESTED = 24
+"""Functions and powers within each other: a drive's law is differentiated twice, and each brings a factor."""
+_AS_A_TABLE = "Give such a course as a table"
+_SAMPLES = 720
+"""Intervals of a run at whose ends a law must have a value before anything is derived."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A checked law: its canonical text (the same however the law was spaced) and its syntax tree."""
+
+    text: str
+    tree: ast.expr
+
+    def to(self, functions: Mapping[str, Callable], names: Mapping[str, Any], number: Callable[[float], Any]) -> Any:
+        """The law built from other objects.
+
+        functions: for each of FUNCTIONS that it calls; names: what stands for each name, `pi` included;
+        number: makes a literal's value one of these objects, e.g. `sympy.Float` or `float`.
+        """
+
+        def build(node: ast.expr) -> Any:
+            match node:
+                case ast.Constant():
+                    return number(node.value)
+                case ast.Name():
+                    return names[node.id]
+                case ast.UnaryOp():
+                    return _UNARY[type(node.op)](build(node.operand))
+                case ast.BinOp():
+                    return _BINARY[type(node.op)](build(node.left), build(node.right))
+                case ast.Call():
+                    return functions[node.func.id](build(node.args[0]))
+            raise AssertionError(f"parse_law let through {ast.dump(node)}")
+
+        return build(self.tree)
+
+    def on_arrays(self, names: Mapping[str, Any]) -> np.ndarray:
+        """The law's values for floats or ndarrays (n,) of the names that it uses; not finite where it has none."""
+        with np.errstate(all="ignore"):
+            values = self.to(_ON_ARRAYS, {**names, "pi": np.pi}, np.float64)
+        return values + np.zeros(np.shape(names["t"]))
+
+    def check_values(self, names: Mapping[str, Any]) -> None:
+        """Raise Fault unless the law is finite and real at all the times `names["t"]` (n,) [s]; as `on_arrays`."""
+        lost = ~np.isfinite(self.on_arrays(names))
+        if lost.any():
+            reason = f"it has no finite value at t = {names['t'][int(lost.argmax())]:.6g} s"
+            raise Fault(reason, "Give a law that is finite and real over the run, or another duration")
+
+    def uses(self, name: str) -> bool:
+        """Whether the name stands in the law."""
+        return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(self.tree))
+
+    def kinks(self) -> str | None:
+        """Text of the first `abs` of something that varies, if there is one: its slope jumps there."""
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Call) and node.func.id == "abs" and _varies(node.args[0]):
+                return ast.unparse(node)
+        return None
+
+
+def _varies(node: ast.expr) -> bool:
+    return any(isinstance(inner, ast.Name) and inner.id not in (*FUNCTIONS, "pi") for inner in ast.walk(node))
+
+
+_ON_ARRAYS = {name: getattr(np, name) for name in FUNCTIONS}
+
+
+def sample_times(horizon: float) -> np.ndarray:
+    """Times (n,) [s] of a run of `horizon` [s] at which laws are checked."""
+    return np.linspace(0.0, horizon, _SAMPLES + 1)
+
+
+def parse_law(text: str, names: Collection[str]) -> Law:
+    """The law of `text`, which may use `names` (t, drives' names and NAME_speed) and pi.
+
+    The law's own text is a law again. Raises Fault: not an expression, too large, an unknown name, a call of anything
+    but FUNCTIONS, anything else Python has; a constant part that is not finite and real.
+    """
+    if len(text) > _LONGEST:
+        raise Fault(f"longer than {_LONGEST} characters", _AS_A_TABLE)
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except RecursionError:
+        raise Fault(f"more than {_DEEPEST} operations within each other", _AS_A_TABLE) from None
+    except (SyntaxError, ValueError, MemoryError):
+        raise Fault("not an expression", "Write like '120 * sin(2 * pi * 50 * t)'") from None
+    _check_size(tree)
+    _check(tree, {*names, "pi"})
+    check_constants(tree)
+    return Law(ast.unparse(tree), tree)
+
+
+def _check_size(tree: ast.expr) -> None:
+    """Raise Fault for a tree that is too large to be walked recursively, or to be differentiated in a moment."""
+    level, operations, depth = [(tree, 0)], 0, 0
+    while level:
+        operations += sum(isinstance(node, ast.BinOp | ast.UnaryOp | ast.Call) for node, _ in level)
+        depth += 1
+        for what, number, most in (
+            ("operations", operations, _MOST_OPERATIONS),
+            ("operations within each other", depth, _DEEPEST),
+            ("functions and powers within each other", max(nested for _, nested in level), _MOST_NESTED),
+        ):
+            if number > most:
+                raise Fault(f"more than {most} {what}", _AS_A_TABLE)
+        level = [
+            (inner, nested + (isinstance(node, ast.Call) or isinstance(getattr(node, "op", None), ast.Pow)))
+            for node, nested in level
+            for inner in ast.iter_child_nodes(node)
+            if isinstance(inner, ast.expr)
+        ]
+
+
+def _check(node: ast.expr, names: Collection[str]) -> None:
+    match node:
+        case ast.BinOp(op=ast.BitXor()):
+            raise Fault(f"{ast.unparse(node)!r} is no power", "Write ** for a power, like t**2")
+        case ast.Constant(value=bool()) | ast.Constant(value=complex()):
+            raise Fault(f"{ast.unparse(node)} is not a real number", "Use real numbers")
+        case ast.Constant(value=int() | float()):
+            return
+        case ast.Name(id=name):
+            if name not in names:
+                raise Fault(f"unknown name {name!r}", nearest(name, names))
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
+            _check(operand, names)
+        case ast.BinOp(op=op, left=left, right=right) if type(op) in _BINARY:
+            _check(left, names)
+            _check(right, names)
+        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
+            _check(argument, names)
+        case ast.Call():
+            called = ast.unparse(node.func)
+            known = isinstance(node.func, ast.Name) and called in FUNCTIONS
+            reason = f"{called} takes one argument" if known else f"a law cannot call {called!r}"
+            raise Fault(reason, f"It can call {', '.join(FUNCTIONS)}, each with one argument")
+        case _:
+            cure = "Use numbers, names, + - * / ** and " + ", ".join(FUNCTIONS)
+            raise Fault(f"{ast.unparse(node)!r} is not arithmetic", cure)

@@ -1,0 +1,302 @@
+"""Named models: what each preset keeps of the equations, and every option of a run spelled out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from kaneflex.scene import Scene
+from kaneflex.scene.start import Start
+from kaneflex.support.errors import SceneError
+
+DEFAULT_MODES = 3
+"""Fixed-interface modes of a link in the coupled equations, where the scene asks for no number of its own."""
+STEPS_PER_TURN = 720
+"""Default resolution: half a degree of the fastest drive."""
+PAPER_DURATION = 0.04
+"""The paper's horizon [s], Figs. 18-28: four turns at 6000 rpm."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Everything that distinguishes one run of a scene from another.
+
+    Attributes
+    ----------
+    preset : str
+        Where the defaults came from.
+    dynamics : str
+        "rigid" (no deformation), "quasistatic" (K z = F at each instant), "frozen" (constant coefficients, decoupled,
+        paper (143)) or "dynamic" (time-varying coefficients).
+    spin, gyroscopic, euler, geometric, damping : bool
+        Complete term groups: proportional to omega^2, omega, epsilon, the axial force, and the material damping.
+    rotary, shear, gravity : bool
+        Groups that a scene has or has not: rotary inertia of the sections, their shear, gravity; in both stages.
+    convective : bool
+        Keep T' and T'' of the joint displacements' transformation.
+    weld_pins, free_drives : bool
+        Share the elastic rotation at pins between elastic links; leave it free at the drives.
+    elements : int or None
+        Elements of every link; None leaves each link its own number.
+    foreshortening : bool
+        Displacements include the shortening of the bent axis, -1/2 int v'^2 dx.
+    reduction : str
+        "none", "craig-bampton" (each link, in its own axes) or "modal" (modes of the whole mechanism at mode_angle).
+    modes : int or "all"
+        Modes kept: of each link, or of the mechanism.
+    mode_angle : float
+        Angle of the first drive at which reference modes are taken and the frozen model is frozen [rad].
+    start : str
+        "zero", "quasistatic", "periodic", or "given" where the scene gives a state.
+    integrator : str
+        Name in ``kaneflex.integrate.methods.METHODS``.
+    steps : int
+        Per cycle, or per run where there is no cycle.
+    cycles : bool
+        Whether ``steps`` counts a cycle.
+    duration : float
+        Horizon of the run [s].
+    rho_infinity : float
+        Spectral radius of generalised-alpha at infinite frequency.
+    tolerance : float
+        Of the coupled equations: error that ten periods of a vibration accumulate, as a share of the longest body, and
+        in rad.
+    forward_method : str
+        Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
+    forward_tolerance : float
+        Its relative tolerance.
+    """
+
+    preset: str
+    dynamics: str
+    spin: bool
+    gyroscopic: bool
+    euler: bool
+    geometric: bool
+    damping: bool
+    rotary: bool
+    shear: bool
+    gravity: bool
+    convective: bool
+    weld_pins: bool
+    free_drives: bool
+    elements: int | None
+    foreshortening: bool
+    reduction: str
+    modes: int | str
+    mode_angle: float
+    start: str
+    integrator: str
+    steps: int
+    cycles: bool
+    duration: float
+    rho_infinity: float
+    tolerance: float
+    forward_method: str
+    forward_tolerance: float
+
+    def as_dict(self) -> dict[str, object]:
+        return asdict(self)
+
+
+_ALL = dict.fromkeys(
+    ("spin", "gyroscopic", "euler", "geometric", "damping", "convective", "rotary", "shear", "gravity"), True
+)
+_ELASTIC_TERMS = ("spin", "gyroscopic", "euler", "geometric", "damping")
+_RIGID = {"rotary": True, "gravity": True}  # the groups that the rigid mechanism knows, too
+_PRESETS: dict[str, dict[str, object]] = {
+    "rigid": dict.fromkeys(_ALL, False) | _RIGID | {"dynamics": "rigid", "foreshortening": False},
+    # Without any damping: C_s L' would act like a force that no structure knows.
+    "quasistatic": _ALL | {"gyroscopic": False, "damping": False, "dynamics": "quasistatic", "foreshortening": True},
+    "paper": _ALL
+    | {"gyroscopic": False, "geometric": False, "damping": False, "convective": False, "dynamics": "frozen"}
+    | {"foreshortening": False, "weld_pins": True, "free_drives": True, "elements": 1},
+    "linear": _ALL | {"geometric": False, "dynamics": "dynamic", "foreshortening": False},
+    "stiffened": _ALL | {"dynamics": "dynamic", "foreshortening": True},
+    # Its displacements are those of the bent axis as it is: the foreshortening is in the equations.
+    "coupled": _ALL | {"dynamics": "coupled", "foreshortening": False},
+}
+UNUSED_TERMS = {
+    "rigid": tuple(name for name in _ALL if name not in _RIGID),
+    "quasistatic": ("gyroscopic", "damping"),
+    "frozen": ("gyroscopic",),
+    "dynamic": (),
+    "coupled": (),
+}
+"""Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
+COUPLED_INTEGRATORS = ("gauss", "generalised-alpha", "scipy")
+"""What preset coupled can be integrated by."""
+FIXED_STEP = "generalised-alpha"
+"""The one of them that keeps its step."""
+_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "gauss"}
+_REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
+
+
+def resolve_options(scene: Scene) -> Options:
+    """The preset of the scene with the scene's own settings on top.
+
+    Raises
+    ------
+    SceneError
+        Where settings contradict each other; it names both.
+    """
+    solve = scene.solve
+    chosen = {"weld_pins": False, "free_drives": False, "elements": None} | _PRESETS[solve.preset]
+    dynamics = str(chosen["dynamics"])
+    for name, on in solve.terms.items():
+        chosen[name] = on and name not in UNUSED_TERMS[dynamics]
+    elastic = any(body.elastic for body in scene.bodies.values())
+    modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
+    if modal is not None and dynamics not in ("rigid", "coupled"):
+        raise SceneError(
+            f"bodies.{modal}.modal_data", Path(scene.bodies[modal].modal_data).name,
+            f"preset {solve.preset} takes a link's elements, which modal data don't have",
+            "Take preset coupled or rigid, or give the body a beam",
+        )  # fmt: skip
+    elastic = elastic or modal is not None
+    if elastic and scene.is_frame and solve.preset == "rigid":
+        raise SceneError(
+            "solve.preset", "rigid",
+            "a structure that stands still has no rigid motion, and its supports may be redundant",
+            "Take preset quasistatic, linear or stiffened",
+        )  # fmt: skip
+    if not elastic:
+        dynamics, chosen["dynamics"] = "rigid", "rigid"
+    if dynamics == "coupled":
+        _check_coupled(scene)
+    paper = dynamics == "frozen"
+    period = None if paper or solve.duration is not None else scene.period
+    duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
+    options = Options(
+        preset=solve.preset,
+        **chosen,
+        reduction=solve.reduction or ("craig-bampton" if _truncates(solve.modes, dynamics) else _REDUCTION[dynamics]),
+        modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
+        mode_angle=solve.mode_angle,
+        start="given" if isinstance(solve.start, Start) else "zero" if paper else solve.start,
+        integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _INTEGRATOR[dynamics],
+        steps=solve.steps or default_steps(scene, duration),
+        cycles=period is not None,
+        duration=duration,
+        rho_infinity=solve.rho_infinity,
+        tolerance=solve.tolerance,
+        forward_method=solve.forward.method,
+        forward_tolerance=solve.forward.tolerance,
+    )
+    _check(options)
+    return options
+
+
+def has_term(scene: Scene, name: str) -> bool:
+    """Whether the scene has what a group of terms is about: gravity, or a beam whose theory knows it."""
+    if name == "gravity":
+        return scene.gravity != (0.0, 0.0)
+    if name in ("rotary", "shear"):
+        return any(getattr(body.beam, name) for body in scene.bodies.values() if body.elastic)
+    return True
+
+
+def acting(scene: Scene, options: Options) -> Scene:
+    """The scene without the gravity, rotary inertia and shear that the options leave out, in both stages.
+
+    A run takes the module of the scene as it is written, in which they are numbers like others.
+    """
+    left_out = {"rotary": not options.rotary, "shear": not options.shear}
+    bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
+    gravity = scene.gravity if options.gravity else (0.0, 0.0)
+    return scene.seen(bodies=bodies, gravity=gravity)
+
+
+def left_out(options: Options) -> tuple[str, ...]:
+    """Groups of terms of the elastic links that have no use under the options; all of them in a rigid mechanism.
+
+    The gyroscopic matrix stays with the spin terms: in joint axes that turn against the link, L^T C_d L' is of them.
+    """
+    if options.dynamics == "rigid":
+        return ("inertia", "elastic", "load", *_ELASTIC_TERMS)
+    idle = tuple(name for name in _ELASTIC_TERMS if not getattr(options, name))
+    return tuple(name for name in idle if name != "gyroscopic" or not options.spin)
+
+
+def _truncates(modes: int | str, dynamics: str) -> bool:
+    return modes != "all" and dynamics in ("dynamic", "quasistatic")
+
+
+def default_steps(scene: Scene, duration: float) -> int:
+    """STEPS_PER_TURN for each turn of the fastest drive, at least 200 in all; 2000 where no drive turns at a speed."""
+    speeds = (abs(drive.speed or 0.0) for name, drive in scene.drives.items() if not scene.slides(name))
+    fastest = max(speeds, default=0.0)
+    turns = fastest * duration / (2 * math.pi)
+    if not fastest:
+        return 2000
+    return max(200, math.ceil(round(STEPS_PER_TURN * turns, 6)))
+
+
+def _check_coupled(scene: Scene) -> None:
+    solve = scene.solve
+    if solve.reduction is not None:
+        raise SceneError(
+            "solve.reduction", solve.reduction, "preset coupled has shapes of each link", "Leave reduction out"
+        )
+    if solve.integrator not in (None, *COUPLED_INTEGRATORS):
+        raise SceneError(
+            "solve.integrator", solve.integrator, "integrates equations that are linear in the displacements",
+            f"Use {', '.join(COUPLED_INTEGRATORS[:-1])} or {COUPLED_INTEGRATORS[-1]} under preset coupled",
+        )  # fmt: skip
+    for name, on in solve.terms.items():
+        if not on:
+            raise SceneError(
+                f"solve.terms.{name}", on, "the coupled equations are one whole",
+                "Take preset stiffened to leave terms out",
+            )  # fmt: skip
+    rotations = {f"joints.{name}": joint.rotation for name, joint in scene.joints.items() if joint.rotation == "shared"}
+    rotations |= {f"drives.{name}": drive.rotation for name, drive in scene.drives.items() if drive.rotation == "free"}
+    for key, rotation in rotations.items():
+        raise SceneError(
+            f"{key}.rotation", rotation, "a choice of models with small displacements: here a joint is what it is",
+            "Leave rotation out, or take preset stiffened",
+        )  # fmt: skip
+    if scene.is_frame:
+        raise SceneError(
+            "solve.preset", "coupled", "a structure that stands still has no motion to be coupled with",
+            "Take preset stiffened",
+        )  # fmt: skip
+
+
+def _check(options: Options) -> None:
+    if options.start == "given" and options.dynamics not in ("dynamic", "coupled"):
+        reason = {
+            "rigid": "nothing deforms: there is no state of deformation to start from",
+            "quasistatic": "preset quasistatic solves each instant by itself, whatever went before",
+            "frozen": f"preset {options.preset} always starts from rest",
+        }[options.dynamics]
+        raise SceneError(
+            "solve.start", "a table of a state", reason,
+            "Take preset linear, stiffened or coupled with an elastic body, or solve.start = zero",
+        )  # fmt: skip
+    if options.start == "periodic" and options.dynamics in ("dynamic", "coupled") and not options.cycles:
+        raise SceneError(
+            "solve.start", "periodic", "there is no cycle to repeat: solve.duration sets a horizon of its own",
+            "Give a drive a cycle and no duration, or start from zero or quasistatic",
+        )  # fmt: skip
+    if options.dynamics == "frozen" and options.reduction != "modal":
+        raise SceneError(
+            "solve.reduction", options.reduction, f"preset {options.preset} superposes modes of the whole mechanism",
+            "Leave the reduction out",
+        )  # fmt: skip
+    if options.start == "periodic" and options.dynamics == "dynamic" and options.integrator == "scipy":
+        raise SceneError(
+            "solve.integrator", "scipy", "it finds no periodic state, and solve.start is periodic",
+            "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator",
+        )  # fmt: skip
+    exact = options.integrator == "exact-modal"
+    if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):
+        cure = "Use radau, generalised-alpha or newmark" if exact else "Leave the integrator out"
+        reason = f"the equations of preset {options.preset} are {'coupled' if exact else 'decoupled'}"
+        raise SceneError("solve.integrator", options.integrator, reason, cure)
+
+
+def modes_of(scene: Scene) -> int:
+    """Fixed-interface modes of each link in the coupled equations."""
+    return DEFAULT_MODES if scene.solve.modes == "all" else scene.solve.modes

@@ -1,0 +1,230 @@
+"""Tables of a CSV file, and the piecewise cubic that the kernels read them as.
+
+A table travels to the kernels as one flat block of float64,
+
+    [n, period, x_0 .. x_n, c0, c1, c2, c3 of interval 0, .. of interval n - 1]
+
+with y = c0 + d (c1 + d (c2 + d c3)), d = x - x_i, and a period of 0 where the table does not repeat.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from kaneflex.support.errors import Fault, nearest
+from kaneflex.support.interpolation import Interpolation, cubics_through
+from kaneflex.support.reading import read_text
+from kaneflex.support.units import ANGLE, FORCE, LARGEST, TIME, Dimension, scaled
+
+_FEWEST_ROWS = 4  # a smooth curve is not defined by fewer
+_CLOSEST = 1e-12
+"""Share of a table's span that its rows lie apart: beneath it, slopes between them are rounding."""
+_SPAN = 1e-6  # relative; the table covers its period this exactly
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Ordinates y (SI) over rising abscissae x (rad or s), both of shape (n + 1,)."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+    def check_period(self, period: float, closing: float) -> None:
+        """Raise Fault unless the table covers `period` once and its ends agree to `closing` of max |y|."""
+        span = self.x[-1] - self.x[0]
+        if abs(span - period) > _SPAN * period:
+            reason = f"the table covers {span / period:.6g} of its period"
+            raise Fault(reason, "Cover the period once, its first and last row both included")
+        largest = np.abs(self.y).max()
+        gap = abs(self.y[-1] - self.y[0])
+        if gap > closing * largest:
+            reason = f"the table does not close: first and last value differ by {gap / largest:.2g} of the largest"
+            raise Fault(reason, f"Correct the table, or raise closing from {closing:g}")
+
+    def coefficients(self, period: float | None = None, interpolation: Interpolation = "spline") -> np.ndarray:
+        """The block of a cubic for each interval between two rows.
+
+        With a period it closes through the mean of the first and the last ordinate, as smoothly as elsewhere. Without
+        one it keeps its end values outside: one interval more at each end says so.
+        """
+        x, y = self.x, self.y.copy()
+        if period:
+            y[0] = y[-1] = (y[0] + y[-1]) / 2
+            cubics = cubics_through(x, y, interpolation, periodic=True)
+        else:
+            inner = cubics_through(x, y, interpolation, periodic=False)
+            cubics = np.vstack([[y[0], 0, 0, 0], inner, [y[-1], 0, 0, 0]])
+            x = np.concatenate([[x[0] - 1], x, [x[-1] + 1]])
+        return np.concatenate([[len(x) - 1, period or 0.0], x, cubics.ravel()])
+
+
+def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A block's knots, (n + 1,), and the cubics between them, (n, 4)."""
+    n = int(block[0])
+    return block[2 : n + 3], block[n + 3 :].reshape(n, 4)
+
+
+def largest_of_block(block: np.ndarray) -> float:
+    """Largest absolute value of a block: at a knot, or where the slope of a cubic vanishes."""
+    return float(abs(_extremes(block)[1]).max())
+
+
+@dataclass(frozen=True)
+class Overshoot:
+    """Where a block goes farthest beyond the two rows of an interval: x, value, and the values of the two rows."""
+
+    x: float
+    value: float
+    rows: tuple[float, float]
+
+    @property
+    def size(self) -> float:
+        return max(self.value - max(self.rows), min(self.rows) - self.value, 0.0)
+
+
+def overshoot_of_block(block: np.ndarray) -> Overshoot:
+    """The farthest of a block beyond the rows on either side of it."""
+    places, values = _extremes(block)
+    rows = np.sort(values[:2], axis=0)
+    beyond = np.maximum(values - rows[1], rows[0] - values)
+    worst = np.unravel_index(beyond.argmax(), beyond.shape)
+    first, last = values[:2, worst[1]]
+    return Overshoot(float(places[worst]), float(values[worst]), (float(first), float(last)))
+
+
+def _extremes(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each interval's cubic may be largest or smallest, and its values there, (4, n) each.
+
+    First its two ends, then where its slope c1 + 2 c2 d + 3 c3 d^2 vanishes: an end again where it does nowhere.
+    """
+    knots, cubics = _parts(block)
+    c0, c1, c2, c3 = cubics.T
+    width = np.diff(knots)
+    with np.errstate(all="ignore"):
+        root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
+        share = -(c2 + np.copysign(root, c2))  # without a difference of what is nearly equal
+        places = np.stack((np.zeros_like(width), width, share / (3.0 * c3), c1 / share))
+    d = np.clip(np.nan_to_num(places, posinf=0.0, neginf=0.0), 0.0, width)
+    return knots[:-1] + d, c0 + d * (c1 + d * (c2 + d * c3))
+
+
+def evaluate_block(block: np.ndarray, x: np.ndarray | float) -> np.ndarray:
+    """Values of a block at x (any shape), by the arithmetic of the generated modules."""
+    (knots, cubics), period = _parts(block), block[1]
+    n = len(cubics)
+    x = np.asarray(x, dtype=float)
+    if period > 0:
+        x = knots[0] + (x - knots[0]) % period
+    interval = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, n - 1)
+    d = x - knots[interval]
+    c = np.moveaxis(cubics[interval], -1, 0)
+    return c[0] + d * (c[1] + d * (c[2] + d * c[3]))
+
+
+def read_table(
+    path: str | Path, column: str | None, unit: str, x_unit: str, dimension: Dimension = FORCE
+) -> Table:
+    """The first column (in `x_unit`, deg or s) and `column` (in `unit` of `dimension`; default: the second) of a
+    CSV file.
+
+    The first line is a header; lines that start with # are skipped. Raises Fault, with `below` naming the
+    scene's key: file missing or empty, no header, no such column, cells that are no finite numbers, abscissae
+    that do not rise. A file is read anew only if it has changed.
+    """
+    try:
+        found = Path(path).stat()
+        version = (found.st_mtime_ns, found.st_size)
+    except (OSError, ValueError):
+        version = None  # reading it says why
+    return _read(path, version, column, unit, x_unit, dimension)
+
+
+@lru_cache(maxsize=64)
+def _read(
+    path: str | Path, version: tuple[int, int] | None, column: str | None, unit: str, x_unit: str, dimension: Dimension
+) -> Table:
+    rows = _rows(Path(path))
+    header = [cell.strip() for cell in rows[0][1]]
+    if _number(header[0]) is not None:
+        raise Fault(f"{Path(path).name} has no header line", "Name the columns in its first line", below="table")
+    if len(header) < 2:
+        raise Fault(f"{Path(path).name} has one column", "Give two columns separated by commas", below="table")
+    if column is not None and column not in header:
+        raise Fault(f"{Path(path).name} has no such column", nearest(column, header), below="column")
+    at = 1 if column is None else header.index(column)
+    if len(rows) - 1 < _FEWEST_ROWS:
+        reason = f"{Path(path).name} has {len(rows) - 1} rows of numbers"
+        raise Fault(reason, f"Give at least {_FEWEST_ROWS}", below="table")
+    x_dimension = TIME if x_unit == "s" else ANGLE
+    try:
+        scaled(1.0, unit, dimension)
+    except Fault as fault:
+        raise Fault(fault.reason, fault.cure, below="unit") from None
+    cells = [(line, _cell(path, line, row, 0), _cell(path, line, row, at)) for line, row in rows[1:]]
+    span = cells[-1][1] - cells[0][1]
+    if abs(span) < 1.0 / LARGEST:
+        raise Fault(f"{Path(path).name} spans {span:g} {x_unit} only", "Correct its first column", below="table")
+    for (_, before, _), (line, x, _) in pairwise(cells):
+        if x - before <= _CLOSEST * span:
+            reason = f"{Path(path).name}, line {line}: {x:g} does not rise above {before:g}"
+            raise Fault(reason, "Sort the rows by their first column, each value once", below="table")
+    table = Table(
+        np.array([scaled(x, x_unit, x_dimension) for _, x, _ in cells]),
+        np.array([scaled(y, unit, dimension) for _, _, y in cells]),
+    )
+    for values in (table.x, table.y):
+        values.flags.writeable = False  # one table for all who read the file
+    return table
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Every row that holds something, with its line number; at least the header."""
+    try:
+        text = read_text(path)
+    except FileNotFoundError:
+        # a scene file's paths were made absolute when it was read; those of settings were not
+        start = "the scene's file" if path.is_absolute() else "the current folder, as a setting's is"
+        raise Fault("no such file", f"Give the path of a CSV file, relative to {start}", below="table") from None
+    except Fault as fault:
+        raise Fault(fault.reason, fault.cure, below="table") from None
+    lines = [(line, row) for line, row in enumerate(text.split("\n"), 1) if row.strip() and row[0] != "#"]
+    if not lines:
+        raise Fault(f"{path.name} is empty", "Give a header line and rows of numbers", below="table")
+    rows = []
+    reader = csv.reader([row for _, row in lines])
+    try:
+        for cells in reader:
+            line = lines[len(rows)][0]
+            if reader.line_num > len(rows) + 1:
+                raise Fault(f"{path.name}, line {line}: its quoted cell has no end", "Correct that line", below="table")
+            rows.append((line, cells))
+    except csv.Error as error:
+        reason = f"{path.name}, line {lines[len(rows)][0]}: {error}"
+        raise Fault(reason, "Correct or remove that line", below="table") from None
+    return rows
+
+
+def _cell(path: str | Path, line: int, row: list[str], column: int) -> float:
+    text = row[column].strip() if column < len(row) else ""
+    number = _number(text)
+    if number is None or not math.isfinite(number):
+        reason = f"{Path(path).name}, line {line}: {text[:40]!r} is not a finite number"
+        raise Fault(reason, "Correct or remove that line", below="table")
+    if abs(number) > LARGEST:
+        reason = f"{Path(path).name}, line {line}: {number:g} is beyond {LARGEST:g}"
+        raise Fault(reason, "Correct or remove that line", below="table")
+    return number
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

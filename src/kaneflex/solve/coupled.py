@@ -1,0 +1,208 @@
+"""Solve a coupled model: initial state, integration, and the motion as every sensor reads it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.multibody.linearisation import settled
+from kaneflex.multibody.model import Model
+from kaneflex.multibody.motion import CoupledMotion, Rates
+from kaneflex.multibody.run import CoupledTrajectory, Method, between, integrate, rigid_state
+from kaneflex.multibody.system import CoupledSystem
+from kaneflex.scene import Scene
+from kaneflex.solve.coupled_state import State, check_closed
+from kaneflex.solve.events import happens
+from kaneflex.solve.forward import with_courses
+from kaneflex.solve.initial import laid_over
+from kaneflex.solve.solution import Solution
+from kaneflex.support.errors import SceneError
+
+_CYCLES = 100
+"""Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
+_REPEATS = 1e-5
+"""Change of the deformation over a cycle, against its largest value, below which it repeats."""
+
+
+def simulate_coupled(
+    model: Model, progress: Callable[[float], None] | None = None, after: State | None = None
+) -> Solution:
+    """Integrate the coupled equations over the model's horizon, from a state where one is given."""
+    started = time.perf_counter()
+    system, options = model.coupled, model.options
+    method = method_of(model)
+    times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
+    if after is not None and options.start == "given":
+        raise SceneError("after", after.source, "the scene gives a state to start from, too", "Leave solve.start out")
+    q, v = beginning(model) if after is None else after.fitted(system, method.length)
+    stops = [event for event in model.scene.events.values() if event.stop]
+
+    def stop(part: CoupledTrajectory) -> bool:
+        return happens(as_solution(model, part, 0.0), stops)
+
+    if options.start == "periodic":
+        trajectory = _periodic(system, q, v, times, method, progress)
+    else:
+        trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
+    return as_solution(model, trajectory, time.perf_counter() - started)
+
+
+def method_of(model: Model) -> Method:
+    """How a model asks to be integrated."""
+    options = model.options
+    return Method(options.integrator, options.tolerance, longest(model.scene), options.rho_infinity)
+
+
+def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium, or as it gives them."""
+    system, first = model.coupled, model.motion.at(0.0)
+    q, v = rigid_state(system, first)
+    if model.options.start == "given":
+        q, v = laid_over(model, q, v)
+        q = unwrapped(model.scene, system, q, first)
+        check_closed(
+            system, 0.0, q, v, longest(model.scene), "solve.start", "a table of a state",
+            "Give the coordinates of all bodies, or shapes that leave the joints where they are",
+        )  # fmt: skip
+        return q, v
+    q = unwrapped(model.scene, system, q, first)
+    return (_settled(model, q, first) if model.options.start == "quasistatic" else q), v
+
+
+def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
+    """A coupled trajectory with the rigid mechanism beside it, whose free drives follow the coupled motion."""
+    system = model.coupled
+    free = model.module.FREE  # its order, which need not be the scene's
+    if free and len(trajectory.times) > 3:
+        bare = CoupledMotion(model, system, trajectory, model.motion.at(trajectory.times))
+        courses = [_coordinate(bare, name) for name in free]
+        states = np.array([[course[0] for course in courses], [course[1] for course in courses]])
+        accelerations = np.array([course[2] for course in courses])
+        states = states.reshape(2 * len(free), -1)
+        p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
+        model = replace(model, motion=Motion(model.motion.module, p))
+    return _seen(model, trajectory, seconds)
+
+
+def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledTrajectory:
+    """States (n, size) at rest, all at the time t [s]: for what depends on places alone."""
+    count, none = len(q), np.zeros((len(q), system.size))
+    zero = np.zeros(count)
+    energy = Energy(zero, zero, zero, zero, zero)
+    multipliers = np.zeros((count, len(system.constraints)))
+    ended = (0, 0, (0.0, 0.0), Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
+    return CoupledTrajectory(np.full(count, t), q, none, none, multipliers, energy, zero, zero, *ended)
+
+
+def resampled(solution: Solution, times: np.ndarray) -> Solution:
+    """The coupled motion at other instants within the run."""
+    trajectory = between(solution.model.coupled, solution.coupled.trajectory, times)
+    return _seen(solution.model, trajectory, solution.seconds)
+
+
+def _seen(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
+    """What the elastic equations' coordinates say of a trajectory; the model's free drives move as it does."""
+    motion = CoupledMotion(model, model.coupled, trajectory, model.motion.at(trajectory.times))
+    z, v, a = motion.coordinates()
+    plain = Trajectory(
+        trajectory.times, z.T, v.T, a.T, trajectory.outcome, trajectory.message, None, trajectory.ns_per_step
+    )
+    return Solution(model, plain, seconds, motion)
+
+
+def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
+    """Coordinate of a drive between the deformed bodies [rad, or m along its guide], with its rates."""
+    joint = motion.model.scene.joints[drive]
+    first, second = (motion.joined(address) for address in joint.addresses)
+    gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
+    if joint.kind != "prismatic":
+        return gap[2], gap_rate[2], gap_accel[2]
+    (angle, omega, epsilon), (t_x, t_y) = (part[2] for part in first), joint.direction
+    t = np.array([np.cos(angle) * t_x - np.sin(angle) * t_y, np.sin(angle) * t_x + np.cos(angle) * t_y])
+    n = np.array([-t[1], t[0]])
+
+    def dot(direction: np.ndarray, vector: np.ndarray) -> np.ndarray:
+        return (direction * vector[:2]).sum(axis=0)
+
+    along, across = dot(t, gap), dot(n, gap)
+    accel = dot(t, gap_accel) + 2 * omega * dot(n, gap_rate) + epsilon * across - omega**2 * along
+    return along, dot(t, gap_rate) + omega * across, accel
+
+
+def longest(scene: Scene) -> float:
+    """The size of the mechanism: its longest body, else the farthest point of the ground [m]."""
+    lengths = [body.length for body in scene.bodies.values() if body.length]
+    return max(lengths or [math.hypot(*at) for at in scene.ground.values()] or [1.0])
+
+
+def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe."""
+    q, counted = q.copy(), {"ground"}
+    angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
+    turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
+    turns |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at not in (None, *turns)}
+    pins = [name for name in scene.drives if scene.joints[name].kind == "revolute"]
+    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in pins}
+    while len(counted) < len(angle):
+        near = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
+        if not near:  # no joint prescribes the turn of what is left against what is counted
+            counted.add(next(name for name in angle if name not in counted))
+            continue
+        name, side = near[0]
+        base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
+        wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
+        angle[other] += 2 * math.pi * round((wanted - angle[other]) / (2 * math.pi))
+        q[system.start[other] + 2] = angle[other]
+        counted.add(other)
+    return q
+
+
+def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
+    """Whether a joint leads from a body that is counted, on this side of it, to one that is not."""
+    base, other = (scene.joints[joint].addresses[k].body for k in (side, 1 - side))
+    return base in counted and other not in counted
+
+
+def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
+    """q deformed as the rigid motion asks for."""
+    free = [name for name, drive in model.scene.drives.items() if drive.kind == "free"]
+    if free:
+        raise SceneError(
+            "solve.start", model.options.start, f"{free[0]} is free: nothing holds it in equilibrium",
+            "Start from zero",
+        )  # fmt: skip
+    found = settled(model.coupled, rigid, q, longest(model.scene))
+    if found is not None:
+        return found.q
+    raise SceneError(
+        "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
+    )
+
+
+def _periodic(system, q, v, times, method, progress) -> CoupledTrajectory:
+    """Cycle after cycle until the deformation repeats."""
+    modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
+    turns = np.array([k + 2 for k in system.start.values()])
+    for cycle in range(_CYCLES):
+        found = integrate(system, q, v, times, method)
+        if found.outcome is not Outcome.COMPLETED:
+            return found
+        end, end_rate = found.q[-1].copy(), found.v[-1].copy()
+        end[turns] -= 2 * math.pi * np.round((end[turns] - found.q[0][turns]) / (2 * math.pi))
+        change = abs(end[modal] - found.q[0][modal]).max(initial=0.0)
+        if change <= _REPEATS * abs(found.q[:, modal]).max(initial=0.0):
+            if progress is not None:
+                progress(1.0)
+            return found
+        if progress is not None:
+            progress(cycle / _CYCLES)
+        q, v = end, end_rate
+    message = f"no periodic state: the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
+    return replace(found, outcome=Outcome.NO_PERIODIC_STATE, message=message)

@@ -1,0 +1,73 @@
+"""When sensors pass the values that a scene's events name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.response.sensors import sensor_values
+from kaneflex.scene.events import Event
+
+if TYPE_CHECKING:
+    from kaneflex.solve.solution import Solution
+
+_RESOLUTION = 1e-12
+"""Share of a run to which the time of an event is found."""
+
+
+def find_events(solution: Solution) -> dict[str, np.ndarray]:
+    """Times of every event of the scene [s], ascending.
+
+    A sensor that passes a value and comes back between two stored instants is not seen.
+    """
+    return {name: _times(solution, event) for name, event in solution.model.scene.events.items()}
+
+
+def happens(solution: Solution, events: Iterable[Event]) -> bool:
+    """Whether any of these events lies within the solution."""
+    return any(len(_passed(_gap(solution, event), event.direction)) for event in events)
+
+
+def until_stop(solution: Solution) -> Solution:
+    """The solution up to the first event that stops it; the same one where none does."""
+    stops = {
+        times[0]: name
+        for name, times in find_events(solution).items()
+        if solution.model.scene.events[name].stop and len(times)
+    }
+    if not stops:
+        return solution
+    end = min(stops)
+    found = solution.at(np.append(solution.times[solution.times < end], end))
+    words = f"{solution.trajectory.outcome.value}; the event {stops[end]} ended the run at t = {end:.9g} s"
+    return replace(found, trajectory=replace(found.trajectory, message=words))
+
+
+def _gap(solution: Solution, event: Event) -> np.ndarray:
+    scene = solution.model.scene
+    return sensor_values(solution, scene.sensors[event.sensor]) - scene.level(event)
+
+
+def _passed(gap: np.ndarray, direction: str) -> np.ndarray:
+    """The stored instants after which the gap reaches zero, from below (up) or above (down)."""
+    before, after = gap[:-1], gap[1:]
+    up, down = (before < 0) & (after >= 0), (before > 0) & (after <= 0)
+    return np.flatnonzero({"up": up, "down": down, "both": up | down}[direction])
+
+
+def _times(solution: Solution, event: Event) -> np.ndarray:
+    from scipy.optimize.elementwise import find_root
+
+    times = solution.times
+    before = _passed(_gap(solution, event), event.direction)
+    if not len(before):
+        return np.zeros(0)
+
+    def gap(at: np.ndarray) -> np.ndarray:
+        return _gap(solution.at(at.ravel()), event).reshape(at.shape)
+
+    allowed = {"xatol": _RESOLUTION * (times[-1] - times[0]), "xrtol": 0.0}
+    return find_root(gap, (times[before], times[before + 1]), tolerances=allowed).x

@@ -1,0 +1,253 @@
+"""Forward dynamics of free joints: the rigid mechanism under its loads, before anything deforms.
+
+The generated ``inverse`` kernel gives the torque that each free joint would need for given accelerations. It is linear
+in them, so the forward equations M(theta) epsilon = -h are read off a few evaluations. Positions are closed forms of
+the joints' coordinates, so the constraints hold by themselves and there is no drift to project away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+
+import numpy as np
+from numba import njit
+
+from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
+from kaneflex.mechanism.energy import Energy, rigid_energy
+from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+_ABSOLUTE = 1e-2
+"""Absolute tolerance, in rad, m and their rates, as a share of the relative one."""
+_MOST = 5_000_000
+"""Evaluations of the accelerations in a run: some minutes."""
+_WINDOW, _STALLED = 50_000, 1e-4
+"""Evaluations after which a run that moved on by less than a share of its duration stands still: _MOST of them would
+not bring it to a hundredth of it."""
+_PIECES = 10
+"""Cubics for each stretch of an integrator of eighth order: between its steps it is as exact as on them."""
+_MOST_NUMBERS = 2e7
+"""Numbers in the tables of all courses, 160 megabytes: beyond them several steps make one stretch."""
+_COURSES = 5 * 3
+"""Numbers for each instant and joint: time and cubic, of coordinate, speed and acceleration."""
+
+
+def integrate_free_joints(
+    scene: Scene,
+    module: ModuleType,
+    parameters: np.ndarray,
+    options: Options,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Motion, Energy]:
+    """Integrate the free joints over the duration of ``options``, by its method and tolerance.
+
+    Returns
+    -------
+    Motion
+        Its parameters end in the tables of each free joint's coordinate, speed and acceleration, piecewise cubics on
+        tenths of stretches: the integration's own steps, or where these are very many as few of them together as
+        the tables have room for, none longer than a step of the run.
+    Energy
+        Of the rigid mechanism, at the ends of these stretches.
+
+    Raises
+    ------
+    SceneError
+        If the motion can't start or go on, by a linkage that can't close, bodies without mass or forces that are not
+        finite, or takes too many steps; it names joint, place and time.
+    """
+    accelerations, inertia = forward_equations(module, parameters)
+    start = np.concatenate([
+        [getattr(scene.drives[name], key) for name in module.FREE] for key in ("start", "initial_speed")
+    ])  # fmt: skip
+    times, states, epsilon = [0.0], [start], [accelerations(0.0, start)]
+    check_start(scene, standing(module, parameters, 0.0, start), epsilon[0], inertia(0.0, start))
+    run = _Steps(scene, module, parameters, options, accelerations)
+    for stretch in run.stretches(start, progress):
+        for t, state in stretch:
+            times.append(t)
+            states.append(state)
+            epsilon.append(accelerations(t, state))
+            if not np.isfinite(epsilon[-1]).all():
+                raise run.stopped(times[-2], states[-2], "its accelerations are not finite beyond")
+    columns = np.array(states).T, np.array(epsilon).T
+    motion = Motion(module, with_courses(module, parameters, np.array(times), *columns))
+    check_passage(scene, motion, np.array(times))
+    return motion, rigid_energy(scene, motion, np.array(times), _PIECES)
+
+
+class _Steps:
+    """The steps of scipy's integrators, gathered into stretches."""
+
+    def __init__(self, scene: Scene, module: ModuleType, parameters: np.ndarray, options: Options, accelerations):
+        self.scene, self.module, self.parameters, self.options = scene, module, parameters, options
+        self.accelerations, self.evaluations = accelerations, 0
+        most = max(options.steps, _MOST_NUMBERS / (_COURSES * _PIECES * len(module.FREE)))
+        self.shortest = options.duration / most
+
+    def stretches(self, start: np.ndarray, progress: Callable[[float], None] | None):
+        """Lists of _PIECES instants with their states, from after the start to the end."""
+        import scipy.integrate
+
+        options, duration, count = self.options, self.options.duration, len(self.module.FREE)
+
+        def rates(t: float, state: np.ndarray) -> np.ndarray:
+            self.evaluations += 1
+            return np.concatenate([state[count:], self.accelerations(t, state)])
+
+        tolerance = options.forward_tolerance
+        solver = getattr(scipy.integrate, options.forward_method)(
+            rates, 0.0, start, duration, rtol=tolerance, atol=_ABSOLUTE * tolerance
+        )
+        begun, curves, seen = 0.0, [], (0, 0.0)
+        while solver.status == "running":
+            before, state = solver.t, solver.y.copy()
+            try:
+                with np.errstate(all="ignore"):
+                    message = solver.step()
+            except (ValueError, np.linalg.LinAlgError):  # an implicit method meets a Jacobian that is not finite
+                message = "its rates are not finite there"
+            if solver.status == "failed" or message is not None or not np.isfinite(solver.y).all():
+                raise self.stopped(before, state, message or "its rates are not finite there")
+            curves.append(solver.dense_output())
+            stalled = False
+            if self.evaluations - seen[0] > _WINDOW:
+                stalled, seen = solver.t - seen[1] < _STALLED * duration, (self.evaluations, solver.t)
+            if stalled or self.evaluations > _MOST:
+                raise self.stopped(solver.t, solver.y)
+            if progress is not None:
+                progress(solver.t / duration)
+            if solver.t - begun >= self.shortest or solver.status == "finished":
+                yield _sampled(curves, begun, solver.t)
+                begun, curves = solver.t, []
+
+    def stopped(self, t: float, state: np.ndarray, message: str | None = None) -> SceneError:
+        """Why the motion ends at a time and state; without a message it is too slow."""
+        free, duration = self.module.FREE, self.options.duration
+        rigid = standing(self.module, self.parameters, t, state)
+        joint = locking(rigid)
+        if joint is not None:
+            return swung(self.scene, joint, rigid)
+        if message is not None:
+            return SceneError(
+                f"drives.{free[0]}", "free", f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}",
+                "Shorten the duration, or change loads or start so that no linkage locks",
+            )  # fmt: skip
+        return SceneError(
+            f"drives.{free[0]}", "free",
+            f"its motion is so fast beside the duration that {self.evaluations} evaluations bring it to t = {t:.6g} s "
+            f"of {duration:.6g} s",
+            "Shorten the duration, or raise solve.forward.tolerance",
+        )  # fmt: skip
+
+
+def _sampled(curves: list, begun: float, end: float) -> list[tuple[float, np.ndarray]]:
+    """States at the ends of _PIECES equal parts of a stretch, by the curve of the step that each lies in."""
+    found, k = [], 0
+    for t in (*(begun + (end - begun) * np.arange(1, _PIECES) / _PIECES), end):
+        while t > curves[k].t and k + 1 < len(curves):
+            k += 1
+        found.append((float(t), curves[k](t)))
+    return found
+
+
+def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.ndarray) -> RigidMotion:
+    """The rigid mechanism at a time t [s], its free joints at rest where a state (2 n,) has them."""
+    times, still = t + np.array([0.0, 0.5, 1.0]), np.zeros((len(module.FREE), 3))
+    places = np.repeat(state[: len(module.FREE), None], 3, axis=1)
+    courses = with_courses(module, parameters, times, np.concatenate([places, still]), still)
+    return Motion(module, courses).at(t)
+
+
+def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
+    """``parameters`` with free joints that keep their initial speeds over ``duration`` [s]."""
+    times = np.array([0.0, duration / 2, duration])
+    start = np.array([scene.drives[name].start for name in module.FREE])[:, None]
+    speed = np.array([scene.drives[name].initial_speed for name in module.FREE])[:, None]
+    states = np.concatenate([start + speed * times, np.broadcast_to(speed, (len(module.FREE), 3))])
+    return with_courses(module, parameters, times, states, np.zeros((len(module.FREE), 3)))
+
+
+def forward_equations(
+    module: ModuleType, parameters: np.ndarray
+) -> tuple[Callable[[float, np.ndarray], np.ndarray], Callable[[float, np.ndarray], np.ndarray]]:
+    """M epsilon = -h as functions of time t [s] and state, coordinates, then speeds of the n free joints.
+
+    The first gives epsilon [rad/s^2 or m/s^2], shape (n,), not finite where M is singular; its work arrays are made
+    once, as an integration calls it a hundred thousand times. The second gives M (n, n).
+    """
+    inverse, n = module.inverse, len(module.FREE)
+    y, h, M = np.zeros(3 * n), np.zeros(n), np.zeros((n, n))
+
+    def accelerations(t: float, state: np.ndarray) -> np.ndarray:
+        y[0::3], y[1::3] = state[:n], state[n:]
+        inverse(t, y, parameters, h)
+        for k in range(n):
+            y[3 * k + 2] = 1.0
+            inverse(t, y, parameters, M[k])  # M[k] + h: M is symmetric, so its rows are its columns
+            y[3 * k + 2] = 0.0
+        return _solve(M, h)
+
+    def inertia(t: float, state: np.ndarray) -> np.ndarray:
+        y[0::3], y[1::3] = state[:n], state[n:]
+        found, without = np.zeros((n, n)), np.zeros(n)
+        inverse(t, y, parameters, without)
+        for k in range(n):
+            y[3 * k + 2] = 1.0
+            inverse(t, y, parameters, found[k])
+            y[3 * k + 2] = 0.0
+        return found - without
+
+    return accelerations, inertia
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(M, h):
+    """x of (M - 1 h^T) x = -h, by elimination with row exchanges; M is overwritten."""
+    n = len(h)
+    x = -h
+    for k in range(n):
+        for j in range(n):
+            M[k, j] -= h[j]
+    for k in range(n):
+        row = k
+        for i in range(k + 1, n):
+            if abs(M[i, k]) > abs(M[row, k]):
+                row = i
+        for j in range(n):
+            M[k, j], M[row, j] = M[row, j], M[k, j]
+        x[k], x[row] = x[row], x[k]
+        for i in range(k + 1, n):
+            factor = M[i, k] / M[k, k]
+            for j in range(k, n):
+                M[i, j] -= factor * M[k, j]
+            x[i] -= factor * x[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            x[k] -= M[k, j] * x[j]
+        x[k] /= M[k, k]
+    return x
+
+
+def with_courses(module, parameters, times, states, epsilon) -> np.ndarray:
+    """Append one block of cubics for each course; see ``kaneflex.scene.tables`` for the layout."""
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+    count = len(module.FREE)
+    position = {path: k for k, (path, _) in enumerate(module.PARAMETERS)}
+    values, blocks, filled = parameters.copy(), [], len(parameters)
+    for k, name in enumerate(module.FREE):
+        courses = {
+            "angle_table": CubicHermiteSpline(times, states[k], states[count + k]),
+            "speed_table": CubicHermiteSpline(times, states[count + k], epsilon[k]),
+            "acceleration_table": CubicSpline(times, epsilon[k]),
+        }
+        for course, cubic in courses.items():
+            block = np.concatenate([[len(times) - 1, 0.0], times, cubic.c[::-1].T.ravel()])
+            values[position[f"drives.{name}.{course}"]] = filled
+            blocks.append(block)
+            filled += len(block)
+    return np.concatenate([values, *blocks])

@@ -1,0 +1,114 @@
+"""A run's first state where the scene gives it: from names and quantities to the coordinates that are integrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.support.errors import Fault, SceneError, nearest
+from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.model import Model
+
+_AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
+_RATES = {LENGTH: SPEED, ANGLE: ANGULAR_SPEED, _AMPLITUDE: _AMPLITUDE}
+_TURNING = ("theta", "turn")
+STATE = ("displacements", "velocities")
+"""Tables of a state."""
+_LISTED = 40
+"""Coordinates that a message lists at most."""
+
+
+def start_coordinates(model: Model) -> tuple[str, ...]:
+    """Names that ``solve.start`` can give a displacement and a velocity: what is integrated, before modes of the whole
+    mechanism are taken."""
+    if model.coupled is not None:
+        return tuple(name for name, _ in model.coupled.module.COORDINATES)
+    return model.coordinates
+
+
+def _dimensions(model: Model) -> dict[str, Dimension]:
+    if model.coupled is not None:
+        return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.module.COORDINATES}
+    last = {name: name.rpartition(".")[2] for name in model.coordinates}
+    return {
+        name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH
+        for name, what in last.items()
+    }
+
+
+def laid_over(model: Model, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Copies of z and v, shapes (n,) as :func:`start_coordinates` names them, with what ``solve.start`` gives in them.
+
+    Raises
+    ------
+    SceneError
+        For a name that is no coordinate, and a quantity that is not its coordinate's; with all problems.
+    """
+    start, dimensions = model.scene.solve.start, _dimensions(model)
+    rates = {name: _RATES[dimension] for name, dimension in dimensions.items()}
+    return (
+        _filled(STATE[0], start.displacements, dimensions, z),
+        _filled(STATE[1], start.velocities, rates, v),
+    )
+
+
+def _filled(
+    table: str, given: Mapping[str, float | str], dimensions: Mapping[str, Dimension], base: np.ndarray
+) -> np.ndarray:
+    row, values, problems = {name: k for k, name in enumerate(dimensions)}, base.copy(), []
+    for name, value in given.items():
+        key = f"solve.start.{table}.{name}"
+        if name not in row:
+            reason = "the run has no such coordinate"
+            problems.append(SceneError(key, value, reason, _known(name, tuple(dimensions))))
+            continue
+        try:
+            values[row[name]] = to_si(value, dimensions[name])
+        except Fault as fault:
+            problems.append(SceneError(key, value, fault.reason, fault.cure))
+    if problems:
+        raise SceneError.gather(problem for error in problems for problem in error.problems)
+    return values
+
+
+def _known(name: str, names: tuple[str, ...]) -> str:
+    """The nearest coordinate and the list of them, as far as it can be read."""
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    known = f"Known: {', '.join(names[:_LISTED])}{more}"
+    close = nearest(name, names)
+    return known if close.startswith("Known") else f"{close}. {known}"
+
+
+def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """z and v at t = 0 of what is integrated of a one-way model, shapes (n,).
+
+    In modes of the whole mechanism B it is the state nearest to the given one by mass: B^T M B y = B^T M z.
+
+    Raises
+    ------
+    SceneError
+        As :func:`laid_over` does.
+    """
+    none = np.zeros(len(model.coordinates))
+    z, v = laid_over(model, none, none)
+    basis = model.modal_basis
+    if basis is None:
+        return z, v
+    weighted = basis.T @ model.M(0.0)
+    return tuple(np.linalg.solve(weighted @ basis, weighted @ np.column_stack([z, v])).T)
+
+
+def check_start(model: Model) -> None:
+    """Raise SceneError for a state given by the scene that the model can't start from."""
+    if model.options.start != "given":
+        return
+    if model.coupled is None:
+        given_state(model)
+    else:
+        from kaneflex.solve.coupled import beginning
+
+        beginning(model)

@@ -1,0 +1,226 @@
+"""From a scene to a model: find or derive its module, bind the numbers, check that it closes, build."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.fem.mobility import check_determined
+from kaneflex.mechanism.closure import SWEEP, check_closure
+from kaneflex.mechanism.closure_continuation import check_free, seed_loops
+from kaneflex.mechanism.position_analysis import with_branches
+from kaneflex.mechanism.rigid_bodies import check_elastic
+from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.multibody.binding import bind_parameters, find_module
+from kaneflex.multibody.building import build_model
+from kaneflex.multibody.model import Model
+from kaneflex.scene import Scene
+from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
+from kaneflex.scene.plausible import implausible
+from kaneflex.scene.quantities import Address
+from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
+from kaneflex.solve.initial import check_start
+from kaneflex.solve.memory import check_memory
+from kaneflex.support.errors import SceneError
+
+Progress = Callable[[str], None]
+ONE_WAY = (
+    "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
+)
+"""Said of every run with free joints."""
+_MEETING = 1e-3
+"""Share of a spring's greatest length under which it has no direction."""
+_MOST = 20_000
+"""Instants at most at which laws must have values before anything is computed."""
+
+
+def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None) -> Model:
+    """Bind a scene to its generated module.
+
+    Parameters
+    ----------
+    scene : Scene
+    progress : callable
+        Called with the name of each stage that can take longer than a moment.
+    like : Model, optional
+        Of a similar scene: where the equations are the same they are taken from it, which gives the same model sooner.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    SceneError
+        If the linkage can't close over the drives' range, or the scene asks for what is not available.
+    """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
+    started = time.perf_counter()
+    options = resolve_options(scene)
+    check_determined(scene)
+    check_free(scene)
+    scene = with_branches(scene)
+    if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
+        check_elastic(scene)
+    module, derived = find_module(scene, progress)
+    ignored, scene = _ignored(scene, options), acting(scene, options)
+    check_memory(scene, options, len(module.SCALARS))
+    coupled = None
+    if options.dynamics == "coupled":
+        from kaneflex.multibody.system import build_system, with_stretch
+
+        coupled, more = build_system(scene, progress)
+        scene, derived = with_stretch(scene), derived + more
+    bound = time.perf_counter()
+    motion = Motion(module, bind_parameters(scene, module))
+    progress("compiling, first time only")
+    _compile(motion)
+    if coupled is not None:
+        coupled.compile()
+    compiled = time.perf_counter()
+    warnings, energy = (*implausible(scene), *ignored), None
+    if getattr(module, "LOOPS", ()):
+        progress("following the linkage over its drive's range")
+        horizon = scene.period if options.cycles else options.duration
+        motion = Motion(module, seed_loops(scene, module, motion.parameters, horizon))
+    if module.FREE and coupled is not None:
+        motion = Motion(module, at_initial_speed(scene, module, motion.parameters, options.duration))
+    elif module.FREE:
+        progress("forward dynamics of the rigid mechanism")
+        motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
+        if options.dynamics != "rigid":
+            warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+    check_closure(scene, motion, options)
+    check_springs(scene, motion, options)
+    check_finite(scene, motion, options)
+    model = build_model(scene, options, motion, like=like)
+    seconds = {
+        "derive": derived,
+        "compile": compiled - bound,
+        "set_up": time.perf_counter() - started - derived - (compiled - bound),
+    }
+    model = replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
+    check_start(model)
+    return model
+
+
+def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | None = None) -> Model:
+    """A model of a scene that differs in numbers alone, with the same module, options and numbers of steps.
+
+    Parameters
+    ----------
+    model : Model
+        Of the scene before the change, with no free joints unless its preset is coupled.
+    frozen : bool
+        Whether the new one keeps the modal bases and the modes of the damping.
+    slopes : ModuleType, optional
+        The module of the model's slopes: the elements then differ by them, to first order; else by what they are.
+    """
+    scene = with_branches(scene)
+    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
+    options = replace(model.options, duration=duration)
+    scene = acting(scene, options)
+    system = None
+    if model.coupled is not None:
+        from kaneflex.multibody.system import neighbour_system, with_stretch
+
+        system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
+    parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
+    if model.module.FREE:
+        parameters = at_initial_speed(scene, model.module, parameters, duration)
+    near = None if slopes is None else (model, slopes)
+    found = build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
+    return replace(found, coupled=system)
+
+
+def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
+    """What the scene asks for and its preset overrules."""
+    found = []
+    solve, integrates = scene.solve, options.dynamics not in ("rigid", "quasistatic")
+    if options.dynamics == "rigid" and "preset" in solve.model_fields_set and solve.preset != "rigid":
+        found.append(f"no body is elastic: preset {solve.preset} solves the rigid mechanism, as preset rigid does")
+    if solve.integrator is not None and not integrates:
+        found.append(f"preset {solve.preset} integrates nothing: solve.integrator = {solve.integrator} is left out")
+    finer = [name for name, body in scene.bodies.items() if body.elastic and body.beam.elements != options.elements]
+    if options.elements is not None and finer:
+        count = "one element" if options.elements == 1 else f"{options.elements} elements"
+        whatever = f"whatever the scene says of {', '.join(finer)}"
+        found.append(f"preset {options.preset} takes {count} for each link, {whatever}")
+    idle = [name for name, on in scene.solve.terms.items() if on and name in UNUSED_TERMS[options.dynamics]]
+    if idle:
+        found.append(f"preset {options.preset} has no use for solve.terms.{', solve.terms.'.join(idle)}: left out")
+    idle = [name for name in scene.solve.terms if name not in idle and not has_term(scene, name)]
+    if idle:
+        found.append(f"the scene has no use for solve.terms.{', solve.terms.'.join(idle)}: it has no such terms")
+    free = any(drive.free for drive in scene.drives.values())
+    if "forward" in scene.solve.model_fields_set and (not free or options.dynamics == "coupled"):
+        why = "preset coupled integrates them with the links" if free else "no joint is free"
+        found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
+    return tuple(found)
+
+
+def _compile(motion: Motion) -> None:
+    """Call the kernel that every load needs once, so that compiling is seen and timed apart from computing."""
+    motion.table(np.zeros(1))
+
+
+def check_finite(scene: Scene, motion: Motion, options: Options) -> None:
+    """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
+    horizon = scene.period if options.cycles else options.duration
+    times = np.linspace(0.0, horizon, min(options.steps, _MOST) + 1)
+    rigid = motion.at(times)
+    if np.isfinite(rigid.values).all():
+        return
+    for name in sorted(motion.column, key=lambda name: name not in scene.loads):
+        lost = ~np.isfinite(rigid[name])
+        if not lost.any():
+            continue
+        t = times[int(np.argmax(lost))]
+        if name in scene.loads:
+            key, thing, given = f"loads.{name}", "it", scene.loads[name].law
+        else:
+            drive = min(scene.drives, key=lambda drive: scene.drives[drive].law is None)
+            key, thing, given = f"drives.{drive}", "the motion or one of its rates", scene.drives[drive].law
+        raise SceneError(
+            key, given, f"{thing} has no finite value at t = {t:.6g} s",
+            "Give a law that is smooth over the run, or another duration",
+        )  # fmt: skip
+
+
+def check_springs(scene: Scene, motion: Motion, options: Options) -> None:
+    """Sweep as for the loops: a free length or a damper needs a direction, which points that meet don't have."""
+    directed = {name: s for name, s in scene.springs.items() if s.ends and (s.length or s.damping)}
+    if not directed:
+        return
+    rigid = motion.at(np.linspace(0.0, scene.period if options.cycles else options.duration, SWEEP + 1))
+
+    def place(address: Address) -> np.ndarray:
+        x, y = scene.point(address)
+        if address.body == "ground":
+            return np.tile([[x], [y]], SWEEP + 1)
+        c, s, x_0, y_0 = (rigid[f"{address.body}.{key}"] for key in ("c", "s", "x", "y"))
+        return np.array([x_0 + c * x - s * y, y_0 + s * x + c * y])
+
+    for name, spring in directed.items():
+        d = place(spring.between[1]) - place(spring.between[0])
+        step = np.diff(d)
+        # The closest approach may lie between two samples: on the straight line from one to the other.
+        share = np.clip(-(d[:, :-1] * step).sum(0) / np.maximum((step**2).sum(0), 1e-300), 0.0, 1.0)
+        nearest = np.hypot(*(d[:, :-1] + share * step))
+        if (nearest > _MEETING * np.hypot(*d).max()).all():
+            continue
+        index = int(np.argmin(nearest))
+        drive = next(iter(scene.drives), None)
+        at = ""
+        if drive is not None:
+            at = f" at {drive} = {scene.written_coordinate(drive, float(rigid[f'{drive}.angle'][index]))}"
+        raise SceneError(
+            f"springs.{name}.between", " and ".join(map(str, spring.between)),
+            f"its points meet{at}, where length and damping have no direction",
+            "Move one of the points, or give stiffness alone",
+        )  # fmt: skip

@@ -1,0 +1,66 @@
+"""The memory that a run needs at least, known before it starts."""
+
+from __future__ import annotations
+
+import os
+
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+MAX_STORED = 40_000
+"""Steps stored at most of equations that are integrated one way; longer runs keep every second, third, ... step."""
+_NUMBER = 8
+"""Bytes."""
+
+
+def check_memory(scene: Scene, options: Options, scalars: int) -> None:
+    """Refuse a run whose tables and dense matrices are larger than the machine's memory.
+
+    ``scalars`` is how many numbers the rigid motion has at an instant. Counted is what can't be done without: the
+    tables of the stored instants; the states of a cycle from every unit state, with which a periodic start is found;
+    the matrices of a link whose modes are all asked for.
+
+    Raises
+    ------
+    SceneError
+        It names what is needed, what there is, and what to ask for instead.
+    """
+    there = installed()
+    if there is None:
+        return
+    links = {name: 3 * (options.elements or body.beam.elements) for name, body in scene.bodies.items() if body.elastic}
+    size, coupled = sum(links.values()), options.dynamics == "coupled"
+    kept = size if options.reduction == "none" else min(size, (_count(options.modes, size) + 6) * len(links))
+    whole = options.dynamics in ("rigid", "quasistatic") or coupled
+    rows = options.steps + 1 if whole else min(options.steps, MAX_STORED) + 1
+    row = _NUMBER * (scalars + (0 if options.dynamics == "rigid" else 3 * kept))
+    matrices = 0
+    if options.dynamics == "dynamic" and options.start == "periodic":
+        matrices = _NUMBER * 10 * kept**2
+    if coupled or options.reduction == "craig-bampton":
+        matrices = max(matrices, _NUMBER * 4 * max(links.values(), default=0) ** 2)
+    if rows * row + matrices <= there:
+        return
+    needs = f"the run needs {_gib(rows * row + matrices)}, and this machine has {_gib(there)}"
+    if matrices > rows * row:
+        largest = max(links, key=links.get)
+        cure = "Take fewer elements" + (", keep some modes of them, or start from zero" if not coupled else "")
+        raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // 3, needs, cure)
+    raise SceneError("solve.steps", options.steps, needs, f"Ask for {there // (2 * row):,} at most")
+
+
+def installed() -> int | None:
+    """The machine's memory [bytes], where the system tells it."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _count(modes: int | str, size: int) -> int:
+    return modes if isinstance(modes, int) else size
+
+
+def _gib(size: float) -> str:
+    return f"{size / 2**30:.3g} GiB"

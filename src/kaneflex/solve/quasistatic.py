@@ -1,0 +1,202 @@
+"""K(t) z = F(t) at each instant: the answer of a mechanism whose modes are all fast, paper (107), (117)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array, vstack
+
+from kaneflex.fem.springs import place_springs
+from kaneflex.mechanism.affine import Affine, as_array
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+
+_DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same
+_RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
+LARGEST_DENSE = 64
+"""Coordinates up to which all instants are solved as one stack of dense matrices; beyond, by bands, one by one."""
+_CHUNK = 4_000_000  # numbers in one batch of dense matrices: 32 MB
+
+
+def quasistatic(
+    model: Model, times: np.ndarray, periodic: bool, progress: Callable[[float], None] | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Solve K z = F without inertia and without damping.
+
+    Mechanism modes R (K_s R = 0) are left to inertia relief: K z = F - M R (R^T M R)^-1 R^T F with R^T M z = 0.
+
+    Parameters
+    ----------
+    times : ndarray (n_times,)
+        Equidistant instants [s]; with ``periodic`` the last one repeats the first.
+
+    Returns
+    -------
+    z, v, a : ndarray (n_times, n)
+        Displacements, and their first and second time derivatives by central differences of fourth order.
+    """
+    load = model.motion.at(times).column_of(model.kept["F"]).T
+    z = answers(model, times, load, progress)
+    step = times[1] - times[0]
+    v = rate_of(z, step, periodic)
+    return z, v, rate_of(v, step, periodic)
+
+
+def slow_start(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """z, v at the first instant, shapes (n,), of a motion as slow as the rigid one: nothing vibrates.
+
+    The quasi-static answer with its rates, and its inertia and damping among the loads: K z = F - M z'' - C z'. Without
+    them the first accelerations, what is left of loads and stiffness, would be those of a small deformation let go.
+    """
+    times = model.step * np.arange(-4, 5)
+    _, v, a = quasistatic(model, times, periodic=False)
+    row = model.scalars(times[4:5])[0]
+    inertia, damping, load = (model.system.dense(name, row) for name in "MCF")
+    return answers(model, times[4:5], (load - inertia @ a[4] - damping @ v[4])[None])[0], v[4]
+
+
+def answers(
+    model: Model, times: np.ndarray, load: np.ndarray, progress: Callable[[float], None] | None = None
+) -> np.ndarray:
+    """z of K z = load at each instant [s], both of shape (n_times, n); with inertia relief as :func:`quasistatic`."""
+    z = np.zeros_like(load)
+    size = model.reduced.size
+    batch = max(1, _CHUNK // max(size * size, 1))
+    relief = mechanism_modes(model, times[0])
+    for first in range(0, len(times), batch):
+        rows = slice(first, first + batch)
+        if size > LARGEST_DENSE and not relief:
+            z[rows] = solve_banded_at(model, times[rows], load[rows])
+        else:
+            rigid = model.motion.at(times[rows])
+            stiffness = _dense(model.kept["K"], rigid)
+            if relief:
+                elastic, mass = _dense(model.reduced.K_s, rigid), _dense(model.kept["M"], rigid)
+                z[rows] = _relieved(elastic, stiffness, mass, load[rows], relief)
+            else:
+                z[rows] = np.linalg.solve(stiffness, load[rows, :, None])[..., 0]
+        if progress is not None:
+            progress(min(1.0, (first + batch) / len(times)))
+    return z
+
+
+def _dense(affine: Affine, rigid: RigidMotion) -> np.ndarray:
+    """Matrices at all times, shape (n_times, n, n)."""
+    total = np.zeros((len(rigid.times), *affine.shape))
+    for monomial, matrix in affine.terms.items():
+        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
+    return total
+
+
+def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """One banded solve an instant: the cost grows with the number of elements, not with its cube."""
+    from scipy.linalg import solve_banded
+
+    system = model.system
+    w, n = system.half_bandwidth, system.n
+    scalars = model.scalars(times)
+    answer = np.zeros_like(load)
+    rows = np.arange(n)[:, None]
+    columns = rows + np.arange(-w, w + 1)[None, :]
+    inside = (columns >= 0) & (columns < n)
+    for k in range(len(times)):
+        values = (system.K @ scalars[k]).reshape(n, 2 * w + 1)
+        band = np.zeros((2 * w + 1, n))
+        # LAPACK's layout: entry (i, j) at row w + i - j, column j.
+        band[(w + rows - columns)[inside], columns[inside]] = values[inside]
+        answer[k] = solve_banded((w, w), band, load[k])
+    return answer
+
+
+def mechanism_modes(model: Model, t: float) -> int:
+    """How many motions of the mechanism deform nothing at an instant: those that K_s does not oppose.
+
+    In them every link moves as a rigid one, by (u, v, theta) of its start, and takes its nodes at joints and springs to
+    where L z has them, while springs keep their length or angle. The rank of these conditions is a matter of geometry:
+    no stiffness enters, however far apart those of two links are, nor what rounding leaves of them.
+    """
+    rigid, links = model.motion.at(t), model.links
+    length = max(link.length for link in links.values())
+    held = set(model.interfaces.displaced)
+    for spring in model.scene.springs.values():
+        ends = (end for end in spring.ends if end.body in links)
+        held |= {(end.body, links[end.body].node_at(model.scene.point(end)[0])) for end in ends}
+    rows, shapes = [], []
+    for k, (name, part) in enumerate(model.parts.items()):
+        moved = _at(model.frame.maps[name], rigid)
+        for node in (node for node in part.place if (name, node) in held):
+            x = links[name].nodes[node] / length
+            for row, shape in zip(part.place[node], ((1.0, 0.0, 0.0), (0.0, 1.0, x), (0.0, 0.0, 1.0)), strict=True):
+                if row is not None:
+                    rows.append(moved[[row]] * (length if shape[0] == shape[1] else 1.0))
+                    shapes.append(np.pad(-np.array(shape), (3 * k, 3 * (len(links) - k - 1))))
+    for part, parted in place_springs(model.scene, links, model.parts, model.frame):
+        stiff = np.flatnonzero(_at(part.matrices["K_s"], rigid).diagonal())
+        rows.extend(_at(parted, rigid)[[row]] for row in stiff)
+        shapes.extend([np.zeros(3 * len(links))] * len(stiff))
+    bodies = [_at(motion, rigid) for motion in model.frame.bodies.values()]
+    columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
+    conditions = np.hstack([vstack(rows).toarray()[:, columns], np.array(shapes)])
+    sizes = np.linalg.norm(conditions, axis=0)
+    conditions /= np.where(sizes > 0.0, sizes, 1.0)
+    return conditions.shape[1] - int(np.linalg.matrix_rank(conditions, tol=_DEPENDENT))
+
+
+def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
+    """An affine matrix at the first instant of a rigid motion."""
+    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
+
+
+def lost_digits(model: Model, t: float) -> float:
+    """Share of the answer of K z = F that rounding may change: its unit over the least pivot of the scaled K_s.
+
+    Eliminating one coordinate after the other (Cholesky) leaves of the last ones' stiffness what holds the mechanism.
+    """
+    from scipy.linalg import LinAlgError, cholesky_banded
+
+    stiffness = coo_array(_at(model.reduced.K_s, model.motion.at(t)))
+    size, diagonal = stiffness.shape[0], stiffness.diagonal()
+    if not diagonal.min() > 0.0:
+        return 1.0
+    scaled = stiffness.data / np.sqrt(diagonal[stiffness.row] * diagonal[stiffness.col])
+    upper = stiffness.col >= stiffness.row
+    width = int((stiffness.col - stiffness.row).max(initial=0))
+    band = np.zeros((width + 1, size))
+    band[width + stiffness.row[upper] - stiffness.col[upper], stiffness.col[upper]] = scaled[upper]
+    try:
+        pivots = cholesky_banded(band)[-1] ** 2
+    except LinAlgError:
+        return 1.0
+    return float(np.finfo(float).eps / pivots.min())
+
+
+def _relieved(
+    elastic: np.ndarray, stiffness: np.ndarray, mass: np.ndarray, load: np.ndarray, modes: int
+) -> np.ndarray:
+    """K z = F in the space that is M-orthogonal to the mechanism modes R of K_s: an orthonormal basis spans it."""
+    from scipy.linalg import eigh
+
+    answer = np.zeros_like(load)
+    for k in range(len(load)):
+        diagonal = elastic[k].diagonal()
+        scale = 1 / np.sqrt(np.where(diagonal > _RIGID * diagonal.max(), diagonal, diagonal.max()))
+        shapes = eigh(scale[:, None] * elastic[k] * scale)[1]
+        R = scale[:, None] * shapes[:, :modes]
+        basis = np.linalg.qr(mass[k] @ R, mode="complete")[0][:, R.shape[1] :]
+        answer[k] = basis @ np.linalg.solve(basis.T @ stiffness[k] @ basis, basis.T @ load[k])
+    return answer
+
+
+def rate_of(values: np.ndarray, step: float, periodic: bool) -> np.ndarray:
+    """Central differences of fourth order; second order, one-sided, at the ends of a motion without period."""
+    if not periodic:
+        inner = np.gradient(values, step, axis=0, edge_order=min(2, len(values) - 1))
+        if len(values) > 4:
+            inner[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
+        return inner
+    body = values[:-1]
+    rate = (np.roll(body, 2, 0) - 8 * np.roll(body, 1, 0) + 8 * np.roll(body, -1, 0) - np.roll(body, -2, 0)) / (
+        12 * step
+    )
+    return np.concatenate([rate, rate[:1]])

@@ -1,0 +1,207 @@
+"""Solve a model over its horizon, in the way that its preset names."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.multibody.model import Model
+from kaneflex.solve.initial import given_state
+from kaneflex.solve.memory import MAX_STORED
+from kaneflex.solve.quasistatic import quasistatic, slow_start
+from kaneflex.solve.solution import Solution
+from kaneflex.support.errors import SceneError, ValidityWarning
+
+if TYPE_CHECKING:
+    from kaneflex.integrate.batch import Run
+    from kaneflex.solve.coupled_state import State
+
+Progress = Callable[[float], None]
+_REPEATS = 1e-6
+"""Relative change over a cycle that rounding and tables may leave."""
+_ROUNDING = 1e-12
+"""Change over a cycle, as a share of all that has the same unit, that rounding leaves of what is zero."""
+
+
+def simulate(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
+    """Integrate, or solve at each instant, over one cycle or the scene's duration.
+
+    Parameters
+    ----------
+    model : Model
+        From :func:`kaneflex.load`.
+    progress : callable, optional
+        Called with the finished share of the work, 0 to 1.
+    after : Solution or State, optional
+        What to continue from its last instant, under preset ``coupled``: see :func:`kaneflex.read_state`.
+
+    Returns
+    -------
+    Solution
+        Also where the run stopped early: its ``outcome`` and ``message`` then say when and why.
+
+    Warns
+    -----
+    ValidityWarning
+        Each of the solution's ``warnings``, and the ``message`` of a run that stopped early.
+
+    Raises
+    ------
+    SceneError
+        If the model can't be started as it asks for, or can't continue from ``after``.
+    """
+    solution = solve(model, progress, after)
+    stopped = () if solution.outcome is Outcome.COMPLETED else (solution.message,)
+    for text in (*stopped, *solution.warnings):
+        warnings.warn(text, ValidityWarning, stacklevel=2)
+    return solution
+
+
+def solve(model: Model, progress: Progress | None = None, after: Solution | State | None = None) -> Solution:
+    """:func:`simulate` for those who pass the solution's warnings on themselves."""
+    if not isinstance(model, Model):
+        raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
+    if model.options.dynamics == "coupled":
+        from kaneflex.solve.coupled import simulate_coupled
+        from kaneflex.solve.coupled_state import last_state
+
+        state = last_state(after) if isinstance(after, Solution) else after
+        return _until_stop(simulate_coupled(model, progress, state))
+    if after is not None:
+        raise SceneError(
+            "solve.preset", model.options.preset, "only coupled runs can be continued", "Choose preset coupled"
+        )
+    started = time.perf_counter()
+    trajectory = _METHODS[model.options.dynamics](model, progress)
+    return _until_stop(Solution(model, trajectory, time.perf_counter() - started))
+
+
+def _until_stop(solution: Solution) -> Solution:
+    if not any(event.stop for event in solution.model.scene.events.values()) or len(solution.times) < 2:
+        return solution
+    from kaneflex.solve.events import until_stop
+
+    return until_stop(solution)
+
+
+def _instants(model: Model) -> np.ndarray:
+    return model.step * np.arange(model.options.steps + 1)
+
+
+def _rigid(model: Model, progress: Progress | None) -> Trajectory:
+    times = _instants(model)
+    none = np.zeros((len(times), 0))
+    return _completed(times, none, none, none, 0.0)
+
+
+def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:
+    times = _instants(model)
+    started = time.perf_counter()
+    z, v, a = quasistatic(model, times, periodic=model.options.cycles, progress=progress)
+    ns = 1e9 * (time.perf_counter() - started) / len(times)
+    return _completed(times, z, v, a, ns)
+
+
+def storing(model: Model) -> int:
+    """One step in so many is stored."""
+    return max(1, -(-model.options.steps // MAX_STORED))
+
+
+def not_repeated(model: Model) -> str | None:
+    """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
+    period = model.scene.period
+    cycle = model.motion.at(np.linspace(0.0, period, 65))
+    unit_of = {name: unit for name, unit, *_ in model.module.SCALARS}
+    largest = dict.fromkeys(unit_of.values(), 0.0)
+    for name, unit in unit_of.items():
+        largest[unit] = max(largest[unit], abs(cycle[name]).max())
+    for name in sorted({name for monomial in model.monomials for name in monomial}):
+        values = cycle[name]
+        rounding = _ROUNDING * largest.get(unit_of.get(name), 0.0)
+        if abs(values[-1] - values[0]) > _REPEATS * abs(values).max() + rounding:
+            return f"{name} is {values[0]:.6g} at first and {values[-1]:.6g} a cycle later"
+    return None
+
+
+def _check_repeats(model: Model) -> None:
+    """A periodic start needs a motion and loads that are after a cycle what they were."""
+    reason = not_repeated(model)
+    if reason is not None:
+        raise SceneError(
+            "solve.start", "periodic", reason,
+            "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic",
+        )  # fmt: skip
+
+
+def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, ns: float) -> Trajectory:
+    return Trajectory(times, z, v, a, Outcome.COMPLETED, Outcome.COMPLETED.value, None, ns)
+
+
+def _integrated(model: Model, progress: Progress | None) -> Trajectory:
+    from kaneflex.integrate.run import integrate
+
+    return integrate(**vars(run_of(model)), progress=progress)
+
+
+def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
+    """What :func:`simulate` gives of each model, to rounding, their equations integrated side by side.
+
+    None stands for a model that is to be simulated by itself: nothing of it is integrated in lanes, or its run does not
+    complete. See :func:`kaneflex.integrate.batch.integrate_together`.
+    """
+    from kaneflex.integrate.batch import integrate_together
+
+    found: list[Solution | None] = [None] * len(models)
+    started = time.perf_counter()
+    runs = {}
+    for k, model in enumerate(models):
+        if _METHODS.get(model.options.dynamics) is _integrated:
+            with suppress(SceneError):  # simulate raises it, too
+                runs[k] = run_of(model)
+    trajectories = integrate_together(list(runs.values()))
+    seconds = (time.perf_counter() - started) / max(len(runs), 1)
+    for k, trajectory in zip(runs, trajectories, strict=True):
+        if trajectory is not None:
+            found[k] = _until_stop(Solution(models[k], trajectory, seconds))
+    return found
+
+
+def run_of(model: Model) -> Run:
+    """What is integrated of a model.
+
+    Raises
+    ------
+    SceneError
+        If a periodic start is asked for and the motion or a load does not repeat itself.
+    """
+    from kaneflex.integrate.batch import Run
+
+    options = model.options
+    start: object = options.start
+    if options.start == "periodic":
+        _check_repeats(model)
+    if options.start == "quasistatic":
+        start = slow_start(model)
+    if options.start == "given":
+        start = given_state(model)
+    return Run(
+        model.system,
+        model.scalars,
+        0.0,
+        model.step,
+        options.steps,
+        options.integrator,
+        start=start,
+        period_steps=options.steps if options.cycles else None,
+        every=storing(model),
+        rho_infinity=options.rho_infinity,
+    )
+
+
+_METHODS = {"rigid": _rigid, "quasistatic": _quasistatic, "dynamic": _integrated, "frozen": _integrated}

@@ -1,0 +1,234 @@
+"""What a run gives: the motion of the mechanism's coordinates, and every sensor as a labelled series."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+from kaneflex.solve.initial import STATE, start_coordinates
+from kaneflex.support.errors import SceneError
+from kaneflex.support.units import LARGEST
+
+if TYPE_CHECKING:
+    import xarray
+
+    from kaneflex.multibody.motion import CoupledMotion
+    from kaneflex.response.sensors import Series
+    from kaneflex.support.labelled import Labelled
+
+MOST_FREQUENCIES = 50
+"""Natural frequencies of a run at most: those of hundreds of elements take longer than the run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A finished run.
+
+    Attributes
+    ----------
+    model : Model
+    trajectory : Trajectory
+        Motion of what was integrated, at the stored times.
+    seconds : float
+        Wall time of the run.
+    coupled : CoupledMotion or None
+        Motion of all bodies, reactions and energies, under preset ``coupled``.
+    whole : Solution or None
+        The run that these instants were sampled from, by :meth:`at`.
+    """
+
+    model: Model
+    trajectory: Trajectory
+    seconds: float
+    coupled: CoupledMotion | None = None
+    whole: Solution | None = None
+
+    def __repr__(self) -> str:
+        return f"Solution({self.model.in_short}, {self.outcome.name.lower()}, {len(self.times)} instants)"
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the sensors."""
+        return iter(self.series)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Stored instants [s], shape (n_times,)."""
+        return self.trajectory.times
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended."""
+        return self.trajectory.outcome
+
+    @property
+    def message(self) -> str:
+        """How the run ended in words, with the time and the reason where it stopped early."""
+        return self.trajectory.message
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before trusting the numbers: of the model, then of the run; of all of it for a part of it."""
+        if self.whole is not None:
+            return self.whole.warnings
+        from kaneflex.solve.validity import doubts
+
+        return (*self.model.warnings, *doubts(self, self.frequencies))
+
+    @cached_property
+    def frequencies(self) -> tuple[float, ...]:
+        """Natural frequencies at ``solve.mode_angle`` [Hz], ascending, the MOST_FREQUENCIES lowest at most."""
+        from kaneflex.multibody.building import reference_modes
+
+        count = min(self.model.equations.size, MOST_FREQUENCIES)
+        omega = reference_modes(self.model, count)[0] if count else ()
+        return tuple(float(value) / (2.0 * math.pi) for value in omega)
+
+    @cached_property
+    def rigid(self) -> RigidMotion:
+        """The rigid motion at the stored times."""
+        return self.model.motion.at(self.times)
+
+    @cached_property
+    def coordinates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """z, z', z'' of the mechanism's coordinates, each of shape (n, n_times)."""
+        series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
+        basis = self.model.modal_basis
+        return series if basis is None else tuple(basis @ part for part in series)
+
+    def state(self, instant: int = -1) -> dict[str, dict[str, float]]:
+        """The coordinates and their rates at a stored instant, the last one by default, as ``solve.start`` takes them.
+
+        Parameters
+        ----------
+        instant : int
+            Its number among ``times``.
+
+        Returns
+        -------
+        dict
+            ``displacements`` and ``velocities``: coordinate -> number in SI.
+        """
+        names, moved = start_coordinates(self.model), self.coordinates
+        if self.coupled is not None:
+            trajectory = self.coupled.trajectory
+            moved = trajectory.q.T, trajectory.v.T
+        # what no scene can say, and no run can tell from zero
+        numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved[:2])
+        return {key: dict(zip(names, part, strict=True)) for key, part in zip(STATE, numbers, strict=True)}
+
+    def at(self, times: np.ndarray) -> Solution:
+        """The same motion at other instants within the run (dense output).
+
+        Coordinates follow the quintic through the stored displacements, velocities and accelerations; under preset
+        ``coupled`` they are put onto the constraints, and accelerations and reactions computed anew.
+
+        Parameters
+        ----------
+        times : array_like (n_times,)
+            Instants [s] from the first to the last stored one.
+
+        Raises
+        ------
+        ValueError
+            For instants outside the run.
+        """
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        first, last = (self.times[0], self.times[-1]) if len(self.times) > 1 else (np.nan, np.nan)
+        if not ((times >= first) & (times <= last)).all():
+            asked = f"{times.min():.9g} to {times.max():.9g} s"
+            raise ValueError(f"instants from {asked} asked for, where the run has {first:.9g} to {last:.9g} s")
+        if self.coupled is not None:
+            from kaneflex.solve.coupled import resampled
+
+            return replace(resampled(self, times), whole=self)
+        return replace(self, trajectory=_between(self.trajectory, times), whole=self)
+
+    @cached_property
+    def events(self) -> dict[str, np.ndarray]:
+        """Times of every event of the scene [s]."""
+        from kaneflex.solve.events import find_events
+
+        return find_events(self)
+
+    def turned(self, body: str) -> np.ndarray:
+        """Angle of a body in the rigid motion [rad], counted on from turn to turn."""
+        angle = np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
+        if self.whole is None:
+            there = np.isfinite(angle)  # a coupled mechanism may go where the rigid one doesn't close
+            angle[there] = np.unwrap(angle[there])
+            return angle
+        near = np.interp(self.times, self.whole.times, self.whole.turned(body))
+        return near + np.remainder(angle - near + np.pi, 2 * np.pi) - np.pi
+
+    @cached_property
+    def series(self) -> dict[str, Series]:
+        """Every sensor's values with unit and meaning, companions ``NAME_rigid`` included.
+
+        Raises SceneError where a run that came to its end has a value that left double precision on the way. Under
+        preset coupled a mechanism may go where its rigid one doesn't close: what is measured against that has no value.
+        """
+        from kaneflex.response.sensors import measure
+
+        measured = measure(self)
+        strict = self.outcome is Outcome.COMPLETED and self.coupled is None
+        for name, series in measured.items() if strict else ():
+            lost = ~np.isfinite(series.values)
+            if lost.any():
+                raise SceneError(
+                    f"sensors.{name.removesuffix('_rigid')}", None,
+                    f"it has no finite value at t = {self.times[lost.argmax()]:.6g} s",
+                    "Correct the numbers that make it so large, or leave the sensor out",
+                )  # fmt: skip
+        return measured
+
+    @property
+    def drive_angles(self) -> dict[str, np.ndarray]:
+        """Each drive's coordinate at the stored times [rad or m]."""
+        return {drive: self.rigid[f"{drive}.angle"] for drive in self.model.scene.drives}
+
+    @cached_property
+    def labelled(self) -> Labelled:
+        """All sensors as labelled arrays; see :mod:`kaneflex.solve.results`."""
+        from kaneflex.solve.results import labelled
+
+        return labelled(self)
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """All sensors as one labelled dataset; see :mod:`kaneflex.solve.results`."""
+        return self.labelled.dataset()
+
+    def __getitem__(self, sensor: str) -> xarray.DataArray:
+        """One sensor as a labelled array over ``time`` [s].
+
+        Raises
+        ------
+        KeyError
+            For a name that is not a sensor; it names the nearest one.
+        """
+        if sensor not in self.series:
+            from kaneflex.support.errors import nearest
+
+            raise KeyError(f"no sensor {sensor!r}. {nearest(sensor, self.series)}.")
+        return self.dataset[sensor]
+
+
+def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:
+    """The motion at other instants: the quintic through z, z', z'' of those that are stored."""
+    from scipy.interpolate import BPoly
+
+    knots = np.stack([trajectory.z, trajectory.v, trajectory.a], axis=1)
+    if not knots.size:
+        empty = np.zeros((len(times), 0))
+        return replace(trajectory, times=times, z=empty, v=empty, a=empty)
+    curve = BPoly.from_derivatives(trajectory.times, knots)
+    z, v, a = curve(times), curve.derivative(1)(times), curve.derivative(2)(times)
+    return replace(trajectory, times=times, z=z, v=v, a=a)

@@ -1,0 +1,320 @@
+"""The elastic equations frozen at one instant, as a linear system with named states, inputs and outputs.
+
+    M z'' + C z' + K z = F_0 + F_u u                    x = (z, z'),   x' = A x + B u,   y = C x + D u
+
+M, C, K hold the terms that the preset keeps, at that instant. An input u is what a load, or the acceleration of a
+drive, has beyond its value at the instant; an output y is what a sensor shows beyond its reading with z = z' = u = 0
+and the inertia of the rigid motion. The shares of the inputs in K (a load's part of the axial forces in K_g) stay those
+of the instant, and the foreshortening, which is of second order, is left out.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.position_analysis import Placement, drive_rates
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
+from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
+from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.errors import OutputError, SceneError, nearest
+
+FORCES = ("joint_force", *DRIVE_KINDS)
+"""Sensors that need equations which balance at every instant: those of a frozen model don't."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """A linear system in SI units; made by :func:`linearise`.
+
+    Attributes
+    ----------
+    M, C_damping, K : ndarray (n, n)
+        Mass, damping with gyroscopic terms, and stiffness with spin, Euler and geometric terms.
+    A, B, C, D : ndarray (2 n, 2 n), (2 n, n_inputs), (n_outputs, 2 n), (n_outputs, n_inputs)
+    states : tuple of str
+        Coordinates, as ``model.reduced`` names them, then their rates, marked with a prime.
+    inputs, outputs : tuple of str
+        Loads by name, and NAME.acceleration of each joint whose motion is prescribed; sensors by name.
+    input_units, output_units : tuple of str
+    t : float
+        The instant [s].
+    drives : mapping of str to float
+        Coordinate of each drive at the instant [rad or m].
+    """
+
+    M: np.ndarray
+    C_damping: np.ndarray
+    K: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    t: float
+    drives: Mapping[str, float]
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A [1/s] whose imaginary part is not negative, by rising modulus."""
+        values = np.linalg.eigvals(self.A)
+        values = values[values.imag >= 0.0]
+        return values[np.argsort(abs(values), kind="stable")]
+
+    def save(self, path: Path | str) -> None:
+        """Write everything as NumPy .npz or MATLAB .mat, by the path's ending; names are arrays of strings.
+
+        Raises
+        ------
+        OutputError
+            For another ending, or a file that can't be written.
+        """
+        path, data = Path(path), io.BytesIO()
+        check_file_kind(path)
+        arrays = {name: getattr(self, name) for name in ("M", "C_damping", "K", "A", "B", "C", "D", "t")}
+        names = {name: getattr(self, name) for name in ("states", "inputs", "outputs", "input_units", "output_units")}
+        names["drives"] = tuple(self.drives)
+        arrays["drive_angles"] = np.array([*self.drives.values()], dtype=float)
+        if path.suffix == ".npz":
+            np.savez(data, **arrays, **{name: np.array(texts, dtype=str) for name, texts in names.items()})
+        else:
+            from scipy.io import savemat
+
+            # A cell array of strings: MATLAB pads a matrix of characters.
+            savemat(data, arrays | {name: np.array(texts, dtype=object) for name, texts in names.items()})
+        write_bytes(path, _undated(data.getvalue()) if path.suffix == ".mat" else data.getvalue())
+
+
+def check_file_kind(path: Path) -> None:
+    """Raise OutputError for a file that is neither .npz nor .mat."""
+    if path.suffix not in (".npz", ".mat"):
+        raise OutputError(str(path), None, "not a kind of file for matrices", "End the name in .npz or .mat")
+
+
+def _undated(mat: bytes) -> bytes:
+    """A MATLAB 5 file whose header text, 116 bytes, says nothing of when and where it was made."""
+    return b"MATLAB 5.0 MAT-file, state space by kaneflex".ljust(116) + mat[116:]
+
+
+def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
+    """The elastic equations at one instant as a state space.
+
+    Under preset ``coupled`` those of all bodies, about the steady deformation: states are the modal coordinates of the
+    links and the coordinates of as many bodies as joints are free; outputs are central differences.
+
+    Parameters
+    ----------
+    model : Model
+        From :func:`kaneflex.load`; of a frozen model the matrices are those of its own angle.
+    t : float, optional
+        The instant [s]; by default the one at which the first drive stands at ``solve.mode_angle``.
+    sensors : sequence of str, optional
+        Outputs; by default every sensor of the scene that `available_sensors` names. Every kind is linear in
+        (z, z', z'', u): displacements, velocities, accelerations, positions, section forces, strains and, where the
+        equations balance at every instant, joint forces and drive torques.
+
+    Raises
+    ------
+    SceneError
+        If the model is rigid or quasi-static, or a sensor is unknown or not available.
+    """
+    if model.options.dynamics in ("rigid", "quasistatic"):
+        reason = f"a {model.options.dynamics} model has no states"
+        cure = "Choose preset linear or stiffened, for a scene with an elastic body"
+        raise SceneError("solve.preset", model.options.preset, reason, cure)
+    t = model.reference_time if t is None else t
+    chosen = _chosen(model, sensors)
+    if model.coupled is not None:
+        return _of_coupled(model, t, chosen)
+    rigid = model.motion.at(t)
+    M, damping, K = (_at(model.kept[name], rigid) for name in "MCK")
+    shifts, units = _inputs(model, rigid)
+    n = len(M)
+    F_u = _load_of(model, t, [*shifts.values()])
+    inertia, rates = np.linalg.solve(M, F_u), -np.linalg.solve(M, np.hstack([K, damping]))
+    readings = _Readings(model, t, chosen)
+    by_z, by_v, by_a = readings.by_coordinates()
+    by_u = readings.by_inputs([*shifts.values()])
+    A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates])
+    names = model.reduced.coordinates
+    return StateSpace(
+        M, damping, K, A, np.vstack([np.zeros_like(inertia), inertia]),
+        np.hstack([by_z, by_v]) + by_a @ rates, by_u + by_a @ inertia,
+        (*names, *(f"{name}'" for name in names)), tuple(shifts), tuple(chosen), tuple(units),
+        tuple(sensor.unit for sensor in chosen.values()), float(t),
+        {name: float(rigid[f"{name}.angle"][0]) for name in model.scene.drives},
+    )  # fmt: skip
+
+
+def _of_coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> StateSpace:
+    """The coupled equations about the steady deformation; the sensors by central differences."""
+    from kaneflex.solve.coupled_linearisation import inputs, linear_about, loads_of, readings
+
+    found = linear_about(model, t)
+    pushes = inputs(model, found)
+    n, scene = len(found.names), model.scene
+    inertia = np.linalg.solve(found.M, loads_of(model, found, pushes))
+    rates = -np.linalg.solve(found.M, np.hstack([found.K, found.C]))
+    read = readings(model, found, pushes, chosen)
+    units = [load.si_unit for load in scene.loads.values()]
+    driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
+    units += ["m/s^2" if scene.slides(name) else "rad/s^2" for name in driven]
+    return StateSpace(
+        found.M, found.C, found.K, np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]),
+        np.vstack([np.zeros_like(inertia), inertia]), read[:, : 2 * n], read[:, 2 * n :],
+        (*found.names, *(f"{name}'" for name in found.names)), tuple(pushes), tuple(chosen), tuple(units),
+        tuple(sensor.unit for sensor in chosen.values()), float(t),
+        {name: float(model.motion.at(t)[f"{name}.angle"][0]) for name in scene.drives},
+    )  # fmt: skip
+
+
+def _at(affine: Affine, rigid: RigidMotion) -> np.ndarray:
+    """An affine matrix at the first time of a rigid motion."""
+    names = {name for monomial in affine.terms for name in monomial}
+    return affine.at({name: float(rigid[name][0]) for name in names}).toarray()
+
+
+def available_sensors(model: Model) -> dict[str, Sensor]:
+    """Sensors that can be outputs of a model's state space."""
+    return {
+        name: sensor for name, sensor in model.scene.sensors.items() if model.balances or sensor.kind not in FORCES
+    }
+
+
+def _chosen(model: Model, names: Sequence[str] | None) -> dict[str, Sensor]:
+    available = available_sensors(model)
+    if names is None:
+        return available
+    for name in names:
+        if name not in model.scene.sensors:
+            raise SceneError("sensors", name, "the scene has no such sensor", nearest(name, model.scene.sensors))
+        if name not in available:
+            kind = model.scene.sensors[name].kind.replace("_", " ")
+            reason = f"a {kind} of frozen matrices does not follow from the elastic coordinates"
+            raise SceneError("sensors", name, reason, "Leave it out, or use preset linear or stiffened")
+    return {name: available[name] for name in names}
+
+
+_NO_RATE = 1e-9
+"""What a unit acceleration of a drive may move a link by [m/s^2 or rad/s^2] and still count as leaving it alone."""
+Shift = dict[str, float]
+"""Scalar of the motion -> what one unit of an input adds to it."""
+
+
+def _inputs(model: Model, rigid: RigidMotion) -> tuple[dict[str, Shift], list[str]]:
+    """Every load's magnitude and every prescribed acceleration, as what they do to the scalars of the motion."""
+    shifts: dict[str, Shift] = {name: {name: 1.0} for name in model.scene.loads}
+    units = [load.si_unit for load in model.scene.loads.values()]
+    bodies = [*model.scene.bodies]
+    angle = {name: np.arctan2(rigid[f"{name}.s"][0], rigid[f"{name}.c"][0]) for name in bodies}
+    poses = {name: np.array([rigid[f"{name}.x"][0], rigid[f"{name}.y"][0], angle[name]]) for name in bodies}
+    placement = Placement(poses, {name: float(rigid[f"{name}.angle"][0]) for name in model.scene.drives})
+    for drive, rates in drive_rates(model.scene, placement).items():
+        if model.scene.drives[drive].kind == "free":  # its acceleration follows from the forces
+            continue
+        shift: Shift = {}
+        for name, (x, y, turn) in rates.items():
+            c, s = rigid[f"{name}.c"][0], rigid[f"{name}.s"][0]
+            shift |= {f"{name}.a_x": x, f"{name}.a_y": y, f"{name}.epsilon": turn}
+            shift |= {f"{name}.link.a_x": c * x + s * y, f"{name}.link.a_y": c * y - s * x}
+        if not _has_terms(model, shift):
+            continue
+        shifts[f"{drive}.acceleration"] = shift
+        units.append("m/s^2" if model.scene.joints[drive].kind == "prismatic" else "rad/s^2")
+    return shifts, units
+
+
+def _has_terms(model: Model, shift: Shift) -> bool:
+    """Whether the module has the inertia loads of an acceleration, which a steady motion does without."""
+    known = {factor for _, _, target, factors in model.motion.module.TERMS if target == "F" for factor in factors}
+    keys = {"epsilon": "{}.epsilon", "a_x": "{}.link.a_x", "a_y": "{}.link.a_y"}
+    return all(
+        key in known or abs(shift.get(path.format(link), 0.0)) < _NO_RATE
+        for link in model.links
+        for key, path in keys.items()
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _ShiftedMotion(RigidMotion):
+    """A rigid motion with something added to some of its scalars, a different amount at each time."""
+
+    shift: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return super().__getitem__(name) + self.shift.get(name, 0.0)
+
+
+def _shifted(model: Model, t: float, shifts: Sequence[Shift]) -> _ShiftedMotion:
+    """The instant as often as there are shifts, the k-th with the k-th one."""
+    rigid = model.motion.at(np.full(len(shifts), t))
+    names = set().union(*shifts)
+    columns = {name: np.array([shift.get(name, 0.0) for shift in shifts]) for name in names}
+    return _ShiftedMotion(model.motion, rigid.times, rigid.values, columns)
+
+
+def _load_of(model: Model, t: float, shifts: Sequence[Shift]) -> np.ndarray:
+    """dF/du, shape (n, n_inputs)."""
+    columns = _shifted(model, t, [{}, *shifts]).column_of(model.kept["F"])
+    return columns[:, 1:] - columns[:, :1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Probe:
+    """What sensors read of a solution, with chosen coordinates at one instant in place of those of a run."""
+
+    model: Model
+    rigid: RigidMotion
+    coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]
+    coupled: None = None
+
+    @property
+    def times(self) -> np.ndarray:
+        return self.rigid.times
+
+    def turned(self, body: str) -> np.ndarray:
+        return np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
+
+
+class _Readings:
+    """The sensors' readings at one instant as functions of z, z', z'' and the inputs, all affine."""
+
+    def __init__(self, model: Model, t: float, sensors: Mapping[str, Sensor]):
+        options = replace(model.options, foreshortening=False)
+        scene = model.scene.model_copy(update={"sensors": dict(sensors)})
+        self.model, self.t, self.count = replace(model, options=options, scene=scene), t, len(sensors)
+
+    def by_coordinates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Derivatives by z, z' and z'' of what is integrated, each (n_outputs, n)."""
+        basis = self.model.modal_basis
+        n = self.model.reduced.size
+        units = np.eye(n) if basis is None else basis
+        probes = np.zeros((3, len(units), 3 * n + 1))
+        for k in range(3):
+            probes[k, :, 1 + k * n : 1 + (k + 1) * n] = units
+        read = self._read(_shifted(self.model, self.t, [{}] * (3 * n + 1)), tuple(probes))
+        return tuple(np.split(read[:, 1:] - read[:, :1], 3, axis=1))
+
+    def by_inputs(self, shifts: Sequence[Shift]) -> np.ndarray:
+        """Derivatives by the inputs at z = z' = z'' = 0, (n_outputs, n_inputs)."""
+        rigid = _shifted(self.model, self.t, [{}, *shifts])
+        still = np.zeros((self.model.equations.size, len(rigid.times)))
+        read = self._read(rigid, (still, still, still))
+        return read[:, 1:] - read[:, :1]
+
+    def _read(self, rigid: RigidMotion, coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+        from kaneflex.response.sensors import measure
+
+        series = measure(_Probe(self.model, rigid, coordinates))
+        read = [series[name].values for name in self.model.scene.sensors]
+        return np.array(read).reshape(self.count, len(rigid.times))

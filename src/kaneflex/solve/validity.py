@@ -1,0 +1,264 @@
+"""What should make a user doubt a result that came out without an error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kaneflex.fem.links import Link
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.response.deformation import deform
+from kaneflex.response.loss_of_stiffness import lost_stiffness
+from kaneflex.response.undersampling import unseen
+from kaneflex.scene.options import FIXED_STEP
+from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
+from kaneflex.solve.solution import Solution
+from kaneflex.support.errors import UserError
+
+COUPLING = 3.0
+"""Relative change of a loop's stiffness by a deflection, over that deflection as a share of the link's length: what
+fits best where `stiffened` and `coupled` are known to part (four-bar at 150 to 300 rpm, engine, slider-crank-150)."""
+LEAST_DEFLECTION = 0.002
+"""Deflection, as a share of a link's length, below which no resonance is looked for that would enlarge its worth."""
+LONGEST_SECOND = 10.0
+"""Time [s] that a run may have taken for another one to be solved only to find out what could be wrong with it."""
+FEWEST_STEPS = 10
+"""Steps in a period of the lowest mode below which a run is said to be coarse."""
+LARGEST_BEND = 0.1
+"""Bending in a floating frame, as a share of a link's length, beyond which coupled equations are in doubt."""
+LARGEST_COUPLING = 0.05
+"""Share of a sensor's peak that what deflections do to the motion may be worth, unless the equations know it."""
+LARGEST_ERROR = 0.01
+"""Error allowed in a coupled run's steps, as a share of its largest deformation, beyond which that is in doubt."""
+LARGEST_GAP = 1e-4
+"""Share of the energy turned over that a run with free joints may lose or gain without a word."""
+LARGEST_PART, MEAN_PART = 0.05, 0.002
+"""Share of a sensor's peak by which its values by the equations of motion and by the change of velocities may part, at
+one instant, as where a start from rest is a shock, and in the root mean square of all."""
+LARGEST_ROUNDING = 1e-5
+"""Share of a quasi-static answer that rounding may change without a word."""
+LARGEST_STRETCH = 0.05
+"""Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
+LARGEST_DEFLECTION = 0.05
+"""Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
+
+
+def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
+    """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
+    model = solution.model
+    found = []
+    lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
+    if lowest is not None and (model.options.dynamics == "dynamic" or solution.coupled is not None):
+        found.extend(_coarse(solution, lowest))
+    found.extend(_parted(solution))
+    found.extend(_ill_conditioned(solution))
+    found.extend(unseen(model))
+    if solution.coupled is not None:
+        return [*found, *_of_coupled(solution)]
+    if model.energy is not None and model.energy.drift > LARGEST_GAP:
+        found.append(
+            f"the energy balance of the rigid mechanism does not close: {model.energy.drift:.2g} of the energy turned "
+            f"over is missing or too much; lower solve.forward.tolerance from {model.options.forward_tolerance:g}"
+        )
+    if len(solution.times):
+        found.extend(lost_stiffness(model, solution.times))
+    shares = {}
+    for name, link in model.links.items() if len(solution.times) else ():
+        q = deform(model, solution.rigid, solution.coordinates, name).q
+        found.extend(_stretched(name, link, q))
+        shares[name] = float(abs(q[1::3]).max()) / link.length
+        if shares[name] > LARGEST_DEFLECTION:
+            found.append(
+                f"{name} moves across its axis by {shares[name]:.0%} of its length: displacements are "
+                "taken as small, so compare with a geometrically exact model"
+            )
+    found.extend(_uncoupled(solution, shares))
+    return found
+
+
+def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
+    """A warning where it matters that the motion acts on the deflections, but they don't act on the motion.
+
+    In a loop a link that moves across its axis by a share of its length turns the forces and the inertia of what it
+    holds by about that angle: the equations change by some COUPLING times the share. How much the answer changes with
+    them is a matter of resonance, a fold of it or a hundred, and is found by solving once more with a stiffness that
+    differs by as much. In open chains the change is of second order in the share.
+
+    shares: link -> largest displacement across its axis, as a share of its length
+    """
+    model = solution.model
+    share = max(shares.values(), default=0.0)
+    in_loops = len(model.scene.joints) > len(model.scene.bodies)
+    if not in_loops or share < LEAST_DEFLECTION or model.options.dynamics not in ("dynamic", "quasistatic"):
+        return []
+    if solution.outcome is not Outcome.COMPLETED or solution.seconds > LONGEST_SECOND:
+        return []
+    from kaneflex.solve.simulation import solve
+
+    equations, reduced = (
+        replace(each, K_s=each.K_s * (1.0 + COUPLING * share)) for each in (model.equations, model.reduced)
+    )
+    try:
+        other = solve(replace(model, equations=equations, reduced=reduced))
+    except UserError:  # at the brink of having no such state, which is said elsewhere
+        return []
+    if other.outcome is not Outcome.COMPLETED:
+        return []
+    count = min(len(solution.times), len(other.times))
+    shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
+    worth = {}
+    for name, series in solution.series.items():
+        largest = abs(series.values).max()
+        changed = abs(other.series[name].values[:count] - series.values[:count])[shared].max(initial=0.0)
+        if changed > LARGEST_COUPLING * largest:
+            worth[name] = changed / largest
+    if not worth:
+        return []
+    worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
+    more = f", and more than {LARGEST_COUPLING:.0%} of that of {len(worth) - 1} sensors more" if len(worth) > 1 else ""
+    return [
+        f"{link} moves across its axis by {share:.1%} of its length: what that does to the motion, which preset "
+        f"{model.options.preset} leaves out, is worth some {worth[worst]:.0%} of the peak of {worst}{more}; compare "
+        "with preset coupled"
+    ]
+
+
+def _coarse(solution: Solution, lowest: float) -> list[str]:
+    """A warning where a period of the lowest mode [Hz] has few steps, or few of the instants that are stored."""
+    model = solution.model
+    per_period = 1.0 / (lowest * model.step)
+    if per_period >= FEWEST_STEPS:
+        return []
+    wanted = int(model.options.steps * FEWEST_STEPS / per_period) + 1
+    if solution.coupled is not None and model.options.integrator != FIXED_STEP:
+        return [
+            f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): the run follows free "
+            "vibrations between them, but neither its results nor their extremes show them; give solve.steps = "
+            f"{wanted} or more"
+        ]
+    return [
+        f"{per_period:.2g} steps in a period of the lowest mode ({lowest:.4g} Hz): free vibrations are not "
+        f"resolved; give solve.steps = {wanted} or more, unless only the slow response matters"
+    ]
+
+
+def _ill_conditioned(solution: Solution) -> list[str]:
+    """A warning where rounding alone may change quasi-static displacements, forces and torques."""
+    model = solution.model
+    static = model.options.dynamics == "quasistatic" or (
+        model.options.dynamics == "dynamic" and model.options.start == "quasistatic"
+    )
+    if not static or not len(solution.times) or mechanism_modes(model, solution.times[0]):
+        return []
+    share = lost_digits(model, solution.times[0])
+    if share <= LARGEST_ROUNDING:
+        return []
+    return [
+        f"the stiffness is ill-conditioned: rounding alone may change the quasi-static answer by some {share:.1g} of "
+        "it; make the stiffest links rigid, or give fewer elements"
+    ]
+
+
+def _parted(solution: Solution) -> list[str]:
+    """A warning where forces or accelerations found in two ways part: then they are no truer than that.
+
+    The equations of motion give accelerations from what loads and stiffness leave unbalanced, so that an error of a
+    displacement far too small to be seen, of a mode that the steps don't resolve, counts at that mode's stiffness. The
+    velocities know another acceleration, by Simpson's rule over two steps:
+
+        (v_2 - v_0) / (2 h) = (a_0 + 4 a_1 + a_2) / 6 + O(h^4)
+
+    Sensors are linear in the accelerations: they are read once more with what lies between the two.
+    """
+    options, run = solution.model.options, solution.trajectory
+    fixed = options.dynamics == "dynamic" and options.integrator != "scipy"
+    if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
+        return []
+    step = solution.model.step
+    even = abs(np.diff(run.times) / step - 1.0) < 1e-6  # not where steps were left out, or an event cut one short
+    inner = (even[:-1] & even[1:])[:, None]
+    apart = (run.v[2:] - run.v[:-2]) / (2.0 * step) - (run.a[:-2] + 4.0 * run.a[1:-1] + run.a[2:]) / 6.0
+    by_velocities = run.a.copy()
+    by_velocities[1:-1] += np.where(inner, apart, 0.0)
+    other = replace(solution, trajectory=replace(run, a=by_velocities)).series
+    parted = {}
+    for name, series in solution.series.items():
+        largest, parts = abs(series.values).max(), abs(other[name].values - series.values)
+        if parts.max() > LARGEST_PART * largest or np.sqrt(np.mean(parts**2)) > MEAN_PART * largest:
+            parted[name] = parts.max() / largest, run.times[parts.argmax()]
+    if not parted:
+        return []
+    worst = max(parted, key=parted.__getitem__)
+    share, at = parted[worst]
+    more = f", and {len(parted) - 1} sensors more" if len(parted) > 1 else ""
+    cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or take integrator radau")
+    if options.start != "periodic":
+        cure += ", or start on the slow motion, by solve.start = quasistatic or periodic"
+    return [
+        f"{worst} by the equations of motion and by the change of velocities part by {share:.2g} of its peak at "
+        f"t = {at:.6g} s{more}: vibrations are excited that the steps don't resolve; displacements may be "
+        f"right, but for forces and accelerations {cure}"
+    ]
+
+
+def _of_coupled(solution: Solution) -> list[str]:
+    """An energy balance that doesn't close, and bending that the second-order kinematics no longer describe."""
+    motion, found = solution.coupled, []
+    drift = motion.trajectory.energy.drift
+    if drift > LARGEST_GAP:
+        options = solution.model.options
+        tighter = "" if options.integrator == FIXED_STEP else f"lower solve.tolerance from {options.tolerance:g}, or "
+        found.append(
+            f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; "
+            f"{tighter}ask for more steps"
+        )
+    found.extend(_loose(solution))
+    for name, series in solution.series.items():
+        lost = ~np.isfinite(series.values)
+        if lost.any():
+            found.append(
+                f"{name} has no value at {lost.sum()} of {len(lost)} instants, first at t = "
+                f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism is then where the rigid one, which it "
+                "is measured against, doesn't close"
+            )
+    for name, link in solution.model.links.items():
+        found.extend(_stretched(name, link, motion.nodes(name)[0]))
+        largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)
+        if largest > LARGEST_BEND * link.length:
+            found.append(
+                f"{name} bends out of its own axis by {largest / link.length:.0%} of its length: its shortening is "
+                "complete to the second order only, so compare with a geometrically exact model"
+            )
+    return found
+
+
+def _loose(solution: Solution) -> list[str]:
+    """A warning where the error allowed in coupled steps is no small part of the largest deformation."""
+    from kaneflex.solve.coupled import longest
+
+    model, motion = solution.model, solution.coupled
+    if model.options.integrator == FIXED_STEP or motion.trajectory.steps == 0:
+        return []
+    allowed = model.options.tolerance * longest(model.scene)
+    moved = (np.delete(motion.nodes(name)[0], np.s_[2::3], axis=0) for name in model.links)
+    largest = max((abs(series).max() for series in moved), default=0.0)
+    if allowed <= LARGEST_ERROR * largest or largest == 0.0:
+        return []
+    wanted = 0.1 * LARGEST_ERROR * largest / longest(model.scene)
+    return [
+        f"solve.tolerance = {model.options.tolerance:g} allows errors of {allowed:.2g} m where no link deforms by more "
+        f"than {largest:.2g} m; lower it to {wanted:.0e} for the deformation and its forces"
+    ]
+
+
+def _stretched(name: str, link: Link, q: np.ndarray) -> list[str]:
+    """A warning where a link's nodal coordinates, shape (3 n_nodes, n_times), change its length by far."""
+    share = abs(q[-3] - q[0]).max(initial=0.0) / link.length
+    if share <= LARGEST_STRETCH:
+        return []
+    return [
+        f"{name} stretches by {share:.2g} of its length: strains are taken as small, so its forces and frequencies "
+        "mean little"
+    ]

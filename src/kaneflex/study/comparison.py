@@ -1,0 +1,258 @@
+"""The same scene by several models: every sensor side by side, and how far apart the curves are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.scene.parts import PRESETS
+from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
+from kaneflex.support.errors import SceneError, StoppedEarly, nearest
+from kaneflex.support.labelled import Labelled
+
+if TYPE_CHECKING:
+    import xarray
+
+    from kaneflex.scene import Scene
+    from kaneflex.solve.solution import Solution
+
+PRESETS_COMPARED = ("linear", "stiffened", "coupled")
+"""From the plainest to the most complete: the last is what the others are measured against."""
+PEERS = "kaneflex.peers"
+"""Entry points by which other programs that scenes can be built in are plugged in: name -> module with ``check(scene)``
+and ``solve(scene, resolution, progress) -> Curves``."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One sensor of one model beside the reference, in SI.
+
+    Attributes
+    ----------
+    sensor, model, unit : str
+    peak, reference_peak : float
+        Largest absolute values of the two.
+    peak_difference : float
+        Largest absolute difference at any instant.
+    rms_difference : float
+        Root of the mean square of the difference over time, by the trapezoidal rule.
+    """
+
+    sensor: str
+    model: str
+    unit: str
+    peak: float
+    reference_peak: float
+    peak_difference: float
+    rms_difference: float
+
+    @property
+    def peak_share(self) -> float | None:
+        """The largest difference as a share of the reference's peak; None where that is zero."""
+        return self.peak_difference / self.reference_peak if self.reference_peak else None
+
+    @property
+    def rms_share(self) -> float | None:
+        """The rms difference as a share of the reference's peak; None where that is zero."""
+        return self.rms_difference / self.reference_peak if self.reference_peak else None
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Several models of one scene over the same instants. Made by :func:`compare`.
+
+    Attributes
+    ----------
+    scene : Scene
+    against : str
+        The model that the others are measured against.
+    curves : mapping of str to Curves
+        By model, all over the same instants.
+    left_out : mapping of str to str
+        Models that could not be run to the end, with the reason.
+    """
+
+    scene: Scene
+    against: str
+    curves: Mapping[str, Curves]
+    left_out: Mapping[str, str]
+
+    @property
+    def times(self) -> np.ndarray:
+        """Instants of the reference [s], shape (n_times,)."""
+        return self.curves[self.against].times
+
+    @cached_property
+    def differences(self) -> tuple[Difference, ...]:
+        """Every sensor of every other model that both have, sensor by sensor."""
+        reference = self.curves[self.against]
+        return tuple(
+            self._difference(sensor, model)
+            for sensor in self.scene.sensors
+            for model, curves in self.curves.items()
+            if model != self.against and sensor in curves.values and sensor in reference.values
+        )
+
+    def _difference(self, sensor: str, model: str) -> Difference:
+        ours, reference = self.curves[model].values[sensor], self.curves[self.against].values[sensor]
+        gap, t = ours - reference, self.times
+        mean_square = np.trapezoid(gap**2, t) / (t[-1] - t[0])
+        peaks = (float(abs(part).max()) for part in (ours, reference, gap))
+        return Difference(sensor, model, self.scene.sensors[sensor].unit, *peaks, math.sqrt(mean_square))
+
+    @cached_property
+    def labelled(self) -> Labelled:
+        """All curves: dimensions ``model`` and ``time`` [s], a variable for each sensor in SI.
+
+        NaN stands where a model does not give a sensor.
+        """
+        none = np.full(len(self.times), np.nan)
+        variables = {
+            name: (
+                ("model", "time"),
+                np.array([curves.values.get(name, none) for curves in self.curves.values()]),
+                {"units": sensor.unit},
+            )
+            for name, sensor in self.scene.sensors.items()
+        }
+        coordinates = {
+            "model": ("model", np.array(list(self.curves))),
+            "time": ("time", self.times, {"units": "s", "long_name": "time"}),
+        }
+        return Labelled(variables, coordinates, {"scene": self.scene.name, "against": self.against})
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """:attr:`labelled` as one labelled dataset."""
+        return self.labelled.dataset()
+
+
+def compare(
+    scene: Scene,
+    presets: Sequence[str] | None = None,
+    against: str | None = None,
+    progress: Progress = lambda stage: None,
+    peer: str | None = None,
+    resolution: Resolution = FINE_ENOUGH,
+) -> Comparison:
+    """Run a scene under several presets, and in another program, and put their sensors side by side.
+
+    Parameters
+    ----------
+    scene : Scene
+        All but its preset stays as it is.
+    presets : sequence of str, optional
+        By default PRESETS_COMPARED; beside another program the scene's own.
+    against : str, optional
+        The model that the others are measured against; by default the other program, else the last preset that ran.
+    progress : callable
+        Called with the name of each stage that can take longer than a moment.
+    peer : str, optional
+        Another program that builds and runs the scene, too: "exudyn", or one that is plugged in under PEERS.
+    resolution : Resolution
+        How fine that program computes.
+
+    Returns
+    -------
+    Comparison
+        Over the instants of the reference; the other curves are interpolated linearly to them. A preset that the
+        scene can't be run with is in ``left_out`` with its reason.
+
+    Raises
+    ------
+    SceneError
+        For a preset that does not exist, a scene without sensors or that the other program can't build, a reference
+        that did not run, or where fewer than two ran.
+    """
+    if presets is None:
+        presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
+    check_request(scene, presets, against, () if peer is None else (peer,))
+    program = None if peer is None else entry_points(group=PEERS)[peer].load()
+    if program is not None:
+        program.check(scene)
+    found: dict[str, Curves] = {}
+    left_out: dict[str, str] = {}
+    for preset in presets:
+        try:
+            found[preset] = _run(scene, preset, progress)
+        except SceneError as error:
+            left_out[preset] = str(error)
+    if program is not None:
+        try:
+            found[peer] = program.solve(scene, resolution, progress)
+        except SceneError as error:
+            left_out[peer] = str(error)
+    return side_by_side(scene, found, left_out, against)
+
+
+def check_request(scene: Scene, presets: Sequence[str], against: str | None, others: Sequence[str] = ()) -> None:
+    """Raise SceneError for what can't be compared, before anything is computed; ``others`` are no presets."""
+    for preset in presets:
+        if preset not in PRESETS:
+            raise SceneError("--presets", preset, "unknown preset", nearest(preset, PRESETS))
+    for other in others:
+        programs = entry_points(group=PEERS).names
+        if other not in programs:
+            raise SceneError("--with", other, "no program to compare with", nearest(other, sorted(programs)))
+    asked = [*presets, *others]
+    if len(set(asked)) < max(2, len(asked)):
+        raise SceneError("--presets", ",".join(presets), "not two or more different models", "Name each model once")
+    if against is not None and against not in asked:
+        raise SceneError("--against", against, "not among the models compared", nearest(against, asked))
+    if not scene.sensors:
+        raise SceneError("sensors", None, "the scene has none: there is nothing to compare", "Give it a sensor")
+
+
+def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
+    from kaneflex.scene import with_settings
+    from kaneflex.solve.loading import load
+    from kaneflex.solve.simulation import solve
+
+    model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
+    progress(f"solving, preset {preset}")
+    solution = solve(model)
+    return replace(curves_of(solution), notes=solution.warnings)
+
+
+def curves_of(solution: Solution) -> Curves:
+    """What a run says of its scene's sensors. Raises StoppedEarly, a SceneError, where it did."""
+    model = solution.model
+    if solution.outcome.name != "COMPLETED":
+        cure = "Compare the others, or shorten solve.duration"
+        raise StoppedEarly("solve.preset", model.options.preset, solution.message.rstrip("."), cure)
+    values = {name: solution.series[name].values for name in model.scene.sensors}
+    return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
+
+
+def side_by_side(
+    scene: Scene, found: Mapping[str, Curves], left_out: Mapping[str, str], against: str | None
+) -> Comparison:
+    """The curves of several models over the instants of the reference.
+
+    Raises
+    ------
+    SceneError
+        Where the reference is missing or nothing is left to compare it with.
+    """
+    if len(found) < 2 or (against is not None and against not in found):
+        reasons = "; ".join(f"{model}: {reason}" for model, reason in left_out.items())
+        what = "too few of them can be run" if len(found) < 2 else f"{against}, the reference, can't be run"
+        raise SceneError("--presets", ",".join([*found, *left_out]), f"{what} ({reasons})", "Choose other presets")
+    reference = against or list(found)[-1]
+    last = min(curves.times[-1] for curves in found.values())
+    times = found[reference].times
+    times = times[times <= last * (1 + 1e-9)]
+    common = {model: _at(curves, times) for model, curves in found.items()}
+    return Comparison(scene, reference, common, left_out)
+
+
+def _at(curves: Curves, times: np.ndarray) -> Curves:
+    values = {name: np.interp(times, curves.times, series) for name, series in curves.values.items()}
+    return replace(curves, times=times, values=values)

@@ -1,0 +1,126 @@
+"""Numbers of a scene that sensors are differentiated by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.fields import dimensions
+from kaneflex.scene.settings import resolved
+from kaneflex.support.errors import SceneError
+
+_TABLES = ("gravity", "ground", "bodies", "masses", "drives", "loads", "springs", "joints", "damping", "sensors")
+"""Entries of the scene whose numbers the equations or the sensors hold."""
+_UNITS_IN_LISTS = {"gravity": "m/s^2", "ground": "m", "points": "m", "centre": "m", "section": "m", "taper": "m",
+                   "rayleigh": "Hz"}  # fmt: skip
+"""Word on the path of a list of numbers -> their unit; the others are plain numbers."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a scene.
+
+    Attributes
+    ----------
+    name : str
+        As it was asked for, like "rod.E".
+    path : tuple of str
+        Where it stands, like ("bodies", "rod", "beam", "E").
+    value : float
+        In SI, never zero.
+    unit : str
+        Its SI unit; "1" for a plain number.
+    index : int or None
+        Which number of a list it is, from 0; None where it stands by itself.
+    """
+
+    name: str
+    path: tuple[str, ...]
+    value: float
+    unit: str
+    index: int | None = None
+
+    def scaled(self, scene: Scene, factor: float) -> Scene:
+        """The scene with ``factor`` times the value."""
+        written: object = self.value * factor
+        if self.index is not None:
+            numbers = list(_value_at(scene, self.path))
+            numbers[self.index] = written
+            written = numbers
+        return with_settings(scene, [f"{'.'.join(self.path)}={written!r}"])
+
+
+def find_parameters(scene: Scene, names: Sequence[str]) -> tuple[Parameter, ...]:
+    """The parameters of these paths, short ones as ``with_settings`` takes them; of a list with a number's place.
+
+    Raises
+    ------
+    SceneError
+        For a path that leads nowhere or is no number of the mechanism, and for a number that is zero.
+    """
+    found = [_find(scene, name) for name in names]
+    places = [(parameter.path, parameter.index) for parameter in found]
+    for parameter, place in zip(found, places, strict=True):
+        if places.count(place) > 1:
+            raise SceneError("sensitivities", parameter.name, "asked for twice", "Give each parameter once")
+    return tuple(found)
+
+
+def _find(scene: Scene, name: str) -> Parameter:
+    whole, _, last = name.rpartition(".")
+    index = int(last) if whole and last.isdecimal() else None
+    path = tuple(resolved(scene.raw, name if index is None else whole))
+    value = _value_at(scene, path)
+    if isinstance(value, tuple) and index is not None and index < len(value):
+        value = value[index]
+    elif isinstance(value, tuple):
+        cure = f"Name one of its {len(value)} numbers, like {name if index is None else whole}.0"
+        raise SceneError(name, str(value), "a list of numbers", cure)
+    elif index is not None:
+        raise SceneError(name, value, "no list that numbers could be taken from", f"Write {whole}")
+    if path[0] not in _TABLES:
+        cure = f"Give a path within {', '.join(_TABLES[:-1])} or {_TABLES[-1]}"
+        raise SceneError(name, value, "no number of the mechanism", cure)
+    if value is None:
+        raise SceneError(name, None, "the scene gives no such number", f"Set it, like --set {name}=VALUE")
+    if not isinstance(value, float):
+        raise SceneError(name, str(value), "not a number that can change a little", "Give the path of a quantity")
+    if value == 0.0:
+        cure = "Give it a value"
+        raise SceneError(name, value, "the derivative at zero is not available: equations may leave a zero out", cure)
+    return Parameter(name, path, value, _unit(scene, path) if index is None else _unit_in_list(path), index)
+
+
+def _value_at(scene: Scene, path: Sequence[str]) -> object:
+    value: object = scene
+    for key in path:
+        if isinstance(value, dict):
+            value = value.get(key)
+        elif value is not None:
+            fields = type(value).model_fields.items()
+            value = getattr(value, next(name for name, field in fields if key == (field.alias or name)))
+    return value
+
+
+def _unit_in_list(path: tuple[str, ...]) -> str:
+    if path[-1] == "ratio":
+        return "1"
+    return next((_UNITS_IN_LISTS[word] for word in path if word in _UNITS_IN_LISTS), "1")
+
+
+def _unit(scene: Scene, path: tuple[str, ...]) -> str:
+    """SI unit of the number at a path; of what a joint's or load's kind decides, by that kind."""
+    table, owner, *rest = path
+    known = [dimension.unit for dimension in dimensions(path)]
+    if len(known) == 2:
+        return known[scene.slides(owner)]
+    if table == "loads" and rest == ["value"]:
+        load = scene.loads[owner]
+        return "N m" if load.torque_at is not None else "N/m" if load.spread_on is not None else "N"
+    if table == "loads" and rest[0] in ("period", "offset"):
+        return "s" if scene.loads[owner].against == "t" else "rad"
+    if table == "springs" and rest[0] in ("stiffness", "damping"):
+        linear, torsional = {"stiffness": ("N/m", "N m/rad"), "damping": ("N s/m", "N m s/rad")}[rest[0]]
+        return linear if scene.springs[owner].torsional_at is None else torsional
+    return (known or [""])[0] or "1"

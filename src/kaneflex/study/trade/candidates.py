@@ -1,0 +1,111 @@
+"""The models of a scene that are tried: each is a list of settings over the scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_options
+from kaneflex.scene.parts import TERM_NAMES
+
+_ONE_WAY = ("quasistatic", "linear", "stiffened")
+_ELEMENTS = (1, 2, 4)
+_MODES = (2, 4, 6)
+_COARSER = (2, 4)
+"""What the scene's steps are divided by."""
+_LOOSE = (1e-6, 1e-4)
+"""Errors of a step that are tried under preset coupled."""
+_CHOICES = ("integrator", "modes", "reduction", "terms")
+"""Entries of the scene's ``solve`` that choose among models: candidates make these choices anew, as the preset's."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model: its name, and its settings of the form path=value over the neutral scene."""
+
+    name: str
+    settings: tuple[str, ...]
+
+    def of(self, neutral: Scene) -> Scene:
+        """The scene by this model."""
+        return with_settings(neutral, list(self.settings))
+
+
+def neutral_settings(scene: Scene) -> tuple[str, ...]:
+    """Settings that take the scene's own choice of a model away. How it starts and how long it runs is none."""
+    return tuple(f"solve.{key}=none" for key in _CHOICES if key in scene.raw.get("solve", {}))
+
+
+def neutral(scene: Scene) -> Scene:
+    """The scene with its ``neutral_settings`` and preset ``stiffened`` laid over it."""
+    return with_settings(scene, [*neutral_settings(scene), "solve.preset=stiffened"])
+
+
+def elements_of(scene: Scene) -> dict[str, int]:
+    """Elastic link -> its number of elements."""
+    return {name: body.beam.elements for name, body in scene.bodies.items() if body.elastic}
+
+
+def elements_set(scene: Scene, count: int) -> tuple[str, ...]:
+    """Settings by which every elastic link has so many elements."""
+    return tuple(f"bodies.{name}.beam.elements={count}" for name in elements_of(scene))
+
+
+def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
+    """Term groups that the scene and that kind of dynamics have."""
+    own = (name for name in TERM_NAMES if name not in UNUSED_TERMS[dynamics] and has_term(scene, name))
+    return tuple(name for name in own if name != "damping" or scene.damping is not None)
+
+
+def ladder(scene: Scene) -> tuple[Candidate, ...]:
+    """Candidates for a neutral scene: the presets first, then fewer elements, modes and steps, integrators, terms."""
+    return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(scene), *_without_terms(scene))))
+
+
+def _presets(scene: Scene) -> Iterator[Candidate]:
+    for preset in _ONE_WAY if scene.is_frame else ("rigid", *_ONE_WAY):
+        yield Candidate(preset, (f"solve.preset={preset}",))
+    period = scene.period if scene.solve.duration is None else None
+    cycles = None if period is None else max(1, math.ceil(PAPER_DURATION / period - 1e-9))
+    whole = () if period is None else (f"solve.duration={cycles * period!r}",)
+    yield Candidate("paper", ("solve.preset=paper", *whole))
+    yield Candidate("coupled", ("solve.preset=coupled",))
+    for loose in _LOOSE:
+        if loose > scene.solve.tolerance:
+            settings = ("solve.preset=coupled", f"solve.tolerance={loose!r}")
+            yield Candidate(f"coupled, tolerance {loose:.0e}", settings)
+
+
+def _coarser(scene: Scene) -> Iterator[Candidate]:
+    own = set(elements_of(scene).values())
+    steps = resolve_options(scene).steps
+    for preset in ("quasistatic", "stiffened"):
+        kinds = {f"{preset}, {_count(n, 'element')}": elements_set(scene, n) for n in _ELEMENTS if own != {n}}
+        kinds = {preset: ()} | kinds
+        if preset == "stiffened":
+            kinds |= {f"{preset}, {n} modes": (f"solve.modes={n}",) for n in _MODES}
+        for name, settings in kinds.items():
+            if settings:
+                yield Candidate(name, (f"solve.preset={preset}", *settings))
+            for part in _COARSER:
+                fewer = max(1, steps // part)
+                coarse = (f"solve.preset={preset}", *settings, f"solve.steps={fewer}")
+                yield Candidate(f"{name}, {_count(fewer, 'step')}", coarse)
+
+
+def _integrators(scene: Scene) -> Iterator[Candidate]:
+    for integrator in ("newmark", "generalised-alpha"):
+        yield Candidate(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
+
+
+def _without_terms(scene: Scene) -> Iterator[Candidate]:
+    for preset, dynamics in (("quasistatic", "quasistatic"), ("stiffened", "dynamic")):
+        for term in terms_of(scene, dynamics):
+            # Stiffened without K_g is preset linear, but for the foreshortening of its displacements.
+            yield Candidate(f"{preset} without {term}", (f"solve.preset={preset}", f"solve.terms.{term}=false"))
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" + ("" if number == 1 else "s")

@@ -1,0 +1,220 @@
+"""The cheapest model of a scene that keeps a tolerance, found by indicators and few runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.quasistatic import LARGEST_DENSE
+from kaneflex.study.comparison import Difference
+from kaneflex.study.trade.candidates import Candidate, elements_of, ladder, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.cost import timed_run
+from kaneflex.study.trade.errors import differences, worst
+from kaneflex.study.trade.indicators import indicators
+from kaneflex.study.trade.ranking import check_request
+from kaneflex.study.trade.record import Attempt, Choice
+from kaneflex.study.trade.reference import Reference, find_reference
+from kaneflex.support.errors import SceneError
+
+Progress = Callable[[str], None]
+_DYNAMICS = {"quasistatic": "quasistatic", "stiffened": "dynamic"}
+_FAMILIES = ("rigid", *_DYNAMICS, "coupled")
+"""Presets that can be chosen; stiffened without K_g is preset linear, and the paper's is for comparisons."""
+_HOPELESS = 3.0
+"""Multiple of the tolerance above which an indicator, known to first order, is taken at its word."""
+_INTEGRATING = {"none": 0.0, "radau": 1.7, "gauss": 1.0, "generalised-alpha": 0.65, "newmark": 0.5}
+"""Work of a step of each integrator that the ladder has."""
+
+
+def choose(
+    scene: Scene, tolerance: float = 0.01, sensors: Sequence[str] | None = None,
+    progress: Progress = lambda stage: None,
+) -> Choice:  # fmt: skip
+    """Find the cheapest model of a scene whose sensors stay within a tolerance of the converged ones.
+
+    Candidates are those of :func:`kaneflex.study.trade.candidates.ladder`, from the least expected work upwards, until
+    one is within the tolerance; then terms are left out one after the other, the least indicated first, as long as it
+    stays.
+    A preset that the indicators speak against is first tried at its finest, and given up if that fails.
+
+    Parameters
+    ----------
+    scene, tolerance, sensors, progress
+        As :func:`kaneflex.study.trade.ranking.trade` takes them.
+
+    Raises
+    ------
+    SceneError
+        As :func:`kaneflex.study.trade.ranking.trade`: where the reference is not converged at that tolerance nothing is
+        chosen.
+    """
+    started = time.perf_counter()
+    sensors = check_request(scene, tolerance, 1.0, sensors)
+    basis = neutral(scene)
+    progress("indicators along the rigid motion")
+    found = indicators(basis)
+    reference = find_reference(basis, sensors, tolerance, progress)
+    trials = Trials(basis, sensors, tolerance, reference, progress)
+    candidate = cheapest(trials, found)
+    candidate, dropped = _without_terms(trials, candidate, found)
+    return Choice(
+        tolerance=tolerance,
+        sensors=list(sensors),
+        model=candidate.name,
+        settings=[*neutral_settings(scene), *candidate.settings],
+        dropped=dropped,
+        errors={each.sensor: each.peak_share for each in trials.errors[candidate]},
+        reference=reference.name,
+        reference_settings=[*neutral_settings(scene), *reference.settings],
+        reference_note=reference.note,
+        doubt={each.sensor: reference.doubt(each.sensor) for each in trials.errors[candidate]},
+        indicators=found,
+        attempts=list(trials.attempts),
+        seconds=time.perf_counter() - started,
+        remembered=False,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Models run against a reference, each once, with a record of what came of it."""
+
+    scene: Scene
+    sensors: tuple[str, ...]
+    tolerance: float
+    reference: Reference
+    progress: Progress
+    attempts: list[Attempt] = field(default_factory=list)
+    errors: dict[Candidate, tuple[Difference, ...]] = field(default_factory=dict)
+    kept: set[Candidate] = field(default_factory=set)
+
+    def within(self, candidate: Candidate) -> bool:
+        """Whether it is within the tolerance, by a run; one that can't be run is not."""
+        if candidate not in self.errors:
+            self._run(candidate)
+        return candidate in self.kept
+
+    def _run(self, candidate: Candidate) -> None:
+        self.progress(f"trying {candidate.name}")
+        self.errors[candidate] = ()
+        try:
+            curves, _ = timed_run(candidate.of(self.scene))
+        except SceneError as error:
+            self.note(candidate.name, str(error))
+            return
+        reference = self.reference
+        found = differences(
+            self.scene, self.sensors, candidate.name, curves, reference.curves, reference.period
+        )
+        self.errors[candidate] = found
+        most, within = worst(found), reference.within(found, self.tolerance, curves.unseen)
+        if within:
+            self.kept.add(candidate)
+        self.attempts.append(
+            Attempt(
+                model=candidate.name, error=most.peak_share, worst_sensor=most.sensor,
+                within=within, reason="; ".join(curves.unseen),
+            )
+        )  # fmt: skip
+
+    def note(self, name: str, reason: str) -> None:
+        """Keep why a model was not run to its end."""
+        self.attempts.append(Attempt(model=name, error=None, worst_sensor=None, within=False, reason=reason))
+
+
+def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Candidate:
+    """The candidate of least expected work that is within the tolerance; the reference itself where none is."""
+    work = {}
+    for each in (candidate for candidate in ladder(trials.scene) if _preset(candidate) in _FAMILIES):
+        try:
+            work[each] = expected_work(trials.scene, each)
+        except SceneError as error:
+            trials.note(each.name, str(error))
+    given_up = {preset for preset in _DYNAMICS if _doubtful(trials, preset, found) and _fails(trials, preset, work)}
+    for candidate in sorted(work, key=work.__getitem__):
+        if not _single_term(candidate) and _preset(candidate) not in given_up and trials.within(candidate):
+            return candidate
+    return _reference_itself(trials)
+
+
+def _reference_itself(trials: Trials) -> Candidate:
+    candidate = Candidate(trials.reference.name, trials.reference.settings)
+    trials.within(candidate)
+    return candidate
+
+
+def _preset(candidate: Candidate) -> str:
+    return candidate.settings[0].removeprefix("solve.preset=")
+
+
+def _single_term(candidate: Candidate) -> bool:
+    return any(setting.startswith("solve.terms.") for setting in candidate.settings)
+
+
+def _reduced(candidate: Candidate) -> bool:
+    return any(setting.startswith("solve.modes=") for setting in candidate.settings)
+
+
+def _fineness(model: Scene) -> tuple[int, int]:
+    return sum(elements_of(model).values()), resolve_options(model).steps
+
+
+def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) -> bool:
+    inertia = found["dynamics"]
+    hopeless = preset == "quasistatic" and (inertia is None or inertia > _HOPELESS * trials.tolerance)
+    return hopeless or trials.reference.settings[0] == "solve.preset=coupled"
+
+
+def _fails(trials: Trials, preset: str, work: Mapping[Candidate, float]) -> bool:
+    """Whether the finest model of a preset is out of tolerance: then the coarser ones are not tried."""
+    whole = (each for each in work if _preset(each) == preset and not _single_term(each) and not _reduced(each))
+    finest = max(whole, key=lambda each: _fineness(each.of(trials.scene)))
+    if trials.within(finest):
+        return False
+    trials.note(f"{preset}, coarser", f"{finest.name}, the finest of its preset, is out of tolerance")
+    return True
+
+
+def _without_terms(
+    trials: Trials, candidate: Candidate, found: Mapping[str, float | None]
+) -> tuple[Candidate, list[str]]:
+    """The candidate without every group of terms that the tolerance can do without, and those groups."""
+    dropped: list[str] = []
+    dynamics = _DYNAMICS.get(_preset(candidate))
+    if dynamics is None:
+        return candidate, dropped
+    for term in sorted(terms_of(trials.scene, dynamics), key=lambda name: found.get(name) or 0.0):
+        name = f"{candidate.name} without {term}" if not dropped else f"{candidate.name}, {term}"
+        if (found.get(term) or 0.0) > _HOPELESS * trials.tolerance:
+            trials.note(name, f"the term changes displacements by {100 * found[term]:.2g} %, to first order")
+            continue
+        leaner = Candidate(name, (*candidate.settings, f"solve.terms.{term}=false"))
+        if trials.within(leaner):
+            candidate = leaner
+            dropped.append(term)
+    return candidate, dropped
+
+
+def expected_work(scene: Scene, candidate: Candidate) -> float:
+    """Wall time of a run [us] as it was on one machine, for an order that is the same everywhere.
+
+    Setting up; then by step a dense solve quasi-statically, band matrices dynamically, and reading the sensors, for
+    which a reduction has to be undone. Only the order counts.
+    """
+    model = candidate.of(scene)
+    options, elements = resolve_options(model), elements_of(model)
+    reduced = options.reduction == "craig-bampton"
+    size = sum(min(3 * count, options.modes + 1) if reduced else 3 * count for count in elements.values())
+    by_step = {
+        "rigid": 0.0,
+        "quasistatic": 0.6 + (0.05 * size**2 if size <= LARGEST_DENSE else 0.75 * size),
+        "dynamic": (0.2 * size + 0.004 * size**2) * _INTEGRATING[options.integrator],
+        "coupled": 60.0 + 2.0 * size,
+    }[options.dynamics]
+    reading = 2.0 + 0.2 * len(scene.sensors) + 2.5 * reduced
+    set_up = {"rigid": 1e3, "quasistatic": 5e3, "dynamic": 8e3, "coupled": 1e5}[options.dynamics] + 3e3 * reduced
+    tight = 1.3 if options.dynamics == "coupled" and options.tolerance < 1e-6 else 1.0
+    return set_up + options.steps * (reading + tight * by_step)

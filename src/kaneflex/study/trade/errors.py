@@ -1,0 +1,86 @@
+"""How far a model's sensors are from a reference's, at the instants of both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from kaneflex.scene import Scene
+from kaneflex.solve.curves import Curves
+from kaneflex.study.comparison import Difference
+
+_NOTHING = 1e-9
+"""Share of the largest peak of its unit below which a sensor shows rounding."""
+_CLOSE = 1e-9
+"""Share of a run by which the ends of two may differ through rounding."""
+
+
+def differences(
+    scene: Scene, sensors: Sequence[str], model: str, curves: Curves, reference: Curves, period: float | None,
+    between: bool = True,
+) -> tuple[Difference, ...]:  # fmt: skip
+    """The errors of a model, max|y - y_ref| and its rms over time beside max|y_ref|.
+
+    Curves are read between their instants by straight lines, as results are drawn and compared: what a model has no
+    instant for is an error of it.
+
+    Parameters
+    ----------
+    sensors : sequence of str
+        Those that are compared. One that shows nothing but rounding in the reference is left out.
+    model : str
+        Its name.
+    period : float or None
+        Cycle [s] that the reference repeats: a longer run is compared over its last cycle. None compares over what
+        both cover, from the start.
+    between : bool
+        At the reference's instants, too. Without them only the model's own count: its equations, not how densely it is
+        stored.
+    """
+    ours, theirs = _common_instants(curves, reference, period, between)
+    floors = _floors(scene, reference)
+    found = []
+    for name in sensors:
+        unit, peak = scene.sensors[name].unit, float(abs(reference.values[name]).max())
+        if peak <= floors[unit]:
+            continue
+        y = np.interp(ours, curves.times, curves.values[name])
+        gap = y - np.interp(theirs, reference.times, reference.values[name])
+        mean_square = np.trapezoid(gap**2, ours) / (ours[-1] - ours[0])
+        peaks = (float(abs(y).max()), peak, float(abs(gap).max()))
+        found.append(Difference(name, model, unit, *peaks, math.sqrt(mean_square)))
+    return tuple(found)
+
+
+def _common_instants(
+    curves: Curves, reference: Curves, period: float | None, between: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where two models are compared [s]: ascending instants of the model, and those of the reference that go with them.
+
+    Of one that repeats itself the model's last cycle goes with the reference's only one.
+    """
+    end = curves.times[-1]
+    start = 0.0 if period is None else end - period
+    until = min(end, reference.times[-1]) if period is None else end
+    own = curves.times[(curves.times >= start - _CLOSE * end) & (curves.times <= until + _CLOSE * end)]
+    others = reference.times[:0]
+    if between and period is None:
+        others = reference.times[reference.times <= until]
+    elif between:
+        others = end - np.remainder(end - reference.times, period)
+    ours = np.union1d(own, others)
+    return ours, ours if period is None else np.remainder(ours, period)
+
+
+def worst(found: Sequence[Difference]) -> Difference:
+    """The sensor with the largest error as a share of its reference's peak."""
+    return max(found, key=lambda difference: difference.peak_share)
+
+
+def _floors(scene: Scene, reference: Curves) -> dict[str, float]:
+    peaks: dict[str, float] = {}
+    for name, sensor in scene.sensors.items():
+        peaks[sensor.unit] = max(peaks.get(sensor.unit, 0.0), float(abs(reference.values[name]).max()))
+    return {unit: _NOTHING * peak for unit, peak in peaks.items()}

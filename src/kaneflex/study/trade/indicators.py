@@ -1,0 +1,101 @@
+"""What each group of terms is worth along the quasi-static answer, before any model is run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.fem.assembly import spin_or_euler
+from kaneflex.mechanism.affine import Affine
+from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model import Model
+from kaneflex.response.buckling import buckling
+from kaneflex.scene import Scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.quasistatic import answers, quasistatic
+
+_SAMPLES = 360
+"""Instants over the cycle or the run."""
+_BUCKLING_SAMPLES = 24
+
+
+def indicators(scene: Scene) -> dict[str, float | None]:
+    """First-order changes of the quasi-static displacements by group of terms, and two ratios.
+
+    Leaving a term A(t) z out of K z = F changes the answer by K^-1 A z, to first order; z is the quasi-static answer
+    with every term. The change is taken as a share of the largest displacement of its kind (axial, transverse,
+    rotation, ...), the largest share counts. For "dynamics" the term is M z'' + C z', what quasi-statics neglects.
+
+    Parameters
+    ----------
+    scene : Scene
+        A neutral one: :func:`kaneflex.study.trade.candidates.neutral`.
+
+    Returns
+    -------
+    mapping of str to float or None
+        "spin", "euler", "geometric", "gyroscopic", "damping", "dynamics"; "speed_ratio", the fastest turning drive's
+        speed over the lowest natural frequency, and "buckling_ratio", the reciprocal of the least load factor of
+        :func:`kaneflex.response.buckling.buckling`; None where it can't be said.
+
+    Raises
+    ------
+    SceneError
+        For a scene that can't be loaded.
+    """
+    model = load(with_settings(scene, [f"solve.steps={_SAMPLES}"]))
+    ratios = {"speed_ratio": _speed_ratio(model), "buckling_ratio": _buckling_ratio(model)}
+    times = model.step * np.arange(_SAMPLES + 1)
+    try:
+        z, v, a = quasistatic(model, times, periodic=model.options.cycles)
+        changes = {name: _change(model, times, z, term) for name, term in _terms(model, times, z, v, a).items()}
+    except np.linalg.LinAlgError:  # nothing holds the mechanism at some instant
+        changes = dict.fromkeys(("spin", "euler", "geometric", "gyroscopic", "damping", "dynamics"))
+    return changes | ratios
+
+
+def _terms(
+    model: Model, times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The forces of each group of terms along z, of shape (n_times, n)."""
+    equations, rigid = model.reduced, model.motion.at(times)
+
+    def force(affine: Affine, along: np.ndarray) -> np.ndarray:
+        return rigid.apply(affine, along.T).T
+
+    damping = force(equations.C_s, v) + force(equations.K_c, z)
+    gyroscopic = force(equations.C_d, v)
+    return {
+        "spin": force(equations.K_d.only(lambda monomial: spin_or_euler(monomial) != "euler"), z),
+        "euler": force(equations.K_d.only(lambda monomial: spin_or_euler(monomial) == "euler"), z),
+        "geometric": force(equations.K_g, z),
+        "gyroscopic": gyroscopic,
+        "damping": damping,
+        "dynamics": force(equations.M, a) + gyroscopic + damping,
+    }
+
+
+def _change(model: Model, times: np.ndarray, z: np.ndarray, term: np.ndarray) -> float:
+    """max|K^-1 term| / max|z|, each within one kind of coordinates; the largest."""
+    if not term.any():
+        return 0.0
+    change = abs(answers(model, times, term)).max(axis=0)
+    peaks = abs(z).max(axis=0)
+    kinds = [name.rpartition(".")[2] for name in model.reduced.coordinates]
+    shares = []
+    for kind in dict.fromkeys(kinds):
+        rows = [k for k, each in enumerate(kinds) if each == kind]
+        if peaks[rows].max() > 0:
+            shares.append(float(change[rows].max() / peaks[rows].max()))
+    return max(shares, default=0.0)
+
+
+def _speed_ratio(model: Model) -> float | None:
+    speeds = [abs(drive.speed or 0.0) for name, drive in model.scene.drives.items() if not model.scene.slides(name)]
+    lowest = float(reference_modes(model, 1)[0][0])
+    return max(speeds, default=0.0) / lowest if lowest > 0 else None
+
+
+def _buckling_ratio(model: Model) -> float | None:
+    end = model.scene.period if model.options.cycles else model.options.duration
+    found = buckling(model, np.linspace(0.0, end, _BUCKLING_SAMPLES))
+    return None if found is None else 1.0 / found.margin

@@ -1,0 +1,197 @@
+"""Every candidate run, its error against the reference and its cost, and the cheapest that is good enough."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from kaneflex.scene import Scene
+from kaneflex.scene.start import Start
+from kaneflex.solve.curves import Curves
+from kaneflex.study.comparison import Difference
+from kaneflex.study.trade.candidates import Candidate, elements_of, ladder, neutral, neutral_settings
+from kaneflex.study.trade.cost import Cost, Timing, cost, timed_in_turns, timed_run
+from kaneflex.study.trade.errors import differences, worst
+from kaneflex.study.trade.reference import Reference, find_reference
+from kaneflex.support.errors import SceneError, nearest
+
+Progress = Callable[[str], None]
+_FIRST_RUNS = 0.6
+"""Share of the budget after which no further candidate is begun: the rest is for repeats."""
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One candidate: its errors by sensor, its cost, and what comes and goes between two of its steps."""
+
+    candidate: Candidate
+    differences: tuple[Difference, ...]
+    cost: Cost
+    unseen: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return self.candidate.name
+
+    @property
+    def worst(self) -> Difference:
+        """The sensor with the largest error as a share of its peak."""
+        return worst(self.differences)
+
+    @property
+    def error(self) -> float:
+        """That error: max|y - y_ref| / max|y_ref|."""
+        return self.worst.peak_share
+
+    @property
+    def rms(self) -> float:
+        """The largest rms error of a sensor as a share of its peak."""
+        return max(difference.rms_share for difference in self.differences)
+
+
+@dataclass(frozen=True, eq=False)
+class Trade:
+    """Models of a scene, ranked. Made by :func:`trade`.
+
+    Attributes
+    ----------
+    scene : Scene
+    sensors : tuple of str
+    tolerance : float
+        Share of a sensor's peak.
+    reference : Reference
+    ranked : tuple of Ranked
+        By total time, the cheapest first.
+    left_out : mapping of str to str
+        Candidates that were not run to the end, with the reason.
+    """
+
+    scene: Scene
+    sensors: tuple[str, ...]
+    tolerance: float
+    reference: Reference
+    ranked: tuple[Ranked, ...]
+    left_out: Mapping[str, str]
+
+    def good_enough(self, entry: Ranked) -> bool:
+        """Whether every sensor stays within the tolerance, with the reference's own doubt on top."""
+        return self.reference.within(entry.differences, self.tolerance, entry.unseen)
+
+    def settings_of(self, entry: Ranked) -> tuple[str, ...]:
+        """What makes the scene this model, of the form path=value."""
+        return (*neutral_settings(self.scene), *entry.candidate.settings)
+
+    @cached_property
+    def chosen(self) -> Ranked | None:
+        """The cheapest candidate that is good enough; None where none is."""
+        return next((entry for entry in self.ranked if self.good_enough(entry)), None)
+
+    @cached_property
+    def front(self) -> tuple[Ranked, ...]:
+        """The Pareto front: candidates that no cheaper one beats in error, the cheapest first."""
+        found: list[Ranked] = []
+        for entry in self.ranked:
+            if not found or entry.error < found[-1].error:
+                found.append(entry)
+        return tuple(found)
+
+
+def trade(
+    scene: Scene,
+    tolerance: float = 0.01,
+    budget: float = 60.0,
+    sensors: Sequence[str] | None = None,
+    progress: Progress = lambda stage: None,
+    candidates: Sequence[Candidate] | None = None,
+) -> Trade:
+    """Run a ladder of models on a scene and rank them by error and time.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its preset, integrator, modes, reduction and terms are chosen anew; what is compared is its own run, from its
+        start or on its periodic state.
+    tolerance : float
+        Error allowed of each sensor, as a share of the largest absolute value of the reference.
+    budget : float
+        Seconds for the candidates and their repeats, after the reference.
+    sensors : sequence of str, optional
+        Those that count; all by default.
+    progress : callable
+        Called with the name of each stage that can take longer than a moment.
+    candidates : sequence of Candidate, optional
+        The models to try, by default :func:`kaneflex.study.trade.candidates.ladder`'s.
+
+    Raises
+    ------
+    SceneError
+        For a scene in which nothing deforms or that shows nothing, sensors that it does not have, a reference that
+        can't be run or does not converge, or where no candidate can be run.
+    """
+    sensors = check_request(scene, tolerance, budget, sensors)
+    basis = neutral(scene)
+    reference = find_reference(basis, sensors, tolerance, progress)
+    deadline = time.perf_counter() + budget
+    candidates = ladder(basis) if candidates is None else candidates
+    runs, left_out = _first_runs(basis, candidates, time.perf_counter() + _FIRST_RUNS * budget, progress)
+    if not runs:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise SceneError("--budget", budget, f"no candidate was run ({reasons})", "Give more time")
+    repeats = timed_in_turns({candidate: candidate.of(basis) for candidate in runs}, deadline, progress)
+    ranked = [
+        Ranked(
+            candidate,
+            differences(basis, sensors, candidate.name, curves, reference.curves, reference.period),
+            cost(first, repeats[candidate]),
+            curves.unseen,
+        )
+        for candidate, (curves, first) in runs.items()
+    ]
+    ranked.sort(key=lambda entry: entry.cost.total)
+    return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out)
+
+
+def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequence[str] | None) -> tuple[str, ...]:
+    """The sensors that count; SceneError for what can't be asked, before anything is computed."""
+    if not 0 < tolerance < 1:
+        raise SceneError("--tolerance", tolerance, "a share of each sensor's peak", "Give one between 0 and 100 %")
+    if not budget > 0:
+        raise SceneError("--budget", budget, "no time to run anything in", "Give a positive time, like 60s")
+    if not scene.sensors:
+        raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
+    for name in sensors or ():
+        if name not in scene.sensors:
+            raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
+    if isinstance(scene.solve.start, Start):
+        raise SceneError(
+            "solve.start", "a table of a state", "the models that are compared have different coordinates",
+            "Start from zero, quasistatic or periodic",
+        )  # fmt: skip
+    modal = next((name for name, body in scene.bodies.items() if body.modal is not None), None)
+    if modal is not None:
+        raise SceneError(
+            f"bodies.{modal}.modal_data", Path(scene.bodies[modal].modal_data).name,
+            "only preset coupled takes modal data: there is one model", "Give the body a beam",
+        )  # fmt: skip
+    if not elements_of(scene):
+        raise SceneError("bodies", None, "none has a beam: there is one model only", "Give a body a beam")
+    return tuple(sensors or scene.sensors)
+
+
+def _first_runs(
+    scene: Scene, candidates: Sequence[Candidate], until: float, progress: Progress
+) -> tuple[dict[Candidate, tuple[Curves, Timing]], dict[str, str]]:
+    runs, left_out = {}, {}
+    for candidate in candidates:
+        if time.perf_counter() > until:
+            left_out[candidate.name] = "no time left within the budget"
+            continue
+        progress(f"running {candidate.name}")
+        try:
+            runs[candidate] = timed_run(candidate.of(scene))
+        except SceneError as error:
+            left_out[candidate.name] = str(error)
+    return runs, left_out

@@ -1,0 +1,203 @@
+"""What each complete group of terms costs a scene's equations, and what they lose without it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from kaneflex.scene import Scene
+from kaneflex.scene.options import resolve_options
+from kaneflex.solve.curves import Curves
+from kaneflex.study.comparison import Difference
+from kaneflex.study.trade.candidates import Candidate, elements_of, neutral, terms_of
+from kaneflex.study.trade.cost import Cost, Timing, cost, timed_in_turns, timed_run
+from kaneflex.study.trade.errors import differences, worst
+from kaneflex.study.trade.ranking import check_request
+from kaneflex.support.errors import SceneError, StoppedEarly
+
+Progress = Callable[[str], None]
+_FULL = Candidate("stiffened", ("solve.preset=stiffened",))
+_IN_WORDS = {
+    "spin": "omega^2", "gyroscopic": "omega", "euler": "epsilon", "geometric": "axial force P",
+    "damping": "of the material", "rotary": "inertia of the sections", "shear": "of the sections", "gravity": "weight",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group of terms by two models: one that has it, one that is the same without it.
+
+    Attributes
+    ----------
+    name, meaning : str
+    kept, dropped : Candidate
+    """
+
+    name: str
+    meaning: str
+    kept: Candidate
+    dropped: Candidate
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a group is worth and what it costs.
+
+    Attributes
+    ----------
+    group : Group
+    differences : tuple of Difference
+        Of the model without it from the one with it, by sensor; empty where it does not run without.
+    needed : bool
+        Whether leaving it out changes a sensor by more than the tolerance, or stops the run.
+    operations : int or None
+        Multiply-adds that it adds to one evaluation of M, C, K and F.
+    ns_per_step : float or None
+        Time that it adds to a step, by medians; within the spread of either it is noise.
+    noise_ns : float or None
+        Half the larger spread of the two, in ns per step; None of a single repeat.
+    reason : str
+        Why the run without it stopped.
+    """
+
+    group: Group
+    differences: tuple[Difference, ...]
+    needed: bool
+    operations: int | None
+    ns_per_step: float | None
+    noise_ns: float | None
+    reason: str = ""
+
+    @property
+    def worst(self) -> Difference | None:
+        """The sensor that changes most as a share of its peak."""
+        return worst(self.differences) if self.differences else None
+
+    @property
+    def rms(self) -> float | None:
+        """The largest rms change of a sensor as a share of its peak."""
+        return max((found.rms_share for found in self.differences), default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """The groups of a scene's equations. Made by :func:`terms`.
+
+    Attributes
+    ----------
+    scene : Scene
+    sensors : tuple of str
+    tolerance : float
+    effects : tuple of Effect
+        The needed ones first, then by change.
+    full : Cost
+        Of preset ``stiffened`` with all groups.
+    left_out : mapping of str to str
+        Groups that this can't be said of, with the reason.
+    """
+
+    scene: Scene
+    sensors: tuple[str, ...]
+    tolerance: float
+    effects: tuple[Effect, ...]
+    full: Cost
+    left_out: Mapping[str, str]
+
+
+def groups(scene: Scene) -> tuple[Group, ...]:
+    """The groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling."""
+
+    def without(name: str, *settings: str) -> Candidate:
+        return Candidate(f"without {name}", (*_FULL.settings, *settings))
+
+    found = [
+        Group(term, _IN_WORDS[term], _FULL, without(term, f"solve.terms.{term}=false"))
+        for term in terms_of(scene, "dynamic")
+    ]
+    stretching = [name for name in elements_of(scene) if not scene.bodies[name].beam.axially_rigid]
+    if stretching:
+        rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
+        found.append(Group("axial", "stretch of the links", _FULL, without("axial", *rigid)))
+    found += [
+        Group(f"load {name}", "all of it", _FULL, without(f"load {name}", f"loads.{name}=none"))
+        for name in scene.loads
+    ]
+    still = Candidate("quasistatic", ("solve.preset=quasistatic",))
+    found.append(Group("dynamics", "M z'' and C z', against quasi-statics", _FULL, still))
+    both = Candidate("coupled", ("solve.preset=coupled",))
+    found.append(Group("two-way coupling", "preset coupled, against stiffened", both, _FULL))
+    return tuple(found)
+
+
+def terms(
+    scene: Scene,
+    tolerance: float = 0.01,
+    budget: float = 60.0,
+    sensors: Sequence[str] | None = None,
+    progress: Progress = lambda stage: None,
+    chosen: Sequence[Group] | None = None,
+) -> Terms:
+    """Leave each group of terms out of preset ``stiffened``, one at a time, at the scene's own elements and steps.
+
+    Parameters
+    ----------
+    scene, tolerance, budget, sensors, progress
+        As :func:`kaneflex.study.trade.ranking.trade` takes them.
+    chosen : sequence of Group, optional
+        By default :func:`groups`.
+
+    Raises
+    ------
+    SceneError
+        For what :func:`kaneflex.study.trade.ranking.check_request` refuses, and where ``stiffened`` can't be run.
+    """
+    sensors = check_request(scene, tolerance, budget, sensors)
+    basis = neutral(scene)
+    chosen = groups(basis) if chosen is None else chosen
+    progress("solving, preset stiffened")
+    runs: dict[Candidate, tuple[Curves, Timing]] = {_FULL: timed_run(_FULL.of(basis))}
+    failed: dict[Candidate, SceneError] = {}
+    models = dict.fromkeys(each for group in chosen for each in (group.kept, group.dropped))
+    for candidate in (each for each in models if each != _FULL):
+        progress(f"running {candidate.name}")
+        try:
+            runs[candidate] = timed_run(candidate.of(basis))
+        except SceneError as error:
+            failed[candidate] = error
+    scenes = {candidate: candidate.of(basis) for candidate in runs}
+    repeats = timed_in_turns(scenes, time.perf_counter() + budget, progress)
+    costs = {candidate: cost(first, repeats[candidate]) for candidate, (_, first) in runs.items()}
+    effects, left_out = [], {}
+    for group in chosen:
+        stopped = failed.get(group.dropped)
+        if isinstance(stopped, StoppedEarly):
+            effects.append(Effect(group, (), True, None, None, None, str(stopped)))
+        elif group.kept in failed or stopped is not None:
+            left_out[group.name] = str(failed.get(group.kept, stopped))
+        else:
+            effects.append(_effect(basis, sensors, tolerance, group, runs, costs))
+    effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else float("inf")))
+    return Terms(scene, sensors, tolerance, tuple(effects), costs[_FULL], left_out)
+
+
+def _effect(
+    scene: Scene, sensors: Sequence[str], tolerance: float, group: Group,
+    runs: Mapping[Candidate, tuple[Curves, Timing]], costs: Mapping[Candidate, Cost],
+) -> Effect:  # fmt: skip
+    options = resolve_options(scene)
+    period = scene.period if options.cycles and options.start == "periodic" else None
+    kept, dropped = costs[group.kept], costs[group.dropped]
+    found = differences(scene, sensors, group.dropped.name, runs[group.dropped][0], runs[group.kept][0], period)
+    operations = None
+    if kept.operations is not None and dropped.operations is not None:
+        operations = kept.operations - dropped.operations
+    spreads = [each.spread * each.ns_per_step for each in (kept, dropped) if each.spread is not None]
+    return Effect(
+        group,
+        found,
+        needed=any(difference.peak_share > tolerance for difference in found),
+        operations=operations,
+        ns_per_step=kept.ns_per_step - dropped.ns_per_step,
+        noise_ns=0.5 * max(spreads) if spreads else None,
+    )

@@ -1,0 +1,1 @@
+"""What every room may use: errors, units, files, caches, the terminal, and the contract of generated modules."""

@@ -1,0 +1,124 @@
+"""The folder of modules that kaneflex derived for the user: private, and nothing in it is run unseen.
+
+A module is code. What is found in the folder is run only if it and the file are the user's alone to write, and if the
+text has the digest that was written behind it: what was cut off, changed or put there is derived anew.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import re
+import shutil
+import stat
+import tempfile
+import warnings
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from kaneflex.support.atomic_output import write_bytes
+from kaneflex.support.contract import FORMAT
+
+_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_SEAL = re.compile(rb"\n# sha256 ([0-9a-f]{64})\n\Z")
+_NAME = re.compile(r"[0-9a-f]{16}\.py")
+
+
+def cache_folder() -> Path:
+    """Where modules that kaneflex derived for the user are kept: a folder for each state of the generator.
+
+    Made if need be, for the user alone; where it can't be written, or is another's, a temporary one takes its place.
+    """
+    import platformdirs
+
+    root = Path(platformdirs.user_cache_dir("kaneflex", appauthor=False))
+    name = f"format-{FORMAT}-{_generator()}"
+    reason = _why_not(root) or _why_not(root / name)
+    return root / name if reason is None else _temporary(str(root), reason) / name
+
+
+def _why_not(folder: Path) -> str | None:
+    """Make a folder private, as far as it is ours; what stands against that, if something does."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.stat()
+        if not _ours(found):
+            return "it is another user's"
+        if found.st_mode & _OTHERS:
+            folder.chmod(0o700)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return error.strerror or str(error)
+    return None
+
+
+def _ours(found: os.stat_result) -> bool:
+    return not hasattr(os, "getuid") or found.st_uid == os.getuid()
+
+
+@cache
+def _temporary(root: str, reason: str) -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="kaneflex-modules-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    warnings.warn(
+        f"derived equations can't be kept in {root} ({reason}), so they are derived anew in every run; "
+        "set XDG_CACHE_HOME to a folder of your own that can be written",
+        stacklevel=3,
+    )
+    return folder
+
+
+@cache
+def _generator() -> str:
+    """Digest of the generator's sources."""
+    return _digest("kaneflex.derive")[:12]
+
+
+@cache
+def sources_digest() -> str:
+    """Digest of all of kaneflex's sources: results of two states of them are not put together."""
+    return _digest("kaneflex", "kaneflex.derive", "kaneflex.generated")[:16]
+
+
+def _digest(*packages: str) -> str:
+    digest = hashlib.sha256()
+    for package in packages:
+        folder = Path(find_spec(package).origin).parent
+        for source in sorted(folder.rglob("*.py")):
+            digest.update(f"{package}/{source.relative_to(folder).as_posix()}\0".encode())
+            digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def sealed(text: str) -> bytes:
+    """A module's text with its digest behind it."""
+    data = text.encode()
+    return data + f"\n# sha256 {hashlib.sha256(data).hexdigest()}\n".encode()
+
+
+def is_sealed(data: bytes) -> bool:
+    """Whether a module is as it was derived."""
+    found = _SEAL.search(data)
+    return found is not None and hashlib.sha256(data[: found.start()]).hexdigest().encode() == found[1]
+
+
+def keep(path: Path, data: bytes) -> None:
+    """Write a file that its owner alone may read and write."""
+    write_bytes(path, data, mode=0o600)
+
+
+def kept(path: Path) -> bytes | None:
+    """A module that was kept, if it is there, the user's own and whole."""
+    try:
+        with path.open("rb") as file:
+            found, data = os.fstat(file.fileno()), file.read()
+    except OSError:
+        return None
+    return data if _ours(found) and not found.st_mode & _OTHERS and is_sealed(data) else None
+
+
+def is_module(name: str, data: bytes) -> bool:
+    """Whether something sent is a module by a name of ours, as it was derived."""
+    return _NAME.fullmatch(name) is not None and is_sealed(data)

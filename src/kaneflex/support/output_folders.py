@@ -1,0 +1,147 @@
+"""Folders that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from kaneflex.support.errors import OutputError
+
+_JUST_NOW = 2.0
+"""Seconds in which a folder that is being made gets its lock."""
+_LONGEST = 50
+"""Letters of a scene's name in the name of a file: of four bytes each at most, where 255 bytes are a name."""
+
+
+def file_stem(name: str) -> str:
+    """A scene's name as the beginning of a file's: letters, digits and "._- ", of one folder and not hidden."""
+    plain = "".join(letter if letter.isalnum() or letter in "._- " else "_" for letter in name)
+    return plain.strip(". ")[:_LONGEST] or "scene"
+
+
+@contextmanager
+def whole_folder(path: Path, mark: str, force: bool = False) -> Iterator[Path]:
+    """A temporary folder beside ``path`` to write into, which becomes ``path`` when the block ends without an error.
+
+    It is made at once, so that a place that can't be written is known before anything is computed. A block that
+    raises leaves ``path`` as it was and nothing beside it. What a process that was killed left there goes, too.
+
+    Parameters
+    ----------
+    path : Path
+        The folder to be; missing parents are made.
+    mark : str
+        File by which an earlier folder of the same making is known: only such a one is replaced.
+    force : bool
+        Whether an existing folder may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If ``path`` exists and may not be replaced, or can't be written.
+    """
+    path = path.resolve()
+    _remove_abandoned(path)
+    with writing(path):
+        _refuse_existing(path, mark, force)
+    missing = [parent for parent in path.parents if not parent.exists()]
+    partial, lock = path.with_name(f".{path.name}.{secrets.token_hex(4)}"), None
+    try:
+        with writing(path):
+            partial.mkdir(parents=True)
+            lock = _locked(partial)
+        yield partial
+        with writing(path):
+            _replace(path, partial)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        for parent in missing:  # innermost first
+            if parent.exists() and not any(parent.iterdir()):
+                parent.rmdir()
+        raise
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What the system says against writing, as an OutputError that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"can't be written ({error.strerror or error})"
+        raise OutputError(str(path), None, reason, "Choose a writable place") from error
+
+
+def _locked(folder: Path) -> int | None:
+    """A lock on a folder, which the system lifts when this process ends, however it does; None where another has it.
+
+    Windows has no such lock on folders.
+    """
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        return None
+    return handle
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove unfinished folders beside ``path`` whose process has ended; an old one that was never replaced returns.
+
+    One that has just been made is not locked yet: it is left to the next time.
+    """
+    known = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}(\.old)?")
+    for folder in [entry for entry in path.parent.glob(".*") if known.fullmatch(entry.name)]:
+        new = folder.with_suffix("") if folder.suffix == ".old" else folder
+        with suppress(OSError):
+            made = time.time() - folder.stat().st_mtime
+            lock = _locked(new if new.exists() else folder) if made > _JUST_NOW else None
+            if lock is None:
+                continue
+            if folder is not new and not path.exists():
+                folder.rename(path)
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
+
+
+def _refuse_existing(path: Path, mark: str, force: bool) -> None:
+    if not os.path.lexists(path):
+        return
+    entries = {entry.name for entry in path.iterdir()}
+    if not entries:
+        return
+    if mark not in entries:
+        reason = f"the folder holds other things and no {mark}: it is not replaced"
+        raise OutputError(str(path), None, reason, "Choose another name")
+    if not force:
+        raise OutputError(str(path), None, "the folder exists", "Choose another name, or replace it with --force")
+
+
+def _replace(path: Path, partial: Path) -> None:
+    """``partial`` becomes ``path``; what stood there goes when the new one is in place."""
+    if not path.exists():
+        partial.rename(path)
+        return
+    old = partial.with_name(f"{partial.name}.old")
+    path.rename(old)
+    try:
+        partial.rename(path)
+    except BaseException:
+        old.rename(path)
+        raise
+    shutil.rmtree(old, ignore_errors=True)

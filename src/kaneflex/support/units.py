@@ -1,0 +1,182 @@
+"""Numbers and strings with units ("137 mm", "6000 rpm") to SI floats.
+
+pint knows the units; the ones that scenes use all the time stand in a table here, because importing pint
+takes 0.3 s (a test compares the table with pint).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+from tokenize import TokenError
+
+from kaneflex.support.errors import Fault, nearest
+
+NUMBER_WITH_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+LARGEST = 1e60
+"""Numbers beyond it, or below its reciprocal, leave the range of double precision when a few are multiplied."""
+_LONGEST = 200
+"""Characters of a number with its unit at most."""
+_UNIT_TEXT = re.compile(r"[\w%°^*/().·\s-]+\Z")
+_UNIT_NUMBER = re.compile(r"(?P<power>(?:\^|\*\*)\s*-?\s*)?(?<![\w.])(?P<digits>\d[\w.]*)")
+"""A number in a unit: an exponent, or the 1 of "1/s"."""
+_POWER_OF_POWER = re.compile(r"(\^|\*\*)[\s\d.-]*(\^|\*\*)")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A physical quantity: its name with article, its SI unit and an example for messages."""
+
+    name: str
+    unit: str
+    example: str
+
+
+LENGTH = Dimension("a length", "m", "137 mm")
+MASS = Dimension("a mass", "kg", "0.153 kg")
+INERTIA = Dimension("a moment of inertia", "kg m^2", "120 kg mm^2")
+AREA = Dimension("an area", "m^2", "142.3 mm^2")
+SECOND_MOMENT = Dimension("a second moment of area", "m^4", "7008 mm^4")
+MODULUS = Dimension("a modulus", "Pa", "210 GPa")
+DENSITY = Dimension("a density", "kg/m^3", "7850 kg/m^3")
+ACCELERATION = Dimension("an acceleration", "m/s^2", "9.81 m/s^2")
+ANGLE = Dimension("an angle", "rad", "720 deg")
+ANGULAR_SPEED = Dimension("an angular speed", "rad/s", "6000 rpm")
+SPEED = Dimension("a speed", "m/s", "0.5 m/s")
+TIME = Dimension("a time", "s", "0.04 s")
+FREQUENCY = Dimension("a frequency", "Hz", "3039 Hz")
+FORCE = Dimension("a force", "N", "1.2 kN")
+TORQUE = Dimension("a torque", "N m", "170 N m")
+VISCOSITY = Dimension("a force per length and velocity", "N s/m^2", "12 N s/m^2")
+STIFFNESS = Dimension("a stiffness", "N/m", "20 kN/m")
+TORSIONAL_STIFFNESS = Dimension("a torsional stiffness", "N m/rad", "12 N m/rad")
+DAMPING = Dimension("a damping", "N s/m", "5 N s/m")
+TORSIONAL_DAMPING = Dimension("a torsional damping", "N m s/rad", "0.1 N m s/rad")
+RATIO = Dimension("a ratio", "", "0.02")
+FORCE_PER_LENGTH = Dimension("a force per length", "N/m", "100 N/m")
+SENSED = (
+    LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_SPEED, FORCE, TORQUE,
+    Dimension("an angular acceleration", "rad/s^2", "5 rad/s^2"), Dimension("a strain", "1", "0.001"),
+)  # fmt: skip
+"""What sensors measure."""
+
+_SI_OF_COMMON = {  # unit: (SI unit, factor); factors below one are the reciprocals of exact numbers
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "kg m^2": ("kg m^2", 1.0), "kg mm^2": ("kg m^2", 1e-6),
+    "m^2": ("m^2", 1.0), "mm^2": ("m^2", 1e-6), "m^4": ("m^4", 1.0), "mm^4": ("m^4", 1e-12),
+    "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9), "kg/m^3": ("kg/m^3", 1.0),
+    "m/s^2": ("m/s^2", 1.0), "m/s": ("m/s", 1.0), "s": ("s", 1.0), "ms": ("s", 1e-3), "Hz": ("Hz", 1.0),
+    "kHz": ("Hz", 1e3), "rad": ("rad", 1.0), "deg": ("rad", math.pi / 180), "rad/s": ("rad/s", 1.0),
+    "rpm": ("rad/s", math.pi / 30), "N": ("N", 1.0), "kN": ("N", 1e3), "N s/m^2": ("N s/m^2", 1.0),
+    "%": ("", 1e-2),
+}  # fmt: skip
+
+
+def to_si(value: object, dimension: Dimension) -> float:
+    """A number (taken as SI) or a string with a unit, as a finite float in the SI unit of `dimension`.
+
+    Raises Fault: not a number, not finite, too large or small to be computed with, unknown unit, wrong dimension.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise Fault(f"{dimension.name} is wanted", _how_to_write(dimension))
+    if isinstance(value, str):
+        match = NUMBER_WITH_UNIT.match(value) if len(value) <= _LONGEST else None
+        if match is None:
+            raise Fault(f"not a number with a unit; {dimension.name} is wanted", _how_to_write(dimension))
+        number = scaled(float(match[1]), match[2], dimension)
+    else:
+        number = _as_float(value)
+    if not math.isfinite(number):
+        raise Fault("not a finite number", _how_to_write(dimension))
+    if number and not 1 / LARGEST <= abs(number) <= LARGEST:
+        reason = f"outside {1 / LARGEST:g} to {LARGEST:g}, where products of a few numbers leave double precision"
+        raise Fault(reason, _how_to_write(dimension))
+    return number
+
+
+def _as_float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:  # a whole number beyond them
+        return math.inf
+
+
+def scaled(number: float, unit: str, dimension: Dimension) -> float:
+    """`number` in `unit`, in SI; divides by a reciprocal factor, so that 137 mm is exactly 0.137 m."""
+    factor = unit_factor(unit, dimension)
+    inverse = round(1 / factor) if factor else 0
+    return number / inverse if factor < 1 and math.isclose(inverse * factor, 1, rel_tol=1e-15) else number * factor
+
+
+@cache
+def unit_factor(unit: str, dimension: Dimension) -> float:
+    """The factor from `unit` to the SI unit of `dimension`. Raises Fault: unknown unit, wrong dimension."""
+    if unit in _SI_OF_COMMON:
+        si, factor = _SI_OF_COMMON[unit]
+        if si != dimension.unit:
+            raise _wrong_dimension(unit, dimension)
+        return factor
+    if not unit:
+        if dimension.unit:
+            raise Fault(f"no unit; {dimension.name} is wanted", _how_to_write(dimension))
+        return 1.0
+    return _factor_by_pint(unit, dimension)
+
+
+def _factor_by_pint(unit: str, dimension: Dimension) -> float:
+    """Compares root units, not dimensions: pint's radian has none, and 1 Hz would silently become 1 rad/s."""
+    from pint.errors import PintError
+
+    registry = _registry()
+    try:
+        _check_unit_text(unit)
+        factor, root = registry.get_root_units(registry.parse_units(unit))
+    except (PintError, TokenError, AssertionError, AttributeError, SyntaxError, TypeError, ValueError):
+        alike = _spelled_otherwise(unit, dimension)
+        if alike is None:
+            raise Fault(f"unknown unit {unit!r}", nearest(unit, _SI_OF_COMMON)) from None
+        if alike[0] in "mM" and unit[0] != alike[0]:  # milli or mega
+            raise Fault(f"unknown unit {unit!r}", f"Write {alike!r}: capitals count") from None
+        return _SI_OF_COMMON[alike][1]
+    si_factor, si_root = registry.get_root_units(registry.parse_units(dimension.unit))
+    if root != si_root:
+        raise _wrong_dimension(unit, dimension)
+    return float(factor / si_factor)
+
+
+def _check_unit_text(unit: str) -> None:
+    """Raise ValueError unless a unit is a product of powers of names: pint would work out "m**9**9**9" or "m/0"."""
+    numbers = [(match["power"], match["digits"]) for match in _UNIT_NUMBER.finditer(unit)]
+    powers = unit.replace("**", "^").count("^")
+    wrong = any(len(digits) > 3 or (power is None and digits != "1") for power, digits in numbers)
+    open_power = powers != sum(power is not None for power, _ in numbers) or _POWER_OF_POWER.search(unit)
+    if not _UNIT_TEXT.match(unit) or wrong or open_power:
+        raise ValueError(unit)
+
+
+@cache
+def _registry():
+    from pint import UnitRegistry
+
+    return UnitRegistry()
+
+
+def _spelled_otherwise(unit: str, dimension: Dimension) -> str | None:
+    """The common unit of `dimension` that differs from `unit` in capitals only, like rpm from RPM."""
+    folded = unit.casefold()
+    common = (name for name, (si, _) in _SI_OF_COMMON.items() if si == dimension.unit)
+    return next((name for name in common if name.casefold() == folded and name != unit), None)
+
+
+def _wrong_dimension(unit: str, dimension: Dimension) -> Fault:
+    alike = _spelled_otherwise(unit, dimension)
+    cure = _how_to_write(dimension) if alike is None else f"Write {alike!r}: capitals count"
+    return Fault(f"{unit!r} is not a unit of {dimension.name.split(' ', 1)[1]}", cure)
+
+
+def _how_to_write(dimension: Dimension) -> str:
+    if not dimension.unit:
+        return f"Write a number like {dimension.example}"
+    return f"Write {dimension.name} like '{dimension.example}', or a plain number in {dimension.unit}"
