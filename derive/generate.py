@@ -123,7 +123,7 @@ def _motion_kernel(equations: Equations) -> tuple[emit.Kernel, Program]:
     raw = equations.motion.program(parameters)
     doc = (
         "Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.\n\n"
-        "p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."
+        "p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."
     )
     reads = tuple((symbol, f"p[{k}]") for k, symbol in enumerate(parameters))
     return emit.Kernel(share(raw), ("t", "p", "s"), reads, doc), raw
@@ -297,7 +297,8 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     mechanism, motion = equations.mechanism, equations.motion
     parameters = [(path, unit) for path, (_, unit) in mechanism.parameters.items()]
     names, tables = mechanism.names, table_paths(mechanism)
-    constants = {s.name: float(s.value) for s in motion.scalars if s.value.is_number}
+    in_links = tuple(scalar for block in motion.links.values() for scalar in block)
+    constants = {s.name: float(s.value) for s in (*in_links, *motion.scalars) if s.value.is_number}
     rows, of_element = [], ()
     if equations.element is not None:
         of_element = tuple((name, unit, meaning) for name, _, unit, meaning in equations.element.parameters)

@@ -218,7 +218,7 @@ def table(x, p, start):
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     upper_centre_x = p[0]
     upper_mass = p[1]
     upper_inertia = p[2]

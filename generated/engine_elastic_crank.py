@@ -118,6 +118,9 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'crank.link.epsilon': 0.0,
+    'crank.link.a_x': 0.0,
+    'crank.link.a_y': 0.0,
     'crank.x': 0.0,
     'crank.y': 0.0,
     'crank.v_x': 0.0,
@@ -229,7 +232,7 @@ def table(x, p, start):
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     crank_centre_x = p[0]
     crank_mass = p[1]
     rod_centre_x = p[3]

@@ -324,7 +324,7 @@ def table(x, p, start):
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     crank_inertia = p[1]
     rod_1_centre_x = p[2]
     rod_1_mass = p[3]

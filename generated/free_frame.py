@@ -129,6 +129,26 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'bottom.link.omega': 0.0,
+    'bottom.link.epsilon': 0.0,
+    'bottom.link.a_x': 0.0,
+    'bottom.link.a_y': 0.0,
+    'bottom.link.P_0': 0.0,
+    'right.link.omega': 0.0,
+    'right.link.epsilon': 0.0,
+    'right.link.a_x': 0.0,
+    'right.link.a_y': 0.0,
+    'right.link.P_0': 0.0,
+    'top.link.omega': 0.0,
+    'top.link.epsilon': 0.0,
+    'top.link.a_x': 0.0,
+    'top.link.a_y': 0.0,
+    'top.link.P_0': 0.0,
+    'left.link.omega': 0.0,
+    'left.link.epsilon': 0.0,
+    'left.link.a_x': 0.0,
+    'left.link.a_y': 0.0,
+    'left.link.P_0': 0.0,
     'bottom.v_x': 0.0,
     'bottom.v_y': 0.0,
     'bottom.omega': 0.0,
@@ -206,7 +226,7 @@ OPERATIONS = {
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     bottom_pose_x = p[3]
     bottom_pose_y = p[4]
     bottom_pose_angle = p[5]

@@ -74,6 +74,10 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'bar.link.omega': 0.0,
+    'bar.link.epsilon': 0.0,
+    'bar.link.a_x': 0.0,
+    'bar.link.a_y': 0.0,
     'rotor.y': 0.0,
     'rotor.v_x': 0.0,
     'rotor.v_y': 0.0,
@@ -159,7 +163,7 @@ OPERATIONS = {
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     ground_aside_x = p[6]
     bar_length = p[7]
     far_branch = p[8]

@@ -134,6 +134,26 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'arm_1.link.omega': 0.0,
+    'arm_1.link.epsilon': 0.0,
+    'arm_1.link.a_x': 0.0,
+    'arm_1.link.a_y': 0.0,
+    'arm_1.link.P_0': 0.0,
+    'arm_2.link.omega': 0.0,
+    'arm_2.link.epsilon': 0.0,
+    'arm_2.link.a_x': 0.0,
+    'arm_2.link.a_y': 0.0,
+    'arm_2.link.P_0': 0.0,
+    'arm_3.link.omega': 0.0,
+    'arm_3.link.epsilon': 0.0,
+    'arm_3.link.a_x': 0.0,
+    'arm_3.link.a_y': 0.0,
+    'arm_3.link.P_0': 0.0,
+    'arm_4.link.omega': 0.0,
+    'arm_4.link.epsilon': 0.0,
+    'arm_4.link.a_x': 0.0,
+    'arm_4.link.a_y': 0.0,
+    'arm_4.link.P_0': 0.0,
     'arm_1.v_x': 0.0,
     'arm_1.v_y': 0.0,
     'arm_1.omega': 0.0,
@@ -211,7 +231,7 @@ OPERATIONS = {
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     arm_1_pose_x = p[3]
     arm_1_pose_y = p[4]
     arm_1_pose_angle = p[5]

@@ -82,6 +82,9 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'strut.link.omega': 0.0,
+    'strut.link.epsilon': 0.0,
+    'strut.link.a_x': 0.0,
     'rotor.y': 0.0,
     'rotor.v_x': 0.0,
     'rotor.v_y': 0.0,
@@ -167,7 +170,7 @@ OPERATIONS = {
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     rotor_mass = p[0]
     strut_centre_x = p[2]
     strut_mass = p[3]

@@ -74,6 +74,9 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'blade.link.epsilon': 0.0,
+    'blade.link.a_x': 0.0,
+    'blade.link.a_y': 0.0,
     'blade.x': 0.0,
     'blade.y': 0.0,
     'blade.v_x': 0.0,
@@ -146,7 +149,7 @@ OPERATIONS = {
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     blade_centre_x = p[0]
     blade_mass = p[1]
     shaft_speed = p[3]

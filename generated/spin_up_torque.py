@@ -78,6 +78,8 @@ SCALARS = (
 
 # scalars that the structure fixes
 CONSTANTS = {
+    'beam.link.a_x': 0.0,
+    'beam.link.a_y': 0.0,
     'beam.x': 0.0,
     'beam.y': 0.0,
     'beam.v_x': 0.0,
@@ -177,7 +179,7 @@ def table(x, p, start):
 def motion(t, p, s):
     """Scalars of the rigid motion at time t [s]: Kane's equations with the joint reactions as multipliers.
 
-    p: PARAMETERS, then the blocks of the tables. s: SCALARS, every one is stored."""
+    p: PARAMETERS, then the blocks of the tables. s: zeros; every one of SCALARS is stored but those of CONSTANTS."""
     beam_centre_x = p[0]
     beam_mass = p[1]
     beam_inertia = p[2]

@@ -247,3 +247,20 @@ def test_affine_rates_are_derivatives():
     assert at(0.2, sum_.rate()) == pytest.approx((at(0.2 + h, sum_) - at(0.2 - h, sum_)) / (2 * h), rel=1e-8)
     with pytest.raises(ValueError, match=r"rod\.link\.P_0"):
         Affine.term(("rod.link.P_0",), matrix).rate()
+
+
+@pytest.mark.parametrize(("scene", "count"), [("engine-elastic-crank", 64), ("four-bar", 113)])
+def test_what_is_zero_by_structure_is_not_evaluated(scene, count):
+    """A crank on a fixed pivot at constant speed has no a_x, a_y and no epsilon, though the rod beside it has them."""
+    found = model(scene)
+    values = found.scalars(np.linspace(0.0, found.scene.period, 37))
+    assert values.any(axis=0).all() and len(found.monomials) == count
+    terms = {scalar for link in found.links.values() for _, monomial, _ in link.element_terms for scalar in monomial}
+    assert "crank.link.P_0" in terms and not terms & {"crank.link.a_x", "crank.link.a_y", "crank.epsilon"}
+
+
+def test_constants_of_the_structure_are_put_in():
+    c, zero = {"body.c": -1.0}, {"body.c": 0.0}
+    affine = Affine.term(("body.c", "body.c", "body.s"), np.eye(2)) + Affine.term(("body.c",), np.ones((2, 2)))
+    assert list(affine.fixed(zero).terms) == [] and affine.fixed({}).terms.keys() == affine.terms.keys()
+    assert (affine.fixed(c).value({"body.s": 3.0}) == [[2.0, -1.0], [-1.0, 2.0]]).all()

@@ -53,6 +53,10 @@ class ElasticEquations:
     def matrices(self) -> dict[str, Affine]:
         return {name: getattr(self, name) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")}
 
+    def fixed(self, constants: Mapping[str, float]) -> ElasticEquations:
+        """The same with the scalars that a structure fixes at their values: what they make zero is left out."""
+        return replace(self, **{name: affine.fixed(constants) for name, affine in self.matrices().items()})
+
     def in_basis(self, basis: np.ndarray, coordinates: tuple[str, ...]) -> ElasticEquations:
         """The same equations projected on z = B a with a constant basis."""
         projected = {

@@ -128,6 +128,16 @@ class Affine:
         """The terms whose monomial is kept."""
         return Affine(self.shape, {monomial: matrix for monomial, matrix in self.terms.items() if keep(monomial)})
 
+    def fixed(self, constants: Mapping[str, float]) -> Affine:
+        """The same with its constant scalars at their values; what is then zero by structure is left out."""
+        total = Affine.zero(*self.shape)
+        for monomial, matrix in self.terms.items():
+            factor = math.prod(constants[name] for name in monomial if name in constants)
+            if factor and (matrix.count_nonzero() if issparse(matrix) else matrix.any()):
+                rest = [name for name in monomial if name not in constants]
+                total += Affine.term(rest, matrix if factor == 1.0 else factor * matrix)
+        return total
+
     def congruent(self, basis: np.ndarray | csr_array) -> Affine:
         """B^T A B for a constant basis B, term by term."""
         return Affine((basis.shape[1],) * 2, {m: kept(basis.T @ a @ basis) for m, a in self.terms.items()})
