@@ -9,8 +9,11 @@ from runs import model, run
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.scene import read_scene
+from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import beginning
+from kaneflex.solve.initial import given_state
+from kaneflex.solve.loading import load
+from kaneflex.study.plan import file_places
 from kaneflex.support.errors import SceneError
 
 STILL = (
@@ -73,6 +76,47 @@ def test_a_run_from_the_last_state_of_another_is_its_continuation(settings):
     for found, expected in zip(second.coordinates, whole.coordinates, strict=True):
         assert found == pytest.approx(expected[:, 720:], rel=1e-9, abs=1e-9 * abs(expected).max())
     assert second.model.options.start == "given"
+
+
+def test_a_state_stands_in_a_file_beside_the_scene(tmp_path):
+    """Written by json.dump or by hand; what the scene itself gives comes first, in a study's scenes, too."""
+    state = {"displacements": {"blade.8.v": 1e-4, "blade.7.v": "0.08 mm"}, "velocities": {"blade.8.v": "2 mm/s"}}
+    (tmp_path / "state.json").write_text(json.dumps(state))
+    (tmp_path / "state.toml").write_text("\n".join(f"{key} = {inline({key: part})[len(key) + 4 : -1]}"
+                                                   for key, part in state.items()))  # fmt: skip
+    for name in ("state.json", "state.toml"):
+        scene = tmp_path / "blade.toml"
+        scene.write_text(
+            f'schema = 1\nlike = "rotating-cantilever"\n[solve.start]\nfile = "{name}"\n'
+            'displacements = {"blade.8.v" = "0.2 mm"}\n'
+        )
+        z, v = given_state(load(read_scene(scene)))
+        row = model("rotating-cantilever").coordinates.index
+        assert (z[row("blade.8.v")], z[row("blade.7.v")], v[row("blade.8.v")]) == (2e-4, 8e-5, 2e-3)
+        assert np.count_nonzero(z) == 2 and np.count_nonzero(v) == 1
+        assert file_places(read_scene(scene)) == {"solve.start.file": str(tmp_path / name)}
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (None, r"no such file\. Give the path of a state's file, relative to the scene"),
+        ("{", "not JSON: .*Give tables displacements and velocities, as solution"),
+        ("[1]", "the file: "),
+        ('{"displacements": {"tip": NaN}}', "displacements.tip: not a finite number"),
+        ('{"displacements": {"tip": "3 kg"}}', "displacements.tip: 'kg' is not a unit of length"),
+        ('{"rates": {}}', "rates: "),
+        ('{"file": "state.json"}', "names a file in its turn"),
+        ("9" * 5000, "not JSON: "),
+        ("[" * 100_000, "not JSON: "),
+    ],
+)
+def test_files_that_hold_no_state(tmp_path, monkeypatch, text, reason):
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        (tmp_path / "state.json").write_text(text)
+    with pytest.raises(SceneError, match=rf"^solve\.start\.file = 'state\.json': {reason}"):
+        with_settings(read_scene("rotating-cantilever"), ["solve.start.file=state.json"])
 
 
 def test_a_coupled_run_from_the_last_state_of_another_is_its_continuation():

@@ -94,7 +94,7 @@ def _other_scene(text: str, path: Path, shipped: Iterable[str]) -> str:
 
 
 def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
-    """The file's tables over those that `like` names; the paths of CSV tables and modal data are absolute."""
+    """The file's tables over those that `like` names; the paths of CSV tables, modal data and states are absolute."""
     path = path.resolve()
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
@@ -107,6 +107,9 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     for entry in _tables(raw.get("bodies")):
         if isinstance(entry.get("modal_data"), str):
             entry["modal_data"] = str(beside(path.parent, entry["modal_data"]))
+    for entry in _tables(raw.get("solve")):
+        if isinstance(entry.get("file"), str):
+            entry["file"] = str(beside(path.parent, entry["file"]))
     if isinstance(raw.get("like"), str):
         raw = merged(_read_raw(located(raw["like"], path.parent, "like"), (*readers, path)), raw)
     return reuse_bodies(raw)

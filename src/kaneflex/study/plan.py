@@ -16,7 +16,7 @@ from kaneflex.study.study import Study, Value, read_study
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
 
-FILE_KEYS = ("table", "modal_data")
+FILE_KEYS = ("table", "modal_data", "file")
 """Entries of a scene that name a file."""
 OWN_NAMES = ("point", "statistic", "instant", "outcome", "reason", "time")
 """Names in the dataset that are not sensors."""
@@ -122,10 +122,10 @@ def file_places(scene: Scene) -> dict[str, str]:
     """Path of every entry of the scene that names a file -> that file."""
     return {
         f"{table}.{name}.{key}": entry[key]
-        for table in ("loads", "drives", "bodies")
+        for table in ("loads", "drives", "bodies", "solve")
         for name, entry in scene.raw.get(table, {}).items()
         for key in FILE_KEYS
-        if isinstance(entry.get(key), str)
+        if isinstance(entry, dict) and isinstance(entry.get(key), str)
     }
 
 
