@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import run
+from runs import model, run, waving
 
 import kaneflex
+from kaneflex.response.deformation import deform
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene import read_scene
 from kaneflex.scene.sensors import Sensor
@@ -60,12 +61,26 @@ def test_the_slider_comes_nearer_as_its_rod_bends():
     assert abs(here - there)[early].max() < 0.1 * abs(there - rigid)[early].max()
 
 
-CLAMPED_AT_ITS_END = """
+def test_the_slider_comes_nearer_by_the_shortening_of_its_rod():
+    """By s / cos phi, as the crank stands where its drive holds it: s^2 / (l cos phi) and less are left out."""
+    given = model("engine", "solve.preset=stiffened")
+    solution = waving(given, np.linspace(1e-3, 19e-3, 37), 1.6e-3)
+    rod = deform(given, solution.rigid, solution.coordinates, "rod")
+    slide = solution.coordinates[0][given.coordinates.index("piston.slide")]
+    place = sensor_values(solution, Sensor.model_validate({"displacement": "rod.end", "axes": "global"}))
+    nearer = rod.foreshortening(rod.link.length)[0] / solution.rigid["rod.c"]
+    assert abs(nearer).min() > 1e-4
+    assert slide - place == pytest.approx(nearer, rel=1e-9)
+
+
+HELD_AT_ITS_END = """
 schema = 1
 [bodies]
-bar = {length = 1, beam = {E = 2e11, rho = 7800, A = 1e-4, I = 1e-10, elements = 8}}
+bar = {pose = {at = [-1, 0]}, length = 1, beam = {E = 2e11, rho = 7800, A = 1e-4, I = 1e-10, elements = 8}}
 [joints]
-wall = {weld = ["ground", "bar.end"]}
+wall = {JOINT = ["ground", "bar.end"]}
+[springs]
+SPRING
 [loads]
 push = {force_on = "bar.start", direction = [0, 1], law = "2"}
 [solve]
@@ -75,10 +90,15 @@ steps = 4
 """
 
 
-def test_a_beam_held_at_its_end_stays_there(tmp_path):
-    """It is the start that comes nearer: by F^2 l^5 / (15 (E I)^2), from v' = F (l^2 - x^2) / (2 E I)."""
-    (tmp_path / "bar.toml").write_text(CLAMPED_AT_ITS_END)
+@pytest.mark.parametrize(
+    ("joint", "spring", "give"),
+    [("weld", "", 0.0), ("revolute", "coil = {torsional_at = 'wall', stiffness = 50}", 1 / 50)],
+)
+def test_a_beam_held_at_its_end_stays_there(tmp_path, joint, spring, give):
+    """It is the start that comes nearer: by 1/2 int v'^2 of v' = F (l^2 - x^2) / (2 E I) + F l / k, with l = 1 m."""
+    (tmp_path / "bar.toml").write_text(HELD_AT_ITS_END.replace("JOINT", joint).replace("SPRING", spring))
     solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "bar.toml")))
-    for point, expected in (("start", 4 / (15 * 20.0**2)), ("end", 0.0)):
+    nearer = 2.0**2 / 2 * (2 / (15 * 20.0**2) + 2 * give / (3 * 20.0) + give**2)
+    for point, expected in (("start", nearer), ("end", 0.0)):
         place = sensor_values(solution, Sensor.model_validate({"displacement": f"bar.{point}"}))
         assert place == pytest.approx(expected, rel=1e-9, abs=1e-15)

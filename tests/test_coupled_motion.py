@@ -1,0 +1,69 @@
+"""How a coupled trajectory is read: rates are derivatives of places, and sections carry what lies beyond them.
+
+The motion is prescribed, so that no integrator has a part in it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from runs import STENCIL, model, run
+
+from kaneflex.multibody.motion import CoupledMotion
+from kaneflex.response.dalembert import Balance, balanced
+from kaneflex.solve.coupled import as_solution, still_trajectory
+
+
+def test_rates_are_the_derivatives_of_places():
+    """Of every coordinate, and of points of the axis between nodes; all swings, each at its own frequency and phase."""
+    given, h = model("slider-crank-150-coupled"), 2e-4
+    times = 7e-3 + h * np.arange(-4, 5)
+    n = given.coupled.size
+    rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
+    angle = rates * times[:, None] + phases
+    q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
+    solution = as_solution(given, replace(still_trajectory(given.coupled, 0.0, q), times=times, v=v, a=a), 0.0)
+    motion = solution.coupled
+    found = {"coordinates": solution.coordinates} | {x: motion.place_along("rod", x) for x in (0.0, 0.11, 0.3)}
+    for name, (place, rate, accel) in found.items():
+        for lower, higher in ((place, rate), (rate, accel)):
+            assert lower @ STENCIL / h == pytest.approx(higher[:, 4], rel=1e-7, abs=1e-9 * abs(higher).max()), name
+
+
+def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond():
+    """A straight link that turns about its start: N = -int rho A (a - g)_x over the part beyond, V and M likewise."""
+    given, turn, omega, epsilon = model("elastic-pendulum"), 0.4, 3.0, 7.0
+    link, poly = given.coupled.links["strip"], np.polynomial.Polynomial
+    X, density, rotary = poly([0.0, 1.0]), poly([0.3, -0.2]), poly([0.02, 0.03])
+    middles, lengths = (link.nodes[1:] + link.nodes[:-1]) / 2, np.diff(link.nodes)
+    numbers = {"rho_A": density(middles), "rho_A_rise": -0.2 * lengths}
+    numbers |= {"rho_I": rotary(middles), "rho_I_rise": 0.03 * lengths}
+    own = replace(link, parameters=dict(link.parameters) | numbers)
+    system = replace(given.coupled, links={"strip": own})
+    q, v, a = np.zeros((3, 1, system.size))
+    q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
+    motion = CoupledMotion(given, system, replace(still_trajectory(system, 0.0, q), v=v, a=a), given.motion.at(0.0))
+    g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
+    assert given.scene.gravity == (0, -9.81) and link.length == 1.0
+
+    def beyond(x: float) -> list[float]:
+        a_x, a_y = -(omega**2) * X - g_x, epsilon * X - g_y
+        parts = (density * a_x, density * a_y, density * a_y * (X - x) + rotary * epsilon)
+        return [-part.integ()(1.0) + part.integ()(x) for part in parts]
+
+    N, V, M = beyond(0.0)
+    balance = Balance(motion, "strip", {0.0: (np.array([[-N], [-V]]), np.array([-M]))})
+    for x in (0.0, 0.07, 0.5, 0.63, 1.0):
+        assert balance.section(x)[:, 0] == pytest.approx(beyond(x), rel=1e-12, abs=1e-12), x
+
+
+def test_shear_does_not_jump_beside_a_joint():
+    """It is what the joint exerts there, the ringing in tension included, which sections far from joints leave out."""
+    motion = run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").coupled
+    sections = balanced(motion)["strip"]
+    c, s = np.cos(motion.body("strip")[0][2]), np.sin(motion.body("strip")[0][2])
+    force = [motion.reactions[f"hinge.force_{axis}"] for axis in "xy"]
+    across = c * force[1] - s * force[0]
+    beside, quiet = (found.section(1e-6)[1] for found in (sections, sections.quiet))
+    assert abs(across + quiet).max() > 1e-4  # what rings has a share in it
+    assert beside == pytest.approx(-across, abs=1e-5 * abs(across).max())
