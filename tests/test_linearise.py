@@ -12,8 +12,8 @@ from scipy.io import loadmat
 from scipy.linalg import expm
 
 import kaneflex
-from kaneflex.fem.modes import damping_ratios
-from kaneflex.multibody.building import rayleigh_coefficients, reference_modes
+from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
+from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.sparse import csc_array
 
@@ -75,3 +77,9 @@ def _signs(shapes: np.ndarray) -> np.ndarray:
     largest = abs(shapes).max(axis=0)
     decisive = np.argmax(abs(shapes) > (1 - 1e-6) * largest, axis=0)
     return np.sign(shapes[decisive, np.arange(shapes.shape[1])])
+
+
+def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:
+    """alpha [1/s] and beta [s] of C = alpha M + beta K with one damping ratio at two frequencies [Hz]."""
+    w_1, w_2 = 2 * math.pi * f_1, 2 * math.pi * f_2
+    return 2 * ratio * w_1 * w_2 / (w_1 + w_2), 2 * ratio / (w_1 + w_2)

@@ -22,7 +22,7 @@ from kaneflex.fem.assembly import (
 from kaneflex.fem.coordinate_map import Frame, build_frame
 from kaneflex.fem.interface_coordinates import Interfaces, find_interfaces
 from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayleigh
-from kaneflex.fem.modes import damping_ratios, lowest_modes
+from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Affine, Matrix, entries
 from kaneflex.mechanism.rigid_bodies import carried_bodies
@@ -273,12 +273,6 @@ def _loaded_rows(scene: Scene, link: Link) -> set[int]:
     addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
     nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]
     return {row for node in nodes for row in link.part.place[node]}
-
-
-def rayleigh_coefficients(ratio: float, f_1: float, f_2: float) -> tuple[float, float]:
-    """alpha [1/s] and beta [s] of C = alpha M + beta K with one damping ratio at two frequencies [Hz]."""
-    w_1, w_2 = 2 * math.pi * f_1, 2 * math.pi * f_2
-    return 2 * ratio * w_1 * w_2 / (w_1 + w_2), 2 * ratio / (w_1 + w_2)
 
 
 def reference_modes(model: Model, modes: int | str) -> tuple[np.ndarray, np.ndarray]:

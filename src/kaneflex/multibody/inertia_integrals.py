@@ -8,9 +8,8 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.fem.links import Link, spread_sums
-from kaneflex.fem.modes import damping_ratios
+from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
-from kaneflex.multibody.building import rayleigh_coefficients
 from kaneflex.multibody.shapes import Shapes
 from kaneflex.scene import Scene
 

@@ -16,6 +16,7 @@ from kaneflex.fem.assembly import ElasticEquations, spin_or_euler
 from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part
+from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.fem.products import Products
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.mechanism.affine import Affine, Monomial, as_array, entries
@@ -131,8 +132,6 @@ class Model:
     @cached_property
     def rayleigh(self) -> tuple[float, float]:
         """alpha [1/s] and beta [s] of the kept damping alpha M + beta K_s of links, bodies and lumped masses."""
-        from kaneflex.multibody.building import rayleigh_coefficients
-
         damping = self.scene.damping
         if damping is None or damping.kind != "rayleigh" or not self.options.damping:
             return 0.0, 0.0

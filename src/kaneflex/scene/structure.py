@@ -9,12 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from kaneflex.scene.laws import parse_law
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.scene import Scene
 from kaneflex.support.contract import FORMAT
+
+if TYPE_CHECKING:
+    from kaneflex.scene.scene import Scene
 
 ANY = "*"
 """A number that the equations hold as a parameter."""
