@@ -71,8 +71,9 @@ bench-derive: $(READY)  ## time deriving and compiling of chains of links into d
 bench-choice: $(READY)  ## compare choices by tolerance with brute force into docs/choice-table.md
 	$(BIN)/python tests/bench_choice.py
 
-lint: $(READY)  ## check the style of the sources
+lint: $(READY)  ## check the style of the sources, and their types against a baseline that only falls
 	$(BIN)/ruff check .
+	$(BIN)/python tests/check_types.py
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build dist kaneflex.egg-info .pytest_cache .ruff_cache .hypothesis

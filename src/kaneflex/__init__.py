@@ -8,10 +8,34 @@
 """
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from kaneflex.support.numba_cache import ensure_cache_folder
 
 ensure_cache_folder()  # before any jitted module can be imported
+
+if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run time
+    from kaneflex.multibody.model import Model as Model
+    from kaneflex.scene import Scene as Scene
+    from kaneflex.scene import read_scene as read_scene
+    from kaneflex.scene import with_settings as with_settings
+    from kaneflex.solve.coupled_state import read_state as read_state
+    from kaneflex.solve.loading import load as load
+    from kaneflex.solve.simulation import simulate as simulate
+    from kaneflex.solve.solution import Solution as Solution
+    from kaneflex.solve.statespace import StateSpace as StateSpace
+    from kaneflex.solve.statespace import linearise as linearise
+    from kaneflex.stability.report import Stability as Stability
+    from kaneflex.stability.report import judge as judge
+    from kaneflex.study.comparison import Comparison as Comparison
+    from kaneflex.study.comparison import compare as compare
+    from kaneflex.study.sensitivity.report import Sensitivities as Sensitivities
+    from kaneflex.study.sensitivity.report import sensitivities as sensitivities
+    from kaneflex.support.checking import checked as checked
+    from kaneflex.support.errors import OutputError as OutputError
+    from kaneflex.support.errors import SceneError as SceneError
+    from kaneflex.support.errors import UserError as UserError
+    from kaneflex.support.errors import ValidityWarning as ValidityWarning
 
 _HOMES = {
     "Comparison": "kaneflex.study.comparison",

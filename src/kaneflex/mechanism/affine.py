@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from scipy.sparse import coo_array, csc_array, csr_array, issparse
 Monomial = tuple[str, ...]
 """Sorted names of scalars, repeated for powers: ("rod.c", "rod.omega", "rod.omega") is c omega^2."""
 
-Matrix = np.ndarray | csr_array
+Matrix: TypeAlias = np.ndarray | csr_array
 _FEW = 10_000
 """Entries up to which a matrix is kept as an array: an operation on a sparse one costs what thousands of entries do."""
 
