@@ -21,10 +21,16 @@ def eight_gigabytes(monkeypatch):
     monkeypatch.setattr(memory, "installed", lambda: 8 * 2**30)
 
 
-@pytest.mark.parametrize("preset", ["rigid", "quasistatic", "coupled"])
+@pytest.mark.parametrize("preset", ["rigid", "quasistatic", "linear", "stiffened", "coupled"])
 def test_a_thousand_million_instants(preset):
+    """The one-way presets store few of them, but make a table of the whole cycle."""
     with pytest.raises(SceneError, match=r"^solve\.steps = 1000000000: the run needs [\d.e+]+ GiB, and"):
         load(with_settings(read_scene("engine"), [f"solve.preset={preset}", "solve.steps=1000000000"]))
+
+
+def test_a_run_without_a_cycle_makes_its_table_piece_by_piece():
+    settings = ["solve.steps=1000000000", "solve.start=zero", "solve.duration=1 s"]
+    assert load(with_settings(read_scene("engine"), settings)).options.steps == 10**9
 
 
 @pytest.mark.parametrize("preset", ["stiffened", "coupled"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from kaneflex.integrate.methods import method_named
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -18,8 +19,9 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     """Refuse a run whose tables and dense matrices are larger than the machine's memory.
 
     ``scalars`` is how many numbers the rigid motion has at an instant. Counted is what can't be done without: the
-    tables of the stored instants; the states of a cycle from every unit state, with which a periodic start is found;
-    the matrices of a link whose modes are all asked for.
+    tables of the stored instants; that of the motion over a whole cycle, where each cycle reads it again; the states of
+    a cycle from every unit state, with which a periodic start is found; the matrices of a link whose modes are all
+    asked for.
 
     Raises
     ------
@@ -35,15 +37,19 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     whole = options.dynamics in ("rigid", "quasistatic") or coupled
     rows = options.steps + 1 if whole else min(options.steps, MAX_STORED) + 1
     row = _NUMBER * (scalars + (0 if options.dynamics == "rigid" else 3 * kept))
+    instants = rows * row
+    if not whole and options.cycles:
+        row = _NUMBER * 2 * scalars * len(method_named(options.integrator).nodes)  # and as many products of them
+        instants += options.steps * row
     matrices = 0
     if options.dynamics == "dynamic" and options.start == "periodic":
         matrices = _NUMBER * 10 * kept**2
     if coupled or options.reduction == "craig-bampton":
         matrices = max(matrices, _NUMBER * 4 * max(links.values(), default=0) ** 2)
-    if rows * row + matrices <= there:
+    if instants + matrices <= there:
         return
-    needs = f"the run needs {_gib(rows * row + matrices)}, and this machine has {_gib(there)}"
-    if matrices > rows * row:
+    needs = f"the run needs {_gib(instants + matrices)}, and this machine has {_gib(there)}"
+    if matrices > instants:
         largest = max(links, key=links.get)
         cure = "Take fewer elements" + (", keep some modes of them, or start from zero" if not coupled else "")
         raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // 3, needs, cure)
