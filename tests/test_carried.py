@@ -100,6 +100,7 @@ arm_end = {displacement = "arm.end", component = "y"}
 arm_turn = {displacement = "arm.end", component = "angle"}
 tip_end = {displacement = "tip.end", component = "y"}
 root_moment = {bending_moment = "arm.start"}
+end_moment = {bending_moment = "arm.end"}
 hub_torque = {drive_torque = "hub"}
 flange_moment = {joint_force = "flange", component = "angle"}
 
@@ -129,6 +130,10 @@ def test_a_body_at_the_tip_of_a_rotating_beam(tmp_path):
     # The centrifugal forces meet the axis: what is left at the hub is the push at 1.4 m.
     assert found["rigid"]["root_moment"].values.mean() == pytest.approx(7.0, rel=1e-3)
     assert found["rigid"]["hub_torque"].values.mean() == pytest.approx(-7.0, rel=1e-3)
+    # What the arm's end carries is what the body needs to turn with it, at any instant.
+    scene = with_settings(read_scene(tmp_path / "rigid.toml"), ["solve.preset=quasistatic"])
+    series = simulate(load(scene)).series
+    assert series["flange_moment"].values == pytest.approx(-series["end_moment"].values, rel=1e-9)
 
 
 LUMPED = ROTATING.replace("tip = TIP\n", "").replace('flange = {weld = ["arm.end", "tip.start"]}\n', "")

@@ -38,6 +38,7 @@ pin = {free = true, angle = "20 deg"}
 motor = {torque_at = "pin", law = "2 - 0.5*pin_speed"}
 wind = {force_on = "bar.end", direction = [1, 2], axes = "body", law = "3*cos(5*t)"}
 push = {force_on = "cart.end", direction = [1, 0], value = "4 N"}
+rain = {spread_on = "bar", direction = [0.6, -0.8], value = "0.5 N/m", profile = [1, 2]}
 [springs]
 rope = {between = ["ground.post", "bar.end"], stiffness = "30 N/m", damping = "2 N s/m", length = "0.2 m"}
 coil = {torsional_at = "pin", stiffness = "1 N m/rad", damping = "0.05 N m s/rad", angle = "30 deg"}

@@ -106,6 +106,7 @@ main = {speed = "20 rad/s", cycle = "360 deg"}
 torque = {drive_torque = "main"}
 bearing = {joint_force = "main", component = "x"}
 slot = {joint_force = "slot", component = "y"}
+slot_x = {joint_force = "slot", component = "x"}
 foot = {joint_force = "foot", component = "y"}
 [solve]
 preset = "quasistatic"
@@ -122,3 +123,6 @@ def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is(tmp_path, monkey
         # At 20 rad/s the rod is as good as rigid.
         assert solution.series[name].values == pytest.approx(rigid, abs=1e-4 * np.abs(rigid).max()), name
     assert np.abs(solution.series["torque_rigid"].values).max() > 1
+    along = solution.rigid["arm.c"] * solution.series["slot_x"].values
+    along += solution.rigid["arm.s"] * solution.series["slot"].values
+    assert np.abs(along).max() < 1e-12 * np.abs(solution.series["slot"].values).max()  # nothing along the guide

@@ -106,13 +106,26 @@ steps = 2
 """
 
 
-def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deformation(tmp_path):
+SPRING = """
+[ground]
+far = [1e6, 0]
+[springs]
+pull = {between = ["hand.end", "ground.far"], stiffness = 4e-4}
+[loads]
+"""
+
+
+@pytest.mark.parametrize("pulled", ["by a force", "by a spring from afar"])
+def test_forces_keep_their_direction_on_a_rigid_body_that_turns_with_the_deformation(tmp_path, pulled):
     """A beam under tension P with a rigid body b at its tip, pushed down by F: E I v'' = -F (L + b - x) - P (v_T - v).
 
     The pull has an arm about the grip as the body turns: the grip holds F b + P b theta, theta < 0, a third less than
     F b. At the wall the upper fibre is pulled by both forces.
     """
-    solution = simulate(derived_on_the_fly(HAND, tmp_path))
+    force = '[loads]\npull = {force_on = "hand.end", direction = [1, 0], value = "400 N"}\n'
+    assert force in HAND
+    text = HAND if pulled == "by a force" else HAND.replace(force, SPRING.lstrip())
+    solution = simulate(derived_on_the_fly(text, tmp_path))
     P, F, L, b, EI, EA = 400.0, 20.0, 1.0, 0.3, 200e9 * 800e-12, 200e9 * 100e-6
     k = np.sqrt(P / EI)
     ch, sh, B = np.cosh(k * L), np.sinh(k * L), F / (k * P)
@@ -142,6 +155,8 @@ spot = {at = "arm.spot", mass = "3 kg", inertia = "0.7 kg m^2"}
 hub = {law = "5 * t**2"}
 [loads]
 wind = {spread_on = "arm", direction = [0, 1], axes = "body", value = "40 N/m", profile = [1, 3]}
+push = {force_on = "arm.end", direction = [0, 1], axes = "body", value = "7 N"}
+twist = {torque_at = "hub", value = "5 N m"}
 [sensors]
 N = {axial_force = "arm.cut"}
 V = {shear_force = "arm.cut"}
@@ -165,8 +180,9 @@ def laden(tmp_path_factory) -> dict[str, Model]:
 def test_a_cut_through_a_tapered_arm_with_lumps_and_a_load_carries_what_lies_beyond(laden):
     """The part beyond the cut at x is in balance, with rho A(X), p(X) linear and a mass m at its tip:
 
-    N = omega^2 (int rho A X + m L), V = int p - epsilon (int rho A X + m L), M = int p (X - x) - epsilon (int rho A X
-    (X - x) + m L (L - x)). What lies before the cut, the other lump and its inertia, has no part in it.
+    N = omega^2 (int rho A X + m L), V = F + int p - epsilon (int rho A X + m L), M = F (L - x) + int p (X - x) -
+    epsilon (int rho A X (X - x) + m L (L - x)). What lies before the cut, the other lump and its inertia, and the
+    torques at the hub have no part in it.
     """
     poly, x, L, m, epsilon = np.polynomial.Polynomial, 0.63, 1.0, 2.0, 10.0
     X, density, load = poly([0.0, 1.0]), 7850 * poly([900e-6, -600e-6]), 40 * poly([1.0, 2.0])
@@ -178,8 +194,8 @@ def test_a_cut_through_a_tapered_arm_with_lumps_and_a_load_carries_what_lies_bey
     first, second = beyond(density * X) + m * L, beyond(density * X * (X - x)) + m * L * (L - x)
     for preset in ("rigid", "quasistatic"):
         solution = simulate(laden[preset])
-        expected = {"N": (10 * solution.times) ** 2 * first, "V": beyond(load) - epsilon * first,
-                    "M": beyond(load * (X - x)) - epsilon * second}  # fmt: skip
+        expected = {"N": (10 * solution.times) ** 2 * first, "V": 7 + beyond(load) - epsilon * first,
+                    "M": 7 * (L - x) + beyond(load * (X - x)) - epsilon * second}  # fmt: skip
         for name, value in expected.items():
             scale = abs(np.asarray(value)).max()
             bound = 1e-9 if preset == "rigid" else 1e-4  # almost stiff

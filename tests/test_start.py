@@ -119,6 +119,16 @@ def test_files_that_hold_no_state(tmp_path, monkeypatch, text, reason):
         with_settings(read_scene("rotating-cantilever"), ["solve.start.file=state.json"])
 
 
+def test_angles_of_a_state_have_units_too():
+    one_way = {"displacements": {"blade.8.theta": "3 deg"}, "velocities": {"blade.8.theta": "4 rpm"}}
+    z, v = given_state(model("rotating-cantilever", *starting(one_way)))
+    row = model("rotating-cantilever").coordinates.index("blade.8.theta")
+    assert (z[row], v[row]) == pytest.approx((np.radians(3.0), np.radians(24.0)))
+    coupled = {"displacements": {"strip.phi": "5 deg"}, "velocities": {"strip.phi": "6 rpm"}}
+    q, v = beginning(model("elastic-pendulum", *PENDULUM, *starting(coupled)))
+    assert (q[2], v[2]) == pytest.approx((np.radians(5.0), np.radians(36.0)))
+
+
 def test_a_coupled_run_from_the_last_state_of_another_is_its_continuation():
     def swing(seconds, *more):
         return run("elastic-pendulum", *PENDULUM, f"solve.duration={seconds}", f"solve.steps={400 * seconds:g}", *more)
