@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import re
 import stat
 import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import tomlkit
+from tomlkit.items import InlineTable
 
 from kaneflex.scene.merge import REMOVED
 from kaneflex.scene.read import read_scene, shipped_scenes, with_settings
@@ -18,8 +19,6 @@ from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import SceneError
 
 _MARK = "\N{BYTE ORDER MARK}".encode()
-_HEADER = re.compile(r"^\s*\[([^\[\]]+)\]\s*(#.*)?$")
-_ENTRY = re.compile(r"^\s*([A-Za-z0-9_-]+)\s*=\s*")
 
 
 def file_to_write(name: str, settings: Sequence[str]) -> Path:
@@ -51,7 +50,7 @@ def write_settings(path: Path, settings: Sequence[str]) -> None:
     Raises
     ------
     SceneError
-        Where the file is written in a way that can't be changed line by line; it names the settings.
+        Where the file is written in a way in which it can't be changed; it names the settings.
     OutputError
         If the file can't be written.
     """
@@ -66,7 +65,7 @@ def write_settings(path: Path, settings: Sequence[str]) -> None:
             new = _with_elements(new, name, body.beam.elements)
     if not _gives(new, path, wanted):
         raise SceneError(
-            str(path), ", ".join(settings), "the file is written in a way that can't be changed line by line",
+            str(path), ", ".join(settings), "the file is written in a way in which it can't be changed",
             "Write these settings into it yourself",
         )  # fmt: skip
     lines = new.replace("\n", "\r\n") if b"\r\n" in data else new
@@ -90,104 +89,43 @@ def _gives(text: str, path: Path, wanted: Scene) -> bool:
 
 def _with_solve(text: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
     """The text with its own section [solve] giving the table ``new``, where it gave ``old`` with what it is like."""
+    document = tomlkit.parse(text)
     own = tomllib.loads(text).get("solve", {})
-    given = {key: value for key, value in new.items() if key in own or old.get(key) != value}
-    removed = {key: REMOVED for key in old if key not in new and key not in own}
-    written = {key: _toml(value) for key, value in (given | removed).items()}
-    lines = text.rstrip("\n").splitlines()
-    start, end = _section(lines, "solve")
-    if start is None:
-        body = "\n".join(f"{key} = {value}" for key, value in written.items())
-        return text.rstrip("\n") + f"\n\n[solve]\n{body}\n"
-    section = []
-    for line in lines[start + 1 : end]:
-        entry = _ENTRY.match(line)
-        key = entry[1] if entry else None
-        if key in written and own.get(key) != new.get(key):
-            line = f"{key} = {written[key]}{_comment(line)}"
-        if key is None or key in written:
-            section.append(line)
-        written.pop(key, None)
-    while section and not section[-1].strip():
-        section.pop()
-    section += [f"{key} = {value}" for key, value in written.items()]
-    rest = lines[end:]
-    return "\n".join([*lines[: start + 1], *section, *([""] if rest else []), *rest]) + "\n"
+    if "solve" not in document:
+        document["solve"] = tomlkit.table()
+    section = document["solve"]
+    for key in own.keys() - new.keys() - old.keys():
+        del section[key]
+    for key, value in new.items():
+        if own.get(key) != value and old.get(key) != value:
+            section[key] = _item(value)
+    for key in old.keys() - new.keys():
+        if key in own:
+            del section[key]
+        else:
+            section[key] = REMOVED
+    return tomlkit.dumps(document)
 
 
 def _with_elements(text: str, body: str, count: int) -> str:
-    """The text with so many elements of a body's beam: in its own table, in an inline one, or in a new section."""
-    lines = text.rstrip("\n").splitlines()
-    entry = f"elements = {count}"
-    for path, keys in ((f"bodies.{body}.beam", ()), (f"bodies.{body}", ("beam",)), ("bodies", (body, "beam"))):
-        start, end = _section(lines, path)
-        if start is None:
-            continue
-        for k in range(start + 1, end):
-            match = _ENTRY.match(lines[k])
-            if match and match[1] == (*keys, "elements")[0]:
-                lines[k] = _inside(lines[k], match.end(), keys[1:], entry) if keys else _replaced(lines[k], entry)
-                return "\n".join(lines) + "\n"
-        if not keys:
-            return "\n".join([*lines[: start + 1], entry, *lines[start + 1 :]]) + "\n"
-    return "\n".join([*lines, "", f"[bodies.{body}.beam]", entry]) + "\n"
+    """The text with so many elements of a body's beam: where it has any, else in a new table."""
+    document = tomlkit.parse(text)
+    if body not in document.get("bodies", {}):
+        # a table of its own; the tables above it need no headers
+        document.setdefault("bodies", tomlkit.table(is_super_table=True))[body] = tomlkit.table(is_super_table=True)
+    found = document["bodies"][body]
+    if isinstance(found, InlineTable) and "beam" not in found:
+        found.append("beam", tomlkit.value(f"{{elements = {count}}}"))
+    else:
+        found.setdefault("beam", tomlkit.table())["elements"] = count
+    return tomlkit.dumps(document)
 
 
-def _inside(line: str, begin: int, keys: Sequence[str], entry: str) -> str:
-    """The line with an entry in the inline table that begins at ``begin``, or in the one that the keys lead to."""
-    end = _closing(line, begin)
-    table = line[begin:end]
-    if keys:
-        found = re.search(rf"\b{re.escape(keys[0])}\s*=\s*(?={{)", table)
-        if found:
-            return _inside(line, begin + found.end(), keys[1:], entry)
-        entry = f"{keys[0]} = {{{entry}}}"
-    found = re.search(r"\belements\s*=\s*[0-9_]+", table)
-    if found and not keys:
-        return line[: begin + found.start()] + entry + line[begin + found.end() :]
-    return f"{line[:end]}{', ' if table.strip('{ ') else ''}{entry}{line[end:]}"
-
-
-def _closing(line: str, begin: int) -> int:
-    """Where the brace of the inline table that begins at ``begin`` is closed; texts in quotes are skipped."""
-    depth, quote = 0, ""
-    for k in range(begin, len(line)):
-        character = line[k]
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "\"'":
-            quote = character
-        elif character == "{":
-            depth += 1
-        elif character == "}":
-            depth -= 1
-            if depth == 0:
-                return k
-    return len(line)
-
-
-def _replaced(line: str, entry: str) -> str:
-    return f"{entry}{_comment(line)}"
-
-
-def _comment(line: str) -> str:
-    """What follows a value on its line from the "#" on; "" where a text in quotes may hold it."""
-    value, mark, comment = line.partition(" #")
-    return f" {mark.strip()}{comment}" if mark and value.count('"') % 2 == 0 else ""
-
-
-def _section(lines: Sequence[str], path: str) -> tuple[int | None, int]:
-    """The line of a table's header, None where it has none, and the one after its last."""
-    headers = [k for k, line in enumerate(lines) if _HEADER.match(line) or line.lstrip().startswith("[[")]
-    for at, following in zip(headers, [*headers[1:], len(lines)], strict=False):
-        match = _HEADER.match(lines[at])
-        if match and match[1].replace(" ", "") == path:
-            return at, following
-    return None, len(lines)
-
-
-def _toml(value: Any) -> str:
-    """A value of ``solve`` in TOML's spelling: text, number, flag, or a table of such."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + "}"
-    return json.dumps(value, ensure_ascii=False)
+def _item(value: Any) -> Any:
+    """A value of ``solve``; a table stays on the line of its key."""
+    if not isinstance(value, Mapping):
+        return value
+    table = tomlkit.inline_table()
+    for key, each in value.items():
+        table[key] = _item(each)
+    return table

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from kaneflex.study.plan import Plan
 from kaneflex.study.run import Record
@@ -19,7 +19,7 @@ from kaneflex.support.atomic_output import write_text
 from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import writing
 
-STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER = "study.json", "journal.jsonl", "series"
+STUDY_FILE, JOURNAL_FILE, SERIES_FOLDER, LOCK_FILE = "study.json", "journal.jsonl", "series", ".lock"
 RESULT_FILES = {"netcdf": "sweep.nc", "zarr": "sweep.zarr"}
 
 
@@ -111,26 +111,20 @@ class Store:
 def alone(folder: Path) -> Iterator[None]:
     """Make the folder if need be, and keep every other sweep out of it as long as this one lasts.
 
-    The system lifts the lock when the process ends, however it does. Windows has no such lock on folders.
+    The system lifts the lock when the process ends, however it does.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    if sys.platform == "win32":
-        yield
-        return
-    import fcntl
-
-    with writing(folder):
-        handle = os.open(folder, os.O_RDONLY)
-    try:
+        lock = FileLock(folder / LOCK_FILE, timeout=0)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            lock.acquire()
+        except Timeout:
             reason, cure = "another sweep is writing into it", "Wait for its end, or choose another name"
             raise OutputError(str(folder), None, reason, cure) from None
+    try:
         yield
     finally:
-        os.close(handle)
+        lock.release()
 
 
 def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
@@ -142,7 +136,7 @@ def open_store(folder: Path, plan: Plan, force: bool = False) -> Store:
         If the folder holds something else, or another study and ``force`` is not given; or can't be written.
     """
     with writing(folder):
-        entries = {entry.name for entry in folder.iterdir()}
+        entries = {entry.name for entry in folder.iterdir()} - {LOCK_FILE}
         if entries and STUDY_FILE not in entries:
             reason = f"the folder holds other things and no {STUDY_FILE}: nothing is written into it"
             raise OutputError(str(folder), None, reason, "Choose another name")
