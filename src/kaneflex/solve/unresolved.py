@@ -37,7 +37,8 @@ def unresolved(solution: Solution) -> tuple[Unresolved, ...]:
     """The modes with fewer than FEWEST_STEPS mean steps in a period, by frequency; none where nothing was integrated.
 
     Under error control these are modes whose own vibration is smaller than the error allowed: their share of
-    displacements is right within it, their share of forces and accelerations is the static one.
+    displacements is right within it. Forces and accelerations are the static ones but for what such a vibration is
+    worth: omega^2 times the displacement allowed, which a slow mechanism's accelerations may not exceed by far.
     """
     model, trajectory = solution.model, solution.coupled.trajectory
     if trajectory.steps == 0:

@@ -17,6 +17,8 @@ from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import UserError
 
+ADDED_UP = 0.01
+"""Share of a sensor's peak that steps may add up to, were each as wrong as the worst of them, without a second run."""
 COUPLING = 3.0
 """Relative change of a loop's stiffness by a deflection, over that deflection as a share of the link's length: what
 fits best where `stiffened` and `coupled` are known to part (four-bar at 150 to 300 rpm, engine, slider-crank-150)."""
@@ -35,14 +37,16 @@ LARGEST_ERROR = 0.01
 LARGEST_GAP = 1e-4
 """Share of the energy turned over that a run with free joints may lose or gain without a word."""
 LARGEST_PART, MEAN_PART = 0.05, 0.002
-"""Share of a sensor's peak by which its values by the equations of motion and by the change of velocities may part, at
-one instant, as where a start from rest is a shock, and in the root mean square of all."""
+"""Share of a sensor's peak by which its values found in two ways may part, at one instant, as where a start from rest
+is a shock, and in the root mean square of all."""
 LARGEST_ROUNDING = 1e-5
 """Share of a quasi-static answer that rounding may change without a word."""
 LARGEST_STRETCH = 0.05
 """Change of a link's length, as a share of it, beyond which small-displacement theory is in doubt."""
 LARGEST_DEFLECTION = 0.05
 """Transverse displacement, as a share of a link's length, beyond which small-displacement theory is in doubt."""
+ZERO = 1e-6
+"""Share of the largest reading in a unit below which a sensor's peak may be rounding."""
 
 
 def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
@@ -106,14 +110,8 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
         return []
     if other.outcome is not Outcome.COMPLETED:
         return []
-    count = min(len(solution.times), len(other.times))
-    shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
-    worth = {}
-    for name, series in solution.series.items():
-        largest = abs(series.values).max()
-        changed = abs(other.series[name].values[:count] - series.values[:count])[shared].max(initial=0.0)
-        if changed > LARGEST_COUPLING * largest:
-            worth[name] = changed / largest
+    worth = {name: apart.max(initial=0.0) for name, apart in _apart(solution, other).items()}
+    worth = {name: share for name, share in worth.items() if share > LARGEST_COUPLING}
     if not worth:
         return []
     worst, link = max(worth, key=worth.__getitem__), max(shares, key=shares.__getitem__)
@@ -164,6 +162,34 @@ def _ill_conditioned(solution: Solution) -> list[str]:
 def _parted(solution: Solution) -> list[str]:
     """A warning where forces or accelerations found in two ways part: then they are no truer than that.
 
+    What a single step does is seen in the accelerations, by `_by_velocities`. What many steps add up, as where
+    vibrations of ten steps a period lose a little in each of them, is seen in no single one, but it is not more than
+    their number times that: where so much would matter, the run is repeated in steps half as long.
+    """
+    options, run = solution.model.options, solution.trajectory
+    fixed = options.dynamics == "dynamic" and options.integrator != "scipy"
+    if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
+        return []
+    parts = _apart(solution, _by_velocities(solution))
+    said = _part_by(solution, "by the equations of motion and by the change of velocities", parts)
+    added_up = options.steps * max((part.max() for part in parts.values()), default=0.0)
+    seen = len(run.times) == options.steps + 1  # where not every step is stored, none is seen
+    if not said and (added_up > ADDED_UP or not seen) and solution.seconds < LONGEST_SECOND:
+        halved = _apart(solution, _in_half_steps(solution))
+        said = _part_by(solution, "in steps of this length and of half of it", halved)
+    cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or take integrator radau")
+    if options.start != "periodic":
+        cure += ", or start on the slow motion, by solve.start = quasistatic or periodic"
+    return [
+        f"{text}: vibrations are excited that the steps don't resolve; displacements may be right, but for forces and "
+        f"accelerations {cure}"
+        for text in said
+    ]
+
+
+def _by_velocities(solution: Solution) -> Solution:
+    """The solution with accelerations by the change of velocities.
+
     The equations of motion give accelerations from what loads and stiffness leave unbalanced, so that an error of a
     displacement far too small to be seen, of a mode that the steps don't resolve, counts at that mode's stiffness. The
     velocities know another acceleration, by Simpson's rule over two steps:
@@ -172,35 +198,54 @@ def _parted(solution: Solution) -> list[str]:
 
     Sensors are linear in the accelerations: they are read once more with what lies between the two.
     """
-    options, run = solution.model.options, solution.trajectory
-    fixed = options.dynamics == "dynamic" and options.integrator != "scipy"
-    if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
-        return []
-    step = solution.model.step
-    even = abs(np.diff(run.times) / step - 1.0) < 1e-6  # not where steps were left out, or an event cut one short
+    run, step = solution.trajectory, solution.model.step
+    even = abs(np.diff(run.times) / step - 1.0) < 1e-6  # not where steps were left out
     inner = (even[:-1] & even[1:])[:, None]
     apart = (run.v[2:] - run.v[:-2]) / (2.0 * step) - (run.a[:-2] + 4.0 * run.a[1:-1] + run.a[2:]) / 6.0
     by_velocities = run.a.copy()
     by_velocities[1:-1] += np.where(inner, apart, 0.0)
-    other = replace(solution, trajectory=replace(run, a=by_velocities)).series
-    parted = {}
+    return replace(solution, trajectory=replace(run, a=by_velocities))
+
+
+def _in_half_steps(solution: Solution) -> Solution:
+    """The same run in steps half as long, at the same instants; itself where it does not complete in those."""
+    from kaneflex.integrate.run import integrate
+    from kaneflex.solve.simulation import run_of, storing
+
+    model = solution.model
+    halved = replace(model, options=replace(model.options, steps=2 * model.options.steps))
+    try:
+        found = integrate(**vars(replace(run_of(halved), every=2 * storing(model))))
+    except UserError:
+        return solution
+    return replace(solution, trajectory=found) if found.outcome is Outcome.COMPLETED else solution
+
+
+def _apart(solution: Solution, other: Solution) -> dict[str, np.ndarray]:
+    """Difference of every sensor in two runs, at the instants that both have, as a share of its peak.
+
+    What is zero but for rounding has none of its own: it is measured against what else there is in its unit.
+    """
+    count = min(len(solution.times), len(other.times))
+    shared = solution.times[:count] == other.times[:count]  # one of them may have been ended by an event
+    found, peaks = {}, {name: abs(series.values).max() for name, series in solution.series.items()}
     for name, series in solution.series.items():
-        largest, parts = abs(series.values).max(), abs(other[name].values - series.values)
-        if parts.max() > LARGEST_PART * largest or np.sqrt(np.mean(parts**2)) > MEAN_PART * largest:
-            parted[name] = parts.max() / largest, run.times[parts.argmax()]
+        beside = max(peaks[each] for each, one in solution.series.items() if one.unit == series.unit)
+        largest = max(peaks[name], ZERO * beside) or 1.0
+        found[name] = abs(other.series[name].values[:count] - series.values[:count])[shared] / largest
+    return found
+
+
+def _part_by(solution: Solution, ways: str, parts: dict[str, np.ndarray]) -> list[str]:
+    """Which sensor, found in two ways, parts most, by how much and when; nothing where none does by too much."""
+    largest = {name: (part.max(initial=0.0), np.sqrt(np.mean(part**2))) for name, part in parts.items() if len(part)}
+    parted = [name for name, (one, mean) in largest.items() if one > LARGEST_PART or mean > MEAN_PART]
     if not parted:
         return []
-    worst = max(parted, key=parted.__getitem__)
-    share, at = parted[worst]
-    more = f", and {len(parted) - 1} sensors more" if len(parted) > 1 else ""
-    cure = "give more solve.steps" + ("" if options.integrator == "radau" else ", or take integrator radau")
-    if options.start != "periodic":
-        cure += ", or start on the slow motion, by solve.start = quasistatic or periodic"
-    return [
-        f"{worst} by the equations of motion and by the change of velocities part by {share:.2g} of its peak at "
-        f"t = {at:.6g} s{more}: vibrations are excited that the steps don't resolve; displacements may be "
-        f"right, but for forces and accelerations {cure}"
-    ]
+    worst = max(parted, key=lambda name: largest[name][0])
+    more = f", and {len(parted) - 1} more of the sensors" if len(parted) > 1 else ""
+    at = solution.times[parts[worst].argmax()]
+    return [f"{worst} {ways} part by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
 
 
 def _of_coupled(solution: Solution) -> list[str]:
@@ -215,6 +260,7 @@ def _of_coupled(solution: Solution) -> list[str]:
             f"{tighter}ask for more steps"
         )
     found.extend(_loose(solution))
+    found.extend(_left_ringing(solution))
     for name, series in solution.series.items():
         lost = ~np.isfinite(series.values)
         if lost.any():
@@ -250,6 +296,37 @@ def _loose(solution: Solution) -> list[str]:
     return [
         f"solve.tolerance = {model.options.tolerance:g} allows errors of {allowed:.2g} m where no link deforms by more "
         f"than {largest:.2g} m; lower it to {wanted:.0e} for the deformation and its forces"
+    ]
+
+
+def _left_ringing(solution: Solution) -> list[str]:
+    """A warning where vibrations that the tolerance leaves to a coupled run count beside slow accelerations.
+
+    A mode that the steps don't follow may ring by the displacement d that is allowed, which is an acceleration of
+    omega^2 d. Whether it does is found by a run with a tenth of the tolerance.
+    """
+    from kaneflex.solve.coupled import longest
+    from kaneflex.solve.unresolved import unresolved
+
+    model, series = solution.model, solution.series
+    options, length = model.options, longest(model.scene)
+    felt = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
+            for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
+    if not felt or options.integrator == FIXED_STEP or solution.outcome is not Outcome.COMPLETED:
+        return []
+    highest = 2.0 * np.pi * max((mode.frequency for mode in unresolved(solution)), default=0.0)
+    rings = options.tolerance * length * highest**2 > LARGEST_PART * min(felt)
+    if not rings or solution.seconds > LONGEST_SECOND:
+        return []
+    from kaneflex.solve.simulation import solve
+
+    tenth = 0.1 * options.tolerance
+    other = solve(replace(model, options=replace(options, tolerance=tenth)))
+    parts = _apart(solution, other) if other.outcome is Outcome.COMPLETED else {}
+    return [
+        f"{text}: vibrations smaller than the error allowed count in accelerations; lower solve.tolerance, or take "
+        "preset stiffened"
+        for text in _part_by(solution, f"at solve.tolerance = {options.tolerance:g} and {tenth:g}", parts)
     ]
 
 
