@@ -247,8 +247,8 @@ def _forces() -> list[Case]:
     found = [
         Case(
             "forces", f"{count} elements: joints, sections, accelerations as of 4, converged", "engine",
-            (f"rod.elements={count}",), forces(CONVERGED, *measured), 2e-3, accurate=damped[1:], also=undamped,
-            slow=undamped if count == 4 else METHODS if count == 64 else (),
+            (f"rod.elements={count}",), forces(CONVERGED, *measured), 2e-3, accurate=(*damped[1:], "coupled"),
+            also=undamped, slow={4: (*undamped, "coupled"), 16: ("coupled",), 64: METHODS}[count],
         )
         for count in (4, 16, 64)
     ]  # fmt: skip
@@ -260,26 +260,41 @@ def _forces() -> list[Case]:
             also=undamped, slow=METHODS,
         )
     )  # fmt: skip
-    one = Case(
-        "forces", "1 element: joints, sections, torque as of 1, converged", "engine", ("rod.elements=1",),
-        forces(("rod.elements=1", *CONVERGED), *ENGINE_FORCES), 2e-3, accurate=damped[1:], also=undamped,
-    )  # fmt: skip
-    found += [one]
-    for rpm in (1, 6, 60):
+    found += [
+        Case(
+            "forces", "256 elements: joints, sections, accelerations as of 4, converged", "engine",
+            ("rod.elements=256",), forces(CONVERGED, *measured), 2e-3, accurate=("coupled",), slow=METHODS,
+        ),
+        Case(
+            "forces", "1 element: joints, sections, torque as of 1, converged", "engine", ("rod.elements=1",),
+            forces(("rod.elements=1", *CONVERGED), *ENGINE_FORCES), 2e-3, accurate=damped[1:], also=undamped,
+            named={"coupled": "the coupled equations take up to 2 fixed-interface modes of rod"},
+        ),
+    ]  # fmt: skip
+    for rpm in (1, 6, 60, 600):
         speed = f"main.speed={rpm} rpm"
         found.append(
             Case(
                 "forces", f"{rpm} rpm: joints, sections, accelerations as the quasi-static ones", "engine", (speed,),
-                forces((speed, "solve.preset=quasistatic"), *measured), 5e-3, accurate=damped, also=undamped,
-                slow=METHODS if rpm == 1 else (),
+                forces((speed, "solve.preset=quasistatic"), *measured), 5e-3,
+                accurate=(*damped, "coupled") if rpm == 600 else damped, also=(*undamped, "coupled"),
+                slow=METHODS if rpm == 1 else ("coupled",) if rpm < 600 else ("linear", "newmark", "coupled"),
             )
         )  # fmt: skip
+    found.append(
+        Case(
+            "forces", "600 rpm, 64 elements: joints, sections, accelerations as the quasi-static ones", "engine",
+            ("main.speed=600 rpm", "rod.elements=64"),
+            forces(("main.speed=600 rpm", "solve.preset=quasistatic"), *measured), 5e-3,
+            accurate=(*damped[1:], "coupled"), also=undamped, slow=METHODS,
+        )
+    )  # fmt: skip
     crank = ("crank_pin_force_x", "crank_pin_force_y", "main_bearing_force_x", "main_bearing_force_y")
     found += [
         Case(
             "forces", f"{count} elements a crank: joints as of 2, converged", "engine-elastic-crank",
-            (f"crank.elements={count}",), forces(CONVERGED, *crank), 5e-3, accurate=damped[1:], also=undamped,
-            slow=METHODS if count == 12 else (),
+            (f"crank.elements={count}",), forces(CONVERGED, *crank), 5e-3, accurate=(*damped[1:], "coupled"),
+            also=undamped, slow=METHODS if count == 12 else ("coupled",),
         )
         for count in (8, 12, 32)
     ]  # fmt: skip
