@@ -180,6 +180,16 @@ def test_check_says_what_a_scene_is():
     assert list(Path().iterdir()) == []
 
 
+def test_check_warns_of_a_table_whose_curve_overshoots(tmp_path):
+    """A step of 100 kN between two rows: the cubics through the rows swing beyond it."""
+    table = tmp_path / "step.csv"
+    table.write_text("deg,F\n" + "".join(f"{row},{1e5 * (90 < row < 450):g}\n" for row in range(0, 721, 30)))
+    settings = ("--set", f"gas.table={table}", "--set", "gas.column=F")
+    (line,) = cli("check", "engine", *settings).stderr.splitlines()
+    assert line.startswith("Warning: loads.gas: its spline goes to ") and "interpolation = 'pchip'" in line
+    assert cli("check", "engine", *settings, "--set", "gas.interpolation=pchip").stderr == ""
+
+
 def test_check_prints_the_schema_of_scene_files():
     assert json.loads(cli("check", "--json-schema").stdout) == json_schema()
 

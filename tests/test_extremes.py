@@ -10,7 +10,7 @@ from extreme_numerics import ANGLE_OF_A_STEP, drift, single_precision
 from extremes import METHODS, Case, Ending, attempt, judge
 from runs import derived_on_the_fly, model, run
 
-from kaneflex.response.undersampling import between_steps, unseen
+from kaneflex.response.undersampling import between_steps
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.validity import doubts
 from kaneflex.support.errors import SceneError
@@ -74,9 +74,9 @@ def test_a_spike_between_two_steps_is_named(tmp_path):
     near = np.arange(365.05, 374.99, 0.05)
     spike = spiked(tmp_path / "spike.csv", np.array([*range(0, 366, 5), *near, *range(375, 721, 5)]), 370.25)
     spike = (*spike, "gas.interpolation=pchip")  # which stays between its rows
-    (said,) = unseen(model("engine", *spike))
+    (said,) = between_steps(model("engine", *spike))
     assert said.startswith("loads.gas comes and goes between two steps, by 100% of its") and "t = 0.01028 s" in said
-    assert unseen(model("engine", *spike, "solve.steps=28800")) == []
+    assert between_steps(model("engine", *spike, "solve.steps=28800")) == []
 
 
 def test_a_spike_between_all_instants_that_are_looked_at_is_named(tmp_path):
@@ -94,14 +94,14 @@ def test_a_table_whose_curve_overshoots_is_named(tmp_path):
     """Rows of 0.05 degrees between rows of 5: the smooth curve turns the flank into a high wave."""
     rows = [*range(0, 370, 5), 370, 370.05, 370.1, 370.15, 370.2, *range(375, 721, 5)]
     spike = spiked(tmp_path / "spike.csv", np.array(rows), 370.1)
-    (said,) = (text for text in unseen(model("engine", *spike)) if "rows" in text)
+    (said,) = (text for text in model("engine", *spike).warnings if "rows" in text)
     assert said.startswith("loads.gas: its spline goes to ") and "interpolation = 'pchip'" in said
-    assert not any("rows" in text for text in unseen(model("engine", *spike, "gas.interpolation=pchip")))
-    assert not any("rows" in text for text in unseen(model("engine")))
+    assert not any("rows" in text for text in model("engine", *spike, "gas.interpolation=pchip").warnings)
+    assert not any("rows" in text for text in model("engine").warnings)
 
 
 def test_steps_of_whole_turns_are_named():
-    said = unseen(model("engine", "solve.preset=paper", "main.speed=600000 rpm", "solve.steps=400"))
+    said = between_steps(model("engine", "solve.preset=paper", "main.speed=600000 rpm", "solve.steps=400"))
     assert said[0].startswith("main turns by 360 deg in a step") and "give solve.steps = 5027 or more" in said[0]
 
 

@@ -7,7 +7,6 @@ import numpy as np
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
-from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 
 _SAMPLES = 60_000
 """Instants that are looked at, spread over the steps."""
@@ -15,32 +14,8 @@ _FINEST = 256
 """Instants looked at within a step at most."""
 _UNSEEN = 0.2
 """Change of a load or an angular speed between two steps beyond the straight line, as a share of its largest value."""
-_BEYOND_ROWS = 0.02
-"""How far a table's curve may go beyond the two rows beside it, as a share of its largest value, without a word."""
 _TURN = 0.5
 """Angle [rad] that a drive may turn in a step without a word."""
-
-
-def unseen(model: Model) -> list[str]:
-    """Warnings of :func:`between_steps`, and of tables whose curve goes where no row is."""
-    found = between_steps(model)
-    scene = model.scene
-    tables = {f"loads.{name}": (load, load.si_unit) for name, load in scene.loads.items() if load.kind == "table"}
-    for name, drive in scene.drives.items():
-        if drive.kind == "table":
-            tables[f"drives.{name}"] = (drive, "m" if scene.slides(name) else "rad")
-    for key, (reader, unit) in tables.items():
-        curve = reader.curve()
-        in_time = getattr(reader, "against", "t") == "t"
-        beyond = overshoot_of_block(curve)
-        if beyond.size > _BEYOND_ROWS * largest_of_block(curve):
-            x, at = (beyond.x, "s") if in_time else (np.degrees(beyond.x), "deg")
-            first, last = beyond.rows
-            found.append(
-                f"{key}: its {reader.interpolation} goes to {beyond.value:.4g} {unit} at {x:.4g} {at}, between rows "
-                f"of {first:.4g} and {last:.4g} {unit}; give more rows, or interpolation = 'pchip', which stays between"
-            )
-    return found
 
 
 def between_steps(model: Model) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -125,14 +126,24 @@ def _toml(path: Path) -> dict[str, Any]:
         raise SceneError("scene", path.name, fault.reason, fault.cure) from None
     except FileNotFoundError:  # gone since it was looked for
         raise SceneError("scene", path.name, "no such file", "Give the path of a scene") from None
-    except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+    except tomllib.TOMLDecodeError as error:
         raise SceneError("scene", path.name, f"not TOML: {error}", "Correct that line") from None
+    except ValueError:  # Python makes no whole number of more than 4300 digits, and names no line
+        line, digits = _longest_number(read_text(path))
+        reason = f"line {line}: a whole number of {digits} digits"
+        raise SceneError("scene", path.name, reason, "Correct it, or write it like 1.5e9") from None
     level = [raw]
     for _ in range(_DEEPEST):
         level = [inner for table in level for inner in table.values() if isinstance(inner, dict)]
     if level:
         raise SceneError("scene", path.name, f"tables stand more than {_DEEPEST} deep in each other", "Flatten them")
     return raw
+
+
+def _longest_number(text: str) -> tuple[int, int]:
+    """Line and digits of the whole number that has most of them; TOML lets underscores stand between them."""
+    numbers = ((line, row) for line, text in enumerate(text.split("\n"), 1) for row in re.findall(r"[0-9_]+", text))
+    return max(((line, len(number.replace("_", ""))) for line, number in numbers), key=lambda found: found[1])
 
 
 def _tables(table: object) -> list[dict[str, Any]]:

@@ -59,8 +59,22 @@ def resolved(raw: Mapping[str, Any], path: str, text: str | None = None) -> list
     if not fitting:
         known = {key for place in places for key in known_keys(place[: 2 + ("beam" in place[2:3])])}
         last = keys[1] if len(keys) > 1 else ""
-        raise SceneError(path, text, f"{keys[0]!r} has no such entry", nearest(last, known - {ANY_NAME}))
+        names = [drive for drive in _drives_of(raw, keys[0]) if has_entry(["drives", drive, last])]
+        drives = [".".join([drive, *keys[1:]]) for drive in names]
+        cure = f"Write {' or '.join(drives)}, of the drive" if drives else nearest(last, known - {ANY_NAME})
+        raise SceneError(path, text, f"{keys[0]!r} has no such entry", cure)
     return fitting[0]
+
+
+def _drives_of(raw: Mapping[str, Any], body: str) -> list[str]:
+    """The drives of a body's joints, in the order of the scene; the tables may still hold anything."""
+    joints = raw.get("joints", {})
+    found = []
+    for drive in raw.get("drives", {}):
+        ends = (end for entry in joints.get(drive, {}).values() if isinstance(entry, list) for end in entry)
+        if any(str(end).partition(".")[0] == body for end in ends):
+            found.append(drive)
+    return found
 
 
 def _other_path(raw: Mapping[str, Any], keys: list[str]) -> str:

@@ -11,7 +11,7 @@ from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.response.deformation import deform
 from kaneflex.response.loss_of_stiffness import lost_stiffness
-from kaneflex.response.undersampling import unseen
+from kaneflex.response.undersampling import between_steps
 from kaneflex.scene.options import FIXED_STEP
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution
@@ -58,7 +58,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
         found.extend(_coarse(solution, lowest))
     found.extend(_parted(solution))
     found.extend(_ill_conditioned(solution))
-    found.extend(unseen(model))
+    found.extend(between_steps(model))
     if solution.coupled is not None:
         return [*found, *_of_coupled(solution)]
     if model.energy is not None and model.energy.drift > LARGEST_GAP:

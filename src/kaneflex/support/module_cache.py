@@ -13,13 +13,13 @@ import re
 import shutil
 import stat
 import tempfile
-import warnings
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.contract import FORMAT
+from kaneflex.support.terminal import log_warning
 
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _SEAL = re.compile(rb"\n# sha256 ([0-9a-f]{64})\n\Z")
@@ -62,10 +62,9 @@ def _ours(found: os.stat_result) -> bool:
 def _temporary(root: str, reason: str) -> Path:
     folder = Path(tempfile.mkdtemp(prefix="kaneflex-modules-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    warnings.warn(
+    log_warning(
         f"derived equations can't be kept in {root} ({reason}), so they are derived anew in every run; "
-        "set XDG_CACHE_HOME to a folder of your own that can be written",
-        stacklevel=3,
+        "set XDG_CACHE_HOME to a folder of your own that can be written"
     )
     return folder
 

@@ -5,7 +5,6 @@ import os
 import shutil
 import sys
 import tempfile
-import warnings
 from pathlib import Path
 
 HERE = Path(__file__).parent / "__pycache__"
@@ -50,9 +49,10 @@ def _temporary_folder() -> Path:
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # it read the environment when it was imported
         sys.modules["numba"].config.CACHE_DIR = str(folder)
-    warnings.warn(
+    from kaneflex.support.terminal import log_warning  # only here, as above
+
+    log_warning(
         "no folder for compiled kernels can be written, so they are compiled anew in every run; "
-        "set NUMBA_CACHE_DIR to a writable folder to keep them",
-        stacklevel=3,
+        "set NUMBA_CACHE_DIR to a writable folder to keep them"
     )
     return folder

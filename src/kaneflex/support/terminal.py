@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 from collections.abc import Callable
@@ -13,6 +14,15 @@ if TYPE_CHECKING:
 
 _PATIENCE = 1.0
 """Seconds that a stage may take before anything is shown of it."""
+
+
+def log_warning(text: str) -> None:
+    """Warn of the machine's state, like a folder that can't be written, by the logger "kaneflex".
+
+    Python's `warnings` are for what the calling code can change, and would show a line of ours. Where nobody has
+    configured logging, what stands on stderr is this line alone, as the commands' other warnings.
+    """
+    logging.getLogger("kaneflex").warning("Warning: %s", text)
 
 
 class Waiting:
