@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.mechanism.affine import Affine
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
@@ -40,6 +41,12 @@ def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:
         found = load(with_settings(read_scene(str(file)), list(settings)))
     assert not found.module.__name__.startswith("kaneflex.generated.")
     return found
+
+
+def at_instant(found: Model, affine: Affine, t: float) -> np.ndarray:
+    """A sum of monomial x matrix at time t [s] by its definition, not by the compiled kernels."""
+    rigid = found.motion.at(t)
+    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial}).toarray()
 
 
 @cache

@@ -3,7 +3,7 @@
 import closed_forms as by_hand
 import numpy as np
 import pytest
-from runs import model, peaks, run
+from runs import at_instant, model, peaks, run
 from scipy.linalg import eigh, null_space
 from scipy.sparse import issparse
 
@@ -47,19 +47,19 @@ def test_each_term_group_can_be_switched_off(group):
     w, e = rigid["rod.omega"][0], rigid["rod.epsilon"][0]
 
     def kept(found, name):
-        return found._dense(found.kept[name], t)
+        return at_instant(found, found.kept[name], t)
 
     K, C = kept(whole, "K") - kept(part, "K"), kept(whole, "C") - kept(part, "C")
     equations = whole.equations
-    euler = whole._dense(equations.K_d.only(lambda names: any(n.endswith(".epsilon") for n in names)), t)
+    euler = at_instant(whole, equations.K_d.only(lambda names: any(n.endswith(".epsilon") for n in names)), t)
     spin = whole.K_d(t) - euler
     zero = np.zeros_like(K)
     expected = {
         "spin": (spin, zero),
         "euler": (euler, zero),
         "geometric": (whole.K_g(t), zero),
-        "gyroscopic": (zero, whole._dense(equations.C_d, t)),
-        "damping": (whole._dense(equations.K_c, t), whole._dense(equations.C_s, t)),
+        "gyroscopic": (zero, at_instant(whole, equations.C_d, t)),
+        "damping": (at_instant(whole, equations.K_c, t), at_instant(whole, equations.C_s, t)),
     }[group]
     for found, wanted in zip((K, C), expected, strict=True):
         assert found == pytest.approx(wanted, abs=1e-12 * max(np.abs(kept(whole, "K")).max(), 1.0))

@@ -8,10 +8,10 @@ sums are again such sums, so the assembly can be written as the formula that it 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -165,6 +165,33 @@ class Affine:
     def pattern(self) -> Matrix:
         """Sum of absolute values: where an entry can be non-zero at some time."""
         return sum(map(abs, self.terms.values()), _nothing(self.shape))
+
+
+class Entries(NamedTuple):
+    """What is not zero in the terms of an :class:`Affine`: row, column, value, and the number of its monomial."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+    monomials: np.ndarray
+
+
+def numbered_entries(affine: Affine, monomials: Sequence[Monomial]) -> Entries:
+    """The entries of all terms; their monomials are numbered as given."""
+    number = {monomial: k for k, monomial in enumerate(monomials)}
+    none = np.zeros(0, dtype=int)
+    found = [(none, none, np.zeros(0), none)]
+    for monomial, matrix in affine.terms.items():
+        rows, columns, values = entries(matrix)
+        found.append((rows, columns, values, np.full(len(values), number[monomial])))
+    return Entries(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def coefficients(slot: np.ndarray, found: Entries, shape: tuple[int, int]) -> csr_array:
+    """Entries by their slots (slots x monomials): its product with the monomials' values is what the slots hold."""
+    order = np.lexsort((found.monomials, slot))
+    ends = np.cumsum(np.bincount(slot, minlength=shape[0]))
+    return csr_array((found.values[order], found.monomials[order], np.append(0, ends)), shape=shape)
 
 
 def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:

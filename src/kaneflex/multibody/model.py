@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -17,13 +18,14 @@ from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
-from kaneflex.fem.products import Products
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.mechanism.affine import Affine, Monomial, as_array, entries
+from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
+from kaneflex.mechanism.rigid_motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.energy import Energy
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
+JOINT_FORCES = ("force_x", "force_y", "normal", "moment", "drive")
+"""Scalars JOINT.NAME of the motion: what a joint exerts on its second body, and its drive's torque or force."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,38 +153,57 @@ class Model:
 
     def M(self, t: float) -> np.ndarray:
         """Mass matrix at time t [s], shape (n, n)."""
-        return self._dense(self.equations.M, t)
+        return self._at("M", t)
 
     def K_s(self, t: float) -> np.ndarray:
         """Elastic stiffness at time t [s], shape (n, n)."""
-        return self._dense(self.equations.K_s, t)
+        return self._at("K_s", t)
 
     def K_d(self, t: float) -> np.ndarray:
         """Spin and Euler stiffness at time t [s], with T' and T'' of the joints where the preset keeps them; (n, n)."""
-        return self._dense(self.equations.K_d, t)
+        return self._at("K_d", t)
 
     def K_g(self, t: float) -> np.ndarray:
         """Geometric stiffness by the axial forces at time t [s], shape (n, n)."""
-        return self._dense(self.equations.K_g, t)
+        return self._at("K_g", t)
 
     def C(self, t: float) -> np.ndarray:
         """Damping and gyroscopic matrix C_s + C_d at time t [s], shape (n, n)."""
-        return self._dense(self.equations.C_s, t) + self._dense(self.equations.C_d, t)
+        return self._at("C", t)
 
     def F(self, t: float) -> np.ndarray:
         """Load at time t [s], shape (n,)."""
-        return self._dense(self.equations.F, t)[:, 0]
+        return self._at("F", t)
 
-    def _dense(self, affine: Affine, t: float) -> np.ndarray:
-        rigid = self.motion.at(float(t))
-        return rigid.apply(affine, np.ones((1, 1))) if affine.shape[1] == 1 else self._matrix(affine, rigid)
+    def _at(self, name: str, t: float) -> np.ndarray:
+        out = np.empty((self.equations.size,) * (1 if name == "F" else 2))
+        getattr(Kernels, name)(float(t), self._all_terms, out)
+        return out
 
-    @staticmethod
-    def _matrix(affine: Affine, rigid: RigidMotion) -> np.ndarray:
-        total = np.zeros(affine.shape)
-        for monomial, matrix in affine.terms.items():
-            total += rigid.monomial(monomial)[0] * as_array(matrix)
-        return total
+    @cached_property
+    def _all_terms(self) -> Parameters:
+        """p of the kernels for the equations before any reduction, with the terms that the options leave out, too."""
+        return bind(self.motion, sums(self.equations))
+
+    @cached_property
+    def kernels(self) -> Kernels:
+        """Compiled kernels of what is integrated, with the term groups that the options keep, and their argument p.
+
+        Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes.
+        """
+        if self.coupled is not None:
+            raise SceneError(
+                "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
+                "Take equations(t, q, v, p, M, f) of model.coupled.module, or another preset",
+            )  # fmt: skip
+        points = {
+            f"{name}.{point}": (name, place)
+            for name, body in self.scene.bodies.items() for point, place in body.points_all.items()
+        }  # fmt: skip
+        exerted = re.compile(rf"({'|'.join(map(re.escape, self.scene.joints))})\.({'|'.join(JOINT_FORCES)})")
+        forces = {name: unit for name, unit, *_ in self.module.SCALARS if exerted.fullmatch(name)}
+        found = self.kept | {"positions": place_of_points(points), "inverse_dynamics": scalars_of(forces)}
+        return Kernels(bind(self.motion, found), self.reduced.coordinates, tuple(points), forces)
 
     @cached_property
     def kept(self) -> dict[str, Affine]:
@@ -190,7 +213,7 @@ class Model:
     @cached_property
     def monomials(self) -> tuple[Monomial, ...]:
         """The products of motion scalars that the kept equations are made of."""
-        return self.motion.ordered(set().union(*(affine.terms for affine in self.kept.values())))
+        return self.motion.ordered(set().union(*(self.kept[name].terms for name in "MCKF")))
 
     def scalars(self, times: np.ndarray) -> np.ndarray:
         """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""
@@ -198,7 +221,7 @@ class Model:
 
     @cached_property
     def _products(self) -> Products:
-        return Products.of(self.monomials, self.motion.column, self.motion.module.CONSTANTS)
+        return Products.of(self.monomials, self.motion.column)
 
     @cached_property
     def system(self) -> AffineSystem:
@@ -209,36 +232,33 @@ class Model:
 def affine_system(kept: Mapping[str, Affine], monomials: Sequence[Monomial]) -> AffineSystem:
     """M, C, K, F as the integrators read them: one column for each product of the motion's scalars."""
     size = kept["M"].shape[0]
-    number = {monomial: k for k, monomial in enumerate(monomials)}
-    found = {}
-    for name in ("M", "C", "K", "F"):
-        terms = [(number[monomial], entries(matrix)) for monomial, matrix in kept[name].terms.items()]
-        terms.append((0, (np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))))
-        scalars = np.repeat([k for k, _ in terms], [len(values) for _, (*_, values) in terms])
-        found[name] = (*(np.concatenate(parts) for parts in zip(*(each for _, each in terms), strict=True)), scalars)
-    half_bandwidth = max(int(abs(found[name][0] - found[name][1]).max(initial=0)) for name in "MCK")
+    found = {name: numbered_entries(kept[name], monomials) for name in ("M", "C", "K", "F")}
+    half_bandwidth = max(int(abs(found[name].rows - found[name].columns).max(initial=0)) for name in "MCK")
     width = 2 * half_bandwidth + 1
 
     def slots(name: str) -> csr_array:
-        rows, columns, values, scalars = found[name]
-        count, slot = (size, rows) if name == "F" else (size * width, rows * width + columns - rows + half_bandwidth)
-        order = np.lexsort((scalars, slot))
-        ends = np.cumsum(np.bincount(slot, minlength=count))
-        return csr_array((values[order], scalars[order], np.append(0, ends)), shape=(count, len(monomials)))
+        each = found[name]
+        banded = each.rows * width + each.columns - each.rows + half_bandwidth
+        count, slot = (size, each.rows) if name == "F" else (size * width, banded)
+        return coefficients(slot, each, (count, len(monomials)))
 
     return AffineSystem(size, half_bandwidth, *(slots(name) for name in ("M", "C", "K", "F")))
 
 
 def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affine]:
-    """M, C, K, F of some equations with the complete term groups that the options keep."""
-    stiffness = equations.K_s + equations.K_d.only(
+    """:func:`sums` of some equations with the complete term groups that the options keep."""
+    zero = Affine.zero(equations.size, equations.size)
+    spin = equations.K_d.only(
         lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin
     )
-    damping = Affine.zero(equations.size, equations.size)
-    if options.damping:
-        damping, stiffness = equations.C_s, stiffness + equations.K_c
-    if options.gyroscopic:
-        damping = damping + equations.C_d
-    if options.geometric:
-        stiffness = stiffness + equations.K_g
-    return {"M": equations.M, "C": damping, "K": stiffness, "F": equations.F}
+    damped = {} if options.damping else {"C_s": zero, "K_c": zero}
+    turned = {} if options.gyroscopic else {"C_d": zero}
+    tensed = {} if options.geometric else {"K_g": zero}
+    return sums(replace(equations, K_d=spin, **damped, **turned, **tensed))
+
+
+def sums(equations: ElasticEquations) -> dict[str, Affine]:
+    """M, C = C_s + C_d, K = K_s + K_d + K_c + K_g and F of some equations, and the parts of K."""
+    parts = {name: getattr(equations, name) for name in ("K_s", "K_d", "K_c", "K_g")}
+    whole = sum(parts.values(), Affine.zero(equations.size, equations.size))
+    return {"M": equations.M, "C": equations.C_s + equations.C_d, "K": whole, "F": equations.F, **parts}

@@ -9,31 +9,42 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from types import ModuleType, SimpleNamespace
+from typing import Protocol
 
 import numpy as np
 
 Shape = tuple[int, ...]
+
+
+class MechanismKernels(Protocol):
+    """What is read of ``kaneflex.mechanism.kernels.Kernels``."""
+
+    parameters: tuple[object, ...]
+    shapes: dict[str, dict[str, Shape]]
+
+
 _TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
 """Last words of the numbers in p that say where a table begins."""
 _NODES = 6
 """Displacements and rotations of an element's two nodes."""
 
 
-def checked(module: ModuleType) -> SimpleNamespace:
-    """A generated module whose kernels raise where an array does not fit.
+def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
+    """A generated module, or the kernels of a mechanism, that raise where an array does not fit.
 
     Parameters
     ----------
-    module : ModuleType
-        Like ``kaneflex.generated.engine``, ``model.module`` or ``model.coupled.module``.
+    module : ModuleType or Kernels
+        Like ``kaneflex.generated.engine``, ``model.module``, ``model.coupled.module`` or ``model.kernels``.
 
     Returns
     -------
     SimpleNamespace
         The module's tables, and its kernels by their names. A kernel raises TypeError for what is no array of float64,
-        and ValueError for a wrong shape, or a table in p that reaches beyond it; both name the argument. Of p, a longer
-        one is right.
+        and ValueError for a wrong shape, or a table in p that reaches beyond it; both name the argument. Of a module's
+        p, a longer one is right; of a mechanism's, only its own.
 
     >>> from kaneflex.generated import engine
     >>> checked(engine).M(np.zeros(4), np.zeros((6, 6)))
@@ -41,6 +52,8 @@ def checked(module: ModuleType) -> SimpleNamespace:
         ...
     ValueError: M: p has shape (4,), at least (5,) is wanted
     """
+    if not isinstance(module, ModuleType):
+        return _checked_mechanism(module)
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     kernels = {name: _wrapped(name, module, shapes) for name, shapes in _shapes(module).items() if name in public}
     return SimpleNamespace(**public | kernels)
@@ -89,6 +102,33 @@ def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Call
             raise ValueError(f"{name}: out has {len(given['out'])} rows for {len(given['times'])} times")
         for k in tables:
             _check_table(f"{name}: p", given["p"], module.PARAMETERS[k][0], given["p"][k])
+        kernel(*arguments)
+
+    return call
+
+
+def _checked_mechanism(kernels: MechanismKernels) -> SimpleNamespace:
+    tables = {field.name: getattr(kernels, field.name) for field in fields(kernels)}
+    return SimpleNamespace(**tables, **{name: _of_mechanism(name, kernels) for name in kernels.shapes})
+
+
+def _of_mechanism(name: str, kernels: MechanismKernels) -> Callable[..., None]:
+    kernel, own = getattr(kernels, name), kernels.parameters
+    signature = inspect.signature(kernel.py_func)
+
+    @functools.wraps(kernel.py_func)
+    def call(*arguments: object) -> None:
+        given = signature.bind(*arguments).arguments
+        p = given["p"]
+        if type(p) is not type(own):
+            raise TypeError(f"{name}: p is a {type(p).__name__}, the parameters of the kernels are wanted")
+        for part, mine in own._asdict().items():
+            if isinstance(mine, np.ndarray) and (p._asdict()[part].shape != mine.shape):
+                raise ValueError(f"{name}: p is of another mechanism, its {part} have another length")
+        for argument, shape in kernels.shapes[name].items():
+            _check(f"{name}: {argument}", given[argument], shape, longer=False)
+            if not given[argument].flags.c_contiguous:
+                raise ValueError(f"{name}: {argument} is not contiguous, an array of its own is wanted")
         kernel(*arguments)
 
     return call

@@ -1,0 +1,299 @@
+"""Compiled kernels of a whole mechanism, for a jitted loop of your own.
+
+>>> import kaneflex
+>>> kernels = kaneflex.load(kaneflex.read_scene("engine")).kernels
+>>> p, n = kernels.parameters, len(kernels.coordinates)
+>>> stiffness = np.empty((n, n))
+>>> kernels.K(1e-3, p, stiffness)  # or in any function under @njit: K(t, p, out)
+
+All of them are sums of products of the motion's scalars, out = sum_k monomial_k(t) A_k: which scalars a monomial is
+made of, and where the numbers of A_k lie, is data in p. So one compiled kernel serves every mechanism: it is compiled
+once, kept on disk, and a loop over it is never compiled again for another scene. They allocate what they need for
+themselves, so that several threads may share p.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import float64, njit, void
+from numba.types import WrapperAddressProtocol
+
+from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
+from kaneflex.mechanism.rigid_motion import Motion
+
+compiled = njit(cache=True, error_model="numpy")
+part = njit(error_model="numpy")  # of those, and compiled into them
+SUMS = ("M", "C", "K", "K_s", "K_d", "K_c", "K_g", "F", "positions", "inverse_dynamics")
+"""What p holds a sum for, in the order of their heads in ``pattern``."""
+_M, _C, _K, _K_S, _K_D, _K_C, _K_G, _F, _POSITIONS, _INVERSE = (np.uint64(k) for k in range(len(SUMS)))
+_MOTION = void(float64, float64[::1], float64[::1])
+_HEAD = 5
+"""Length of a sum's head in ``pattern``: monomials, their scalars, slots; where it begins there and in coefficients."""
+# Places are unsigned: with signed ones numba tests each for a negative value, at three times the cost of a kernel.
+_ZERO, _ONE, _TWO, _THREE, _FOUR = (np.uint64(k) for k in range(5))
+
+
+class MotionKernel(WrapperAddressProtocol):
+    """A module's kernel ``motion`` as a function that compiled code takes as an argument, whichever module's it is.
+
+    numba compiles what takes a jitted function anew for each of them, and in every process; not what takes an address.
+    """
+
+    def __init__(self, kernel: object) -> None:
+        self.kernel = kernel  # whose compiled code lives as long as it
+        kernel.compile(_MOTION.args)
+        found = kernel.get_compile_result(_MOTION)
+        self._address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self) -> object:
+        """numba's, of ``motion(t, p, s)``."""
+        return _MOTION
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return MotionKernel, (self.kernel,)
+
+
+class Parameters(NamedTuple):
+    """The argument p of the kernels here. They are arrays, and may be changed where their lengths stay.
+
+    motion: the module's kernel of that name
+    numbers: its own p, PARAMETERS of the module in SI, then the blocks of its tables
+    pattern: number of scalars, most monomials of a sum, the heads of SUMS, then of each sum where its monomials end
+        among their scalars, those scalars, the slots of out, where they end among the terms, the monomial of each term
+    coefficients: of each sum the factor of each term
+    """
+
+    motion: MotionKernel
+    numbers: np.ndarray
+    pattern: np.ndarray
+    coefficients: np.ndarray
+
+
+@part
+def _multiply(scalars, row, pattern, begin, count, monomials):
+    """The monomials of a row of scalars; ``pattern`` has from ``begin`` on where each ends, then what it is made of."""
+    first = begin + count
+    place = first
+    for k in range(count):
+        end = first + pattern[begin + k]
+        product = 1.0
+        while place < end:
+            product *= scalars[row, pattern[place]]
+            place += _ONE
+        monomials[row, k] = product
+
+
+@compiled
+def _multiply_rows(scalars, pattern, monomials):
+    for row in range(np.uint64(monomials.shape[0])):
+        _multiply(scalars, row, pattern, _ZERO, np.uint64(monomials.shape[1]), monomials)
+
+
+@part
+def _scalars(t, p):
+    """The motion's scalars at time t, one row of a table. Those that are zero by structure are in no monomial."""
+    scalars = np.empty((1, p.pattern[_ZERO]))
+    p.motion(t, p.numbers, scalars[0])
+    return scalars
+
+
+@part
+def _sum(p, scalars, which, monomials, out):
+    """Every number of a flat array: the sum over its terms of coefficient x monomial."""
+    pattern, coefficients = p.pattern, p.coefficients
+    head = _TWO + np.uint64(_HEAD) * which
+    begin, first = pattern[head + _THREE], pattern[head + _FOUR]
+    _multiply(scalars, _ZERO, pattern, begin, pattern[head], monomials)
+    count = pattern[head + _TWO]
+    slots = begin + pattern[head] + pattern[head + _ONE]
+    ends = slots + count
+    terms = ends + count
+    out[:] = 0.0
+    k = _ZERO
+    for slot in range(count):
+        end = pattern[ends + slot]
+        total = 0.0
+        while k < end:
+            total += coefficients[first + k] * monomials[_ZERO, pattern[terms + k]]
+            k += _ONE
+        out[pattern[slots + slot]] = total
+
+
+@compiled
+def evaluate(t, p, which, out):
+    """The sum of that number in SUMS at time t [s], as a flat array."""
+    _sum(p, _scalars(t, p), which, np.empty((1, p.pattern[_ONE])), out)
+
+
+@compiled
+def M(t, p, out):
+    """Mass matrix at time t [s], out (n, n)."""
+    evaluate(t, p, _M, out.reshape(out.size))
+
+
+@compiled
+def C(t, p, out):
+    """Damping and gyroscopic matrix at time t [s], out (n, n): material damping, dampers, 2 omega G, joint axes."""
+    evaluate(t, p, _C, out.reshape(out.size))
+
+
+@compiled
+def K(t, p, out):
+    """Stiffness K_s + K_d + K_c + K_g at time t [s], out (n, n)."""
+    evaluate(t, p, _K, out.reshape(out.size))
+
+
+@compiled
+def K_s(t, p, out):
+    """Elastic stiffness at time t [s], out (n, n)."""
+    evaluate(t, p, _K_S, out.reshape(out.size))
+
+
+@compiled
+def K_d(t, p, out):
+    """Spin and Euler stiffness at time t [s], out (n, n)."""
+    evaluate(t, p, _K_D, out.reshape(out.size))
+
+
+@compiled
+def K_c(t, p, out):
+    """Share of the material damping that turns with the links, at time t [s], out (n, n): no part of C, but of K."""
+    evaluate(t, p, _K_C, out.reshape(out.size))
+
+
+@compiled
+def K_g(t, p, out):
+    """Geometric stiffness by the axial forces at time t [s], out (n, n)."""
+    evaluate(t, p, _K_G, out.reshape(out.size))
+
+
+@compiled
+def F(t, p, out):
+    """Inertia, weight and all loads at time t [s], out (n,)."""
+    evaluate(t, p, _F, out)
+
+
+@compiled
+def equations(t, p, M, C, K, F):
+    """M, C, K, all (n, n), and F (n,) of M z'' + C z' + K z = F at time t [s], from one look at the motion."""
+    s, monomials = _scalars(t, p), np.empty((1, p.pattern[_ONE]))
+    _sum(p, s, _M, monomials, M.reshape(M.size))
+    _sum(p, s, _C, monomials, C.reshape(C.size))
+    _sum(p, s, _K, monomials, K.reshape(K.size))
+    _sum(p, s, _F, monomials, F)
+
+
+@compiled
+def positions(t, p, out):
+    """Where the points of the rigid mechanism are at time t [s], out (points, 2): global x and y [m]."""
+    evaluate(t, p, _POSITIONS, out.reshape(out.size))
+
+
+@compiled
+def inverse_dynamics(t, p, out):
+    """What the joints and drives of the rigid mechanism exert at time t [s], out (forces,)."""
+    evaluate(t, p, _INVERSE, out)
+
+
+@dataclass(frozen=True, eq=False)
+class Kernels:
+    """Kernels of one model and their argument p. Made by :attr:`kaneflex.Model.kernels`.
+
+    Each is ``kernel(t, p, out)`` and stores all of out; ``equations(t, p, M, C, K, F)`` four at once, in about the
+    time of two. They check nothing: :func:`kaneflex.checked` gives the same kernels with a look at every argument.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        p.
+    coordinates : tuple of str
+        Names of the rows of M, C, K and F: those of what is integrated.
+    points : tuple of str
+        BODY.POINT, the rows of ``positions``.
+    forces : mapping of str to str
+        Forces of the joints and torques of the drives, the rows of ``inverse_dynamics``: name -> unit.
+    """
+
+    parameters: Parameters
+    coordinates: tuple[str, ...]
+    points: tuple[str, ...]
+    forces: Mapping[str, str]
+
+    M, C, K, K_s, K_d, K_c, K_g, F = (staticmethod(each) for each in (M, C, K, K_s, K_d, K_c, K_g, F))
+    equations, positions, inverse_dynamics = (staticmethod(each) for each in (equations, positions, inverse_dynamics))
+
+    @property
+    def shapes(self) -> dict[str, dict[str, tuple[int, ...]]]:
+        """Kernel -> argument -> its shape."""
+        n = len(self.coordinates)
+        out = dict.fromkeys(SUMS, (n, n)) | {"F": (n,)}
+        out |= {"positions": (len(self.points), 2), "inverse_dynamics": (len(self.forces),)}
+        found = {name: {"out": shape} for name, shape in out.items()}
+        return found | {"equations": {name: out[name] for name in "MCKF"}}
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Monomials as the compiled loops read them: ``pattern`` has where each ends among their scalars, then those."""
+
+    count: int
+    pattern: np.ndarray
+
+    @classmethod
+    def of(cls, monomials: Sequence[Monomial], column: Mapping[str, int]) -> Products:
+        """Of scalars that have a column in the motion's table."""
+        places = [sorted(column[name] for name in monomial) for monomial in monomials]
+        ends = np.cumsum([len(each) for each in places])
+        return cls(len(places), np.concatenate([ends, *places]).astype(np.uint64))
+
+    def at(self, table: np.ndarray) -> np.ndarray:
+        """Shape (n_times, count) from the motion's table, shape (n_times, n_scalars)."""
+        out = np.empty((len(table), self.count))
+        _multiply_rows(table, self.pattern, out)
+        return out
+
+
+def bind(motion: Motion, sums: Mapping[str, Affine]) -> Parameters:
+    """p of some sums, by their names in SUMS; those that are not given are zero."""
+    heads, pattern, numbers = [], [np.zeros(2 + _HEAD * len(SUMS))], [np.zeros(0)]
+    for name in SUMS:
+        affine = sums.get(name, Affine.zero(0, 0)).fixed(motion.module.CONSTANTS)
+        monomials = motion.ordered(affine.terms)
+        products, found = Products.of(monomials, motion.column), numbered_entries(affine, monomials)
+        slot = found.rows * affine.shape[1] + found.columns
+        table = coefficients(slot, found, (affine.shape[0] * affine.shape[1], len(monomials)))
+        used = np.flatnonzero(np.diff(table.indptr))
+        places = sum(map(len, pattern)), sum(map(len, numbers))
+        heads.append((len(monomials), len(products.pattern) - len(monomials), len(used), *places))
+        pattern += [products.pattern, used, table.indptr[used + 1], table.indices]
+        numbers.append(table.data)
+    most = max(count for count, *_ in heads)
+    pattern[0] = np.array([len(motion.column), most, *np.ravel(heads)])
+    whole = np.concatenate([each.astype(np.uint64) for each in pattern])
+    return Parameters(MotionKernel(motion.module.motion), motion.parameters, whole, np.concatenate(numbers))
+
+
+def place_of_points(points: Mapping[str, tuple[str, tuple[float, float]]]) -> Affine:
+    """Global x and y of points, given by their body and their place on it, one after the other (2 points, 1)."""
+    total = Affine.zero(2 * len(points), 1)
+    for row, (body, (x, y)) in enumerate(points.values()):
+        for scalar, at in (("x", (1.0, 0.0)), ("y", (0.0, 1.0)), ("c", (x, y)), ("s", (-y, x))):
+            column = np.zeros((2 * len(points), 1))
+            column[2 * row : 2 * row + 2, 0] = at
+            total += Affine.term((f"{body}.{scalar}",), column)
+    return total
+
+
+def scalars_of(names: Sequence[str]) -> Affine:
+    """Scalars of the motion one below the other (scalars, 1)."""
+    total = Affine.zero(len(names), 1)
+    for row, name in enumerate(names):
+        total += Affine.term((name,), np.eye(len(names))[:, row : row + 1])
+    return total
