@@ -332,6 +332,7 @@ def sensed_by(text, scene, tmp_path, monkeypatch):
 PRUNED = {
     "dynamics": (("solve.terms.spin=false", "solve.terms.gyroscopic=false"), {"term_spin", "term_gyroscopic", "C"}),
     "quasi-statics": (("solve.preset=quasistatic", "solve.terms.geometric=false"), {"K_g", "term_tension_origin"}),
+    "quasi-statics without spin": (("solve.preset=quasistatic", "solve.terms.spin=false"), {"term_gyroscopic", "C"}),
 }
 
 
@@ -375,6 +376,26 @@ def test_gravity_and_shear_that_are_switched_off_are_not_in_the_pruned_module():
 def test_a_model_with_every_term_has_the_whole_module():
     scene = read_scene("engine")
     assert pruned_text(scene) == generate_text(scene)
+
+
+def test_a_run_by_tolerance_takes_the_module_without_what_its_model_leaves_out(engine, cache, tmp_path, monkeypatch):
+    """The terms are in neither its table nor its equations, and the run is that of the settings alone."""
+    _, found = engine
+    monkeypatch.setattr(choice_cache, "choose", lambda *arguments: found)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    loaded = []
+    monkeypatch.setattr("kaneflex.solve.loading.load", lambda *a, **k: loaded.append(load(*a, **k)) or loaded[-1])
+    result = cli("run", "engine", "--tolerance", "0.01", "--sensor", "tip_axial", "--no-plots", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    (model,) = loaded
+    assert not {group for _, group, *_ in model.module.TERMS} & {"spin", "gyroscopic", "euler", "damping"}
+    assert model.module.STRUCTURE != model.scene.structure_hash()
+    assert not {key for link in model.links.values() for key, *_ in link.element_terms} & {"K_d", "C_d", "C_s"}
+    plain = load(with_settings(read_scene("engine"), found.settings))
+    assert "spin" in {group for _, group, *_ in plain.module.TERMS}
+    expected, results = simulate(plain).series, simulate(model).series
+    for name, series in expected.items():
+        assert results[name].values == pytest.approx(series.values, abs=1e-9 * abs(series.values).max()), name
 
 
 def test_derive_writes_the_chosen_models_module_and_counts(engine, cache, tmp_path, monkeypatch):

@@ -139,7 +139,7 @@ def _solve(
 
         check_differentiable(scene, continued=after is not None)
         find_parameters(scene, parameters)
-    model = load(scene, waiting.stage)
+    model = load(scene, waiting.stage, pruned=choice is not None)
     waiting.stage("compiling the integrator, first time only")
     solution = solve(model, waiting.share_of("solving"), state)
     waiting.stage("writing the results")

@@ -126,20 +126,35 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         return generate(scene, progress)
 
 
+def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of the scene by its own model, see :func:`pruned_text`; otherwise as :func:`find_module`."""
+    options = resolve_options(scene)
+    if options.dynamics == "coupled":  # whose rigid motion has all that the scene has
+        return find_module(scene, progress)
+    scene, without = acting(scene, options), left_out(options)
+    if not without:
+        return find_module(scene, progress)
+    structure = pruned_hash(scene, without)
+    return _find(structure, lambda stage: _without(scene, without, stage), REQUIRED_ATTRIBUTES, progress)
+
+
 def pruned_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     """Text of a module of the scene by its own model: what its options leave out is not in the code.
 
     Under preset coupled the coupled module, whose equations are one whole. Raises SceneError as :func:`generate_text`.
     """
-    from kaneflex.derive import generate_pruned
     from kaneflex.mechanism.floating_frames import shape_counts
 
     options = resolve_options(scene)
     if options.dynamics == "coupled":
         return coupled_text(scene, shape_counts(scene))
     scene, without = acting(scene, options), left_out(options)
-    if not without:
-        return generate_text(scene, progress)
+    return _without(scene, without, progress) if without else generate_text(scene, progress)
+
+
+def _without(scene: Scene, without: Sequence[str], progress: Progress) -> str:
+    from kaneflex.derive import generate_pruned
+
     with derivable(scene):
         return generate_pruned(scene, without, pruned_hash(scene, without), progress)
 

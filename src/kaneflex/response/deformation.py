@@ -190,8 +190,7 @@ class Deformation:
         felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
         felt = felt - options.spin * omega**2 * u - options.euler * epsilon * v
         q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
-        gyroscopic = options.gyroscopic or self.turned is not None
-        felt = felt + q_accel[3 * node] - gyroscopic * 2 * omega * q_rate[3 * node + 1]
+        felt = felt + q_accel[3 * node] - self._gyroscopic * 2 * omega * q_rate[3 * node + 1]
         for mass in scene.masses.values():
             if mass.at.body == name and self.link.node_at(scene.point(mass.at)[0]) == node:
                 total -= mass.mass * felt
@@ -221,14 +220,19 @@ class Deformation:
     def _kept_terms(self) -> list[tuple[str, Monomial, np.ndarray]]:
         return [term for term in self.link.element_terms if self._keeps(*term[:2])]
 
+    @property
+    def _gyroscopic(self) -> bool:
+        """Whether C_d acts: without z', on the turning of the joint axes alone, it is one of the spin terms."""
+        options = self.model.options
+        return options.gyroscopic if self.turned is None else options.spin
+
     def _keeps(self, key: str, monomial: Monomial) -> bool:
         options = self.model.options
         if options.dynamics == "frozen":  # matrices of another angle balance nothing: only the strains are meant
             return key == "K_s"
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
-        gyroscopic = options.gyroscopic or self.turned is not None
-        return {"C_s": options.damping, "C_d": gyroscopic, "K_g": options.geometric}.get(key, True)
+        return {"C_s": options.damping, "C_d": self._gyroscopic, "K_g": options.geometric}.get(key, True)
 
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:

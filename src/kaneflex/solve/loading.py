@@ -15,7 +15,7 @@ from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.position_analysis import with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.rigid_motion import Motion
-from kaneflex.multibody.binding import bind_parameters, find_module
+from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
@@ -38,7 +38,9 @@ _MOST = 20_000
 """Instants at most at which laws must have values before anything is computed."""
 
 
-def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None) -> Model:
+def load(
+    scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None, pruned: bool = False
+) -> Model:
     """Bind a scene to its generated module.
 
     Parameters
@@ -48,6 +50,9 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
         Called with the name of each stage that can take longer than a moment.
     like : Model, optional
         Of a similar scene: where the equations are the same they are taken from it, which gives the same model sooner.
+    pruned : bool
+        Whether the module is one without the terms that the options leave out, derived if there is none yet. By default
+        it is the structure's, which serves all options.
 
     Returns
     -------
@@ -67,7 +72,7 @@ def load(scene: Scene, progress: Progress = lambda stage: None, like: Model | No
     scene = with_branches(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
-    module, derived = find_module(scene, progress)
+    module, derived = (find_pruned_module if pruned else find_module)(scene, progress)
     ignored, scene = _ignored(scene, options), acting(scene, options)
     check_memory(scene, options, len(module.SCALARS))
     coupled = None
