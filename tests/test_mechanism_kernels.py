@@ -43,7 +43,7 @@ def test_they_are_what_is_integrated(case):
     assert kernels.coordinates == found.reduced.coordinates and len(kernels.coordinates) > 0
     parts = ("K_s", "K_d", "K_c", "K_g")
     for name in ("M", "C", "K", "F", *parts):
-        expected = at_instant(found, found.kept[name], t).reshape(kernels.shapes[name]["out"])
+        expected = at_instant(found, found.kept_parts[name], t).reshape(kernels.shapes[name]["out"])
         assert called(kernels, name, t) == pytest.approx(expected, abs=1e-13 * abs(expected).max()), name
         assert name not in parts or (not expected.any()) == (name in zero), name
     (row,) = found.scalars(np.array([t]))

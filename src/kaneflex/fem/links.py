@@ -168,11 +168,7 @@ def build_link(
     coordinates, place = node_coordinates(name, elements + 1, body.beam.axially_rigid)
     size = len(coordinates)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
-    fixed = getattr(module, "CONSTANTS", {})  # under preset coupled nothing of the motion is known before
-    element_terms = tuple(
-        (key, monomial, blocks) for (key, monomial), blocks in sums.items()
-        if not any(fixed.get(scalar) == 0.0 for scalar in monomial)  # what another link needs
-    )  # fmt: skip
+    element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
     for key, monomial, blocks in element_terms:
         matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
     part = Part(name, coordinates, matrices, place)

@@ -82,7 +82,7 @@ def build_model(
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
     placed += place_springs(scene, links, parts, frame)  # with dampers of their own
     frame, placed = _narrow_band(frame, placed) if near is None else _ordered(frame, placed, near[0].coordinates)
-    equations = assemble(placed, frame.coordinates, options.convective).fixed(motion.module.CONSTANTS)
+    equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)

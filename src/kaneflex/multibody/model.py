@@ -202,18 +202,26 @@ class Model:
         }  # fmt: skip
         exerted = re.compile(rf"({'|'.join(map(re.escape, self.scene.joints))})\.({'|'.join(JOINT_FORCES)})")
         forces = {name: unit for name, unit, *_ in self.module.SCALARS if exerted.fullmatch(name)}
-        found = self.kept | {"positions": place_of_points(points), "inverse_dynamics": scalars_of(forces)}
+        found = self.kept_parts | {"positions": place_of_points(points), "inverse_dynamics": scalars_of(forces)}
         return Kernels(bind(self.motion, found), self.reduced.coordinates, tuple(points), forces)
 
     @cached_property
     def kept(self) -> dict[str, Affine]:
-        """M, C, K, F of what is integrated, with the term groups that the options keep."""
-        return keep_terms(self.reduced, self.options)
+        """M, C, K, F of what is integrated: the sums of :attr:`kept_parts`."""
+        return {name: self.kept_parts[name] for name in "MCKF"}
+
+    @cached_property
+    def kept_parts(self) -> dict[str, Affine]:
+        """:func:`sums` of what is integrated, with the term groups that the options keep.
+
+        Terms that are zero by structure are not in: those of a link whose motion has no such scalar, though others do.
+        """
+        return keep_terms(self.reduced.fixed(self.module.CONSTANTS), self.options)
 
     @cached_property
     def monomials(self) -> tuple[Monomial, ...]:
         """The products of motion scalars that the kept equations are made of."""
-        return self.motion.ordered(set().union(*(self.kept[name].terms for name in "MCKF")))
+        return self.motion.ordered(set().union(*(affine.terms for affine in self.kept.values())))
 
     def scalars(self, times: np.ndarray) -> np.ndarray:
         """The table that integrators read: ``monomials`` at ``times`` [s], shape (n_times, n_monomials)."""

@@ -265,7 +265,7 @@ def _shifted(model: Model, t: float, shifts: Sequence[Shift]) -> _ShiftedMotion:
 
 def _load_of(model: Model, t: float, shifts: Sequence[Shift]) -> np.ndarray:
     """dF/du, shape (n, n_inputs)."""
-    columns = _shifted(model, t, [{}, *shifts]).column_of(model.kept["F"])
+    columns = _shifted(model, t, [{}, *shifts]).column_of(model.reduced.F)
     return columns[:, 1:] - columns[:, :1]
 
 
