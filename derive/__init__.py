@@ -2,7 +2,8 @@
 
 The pipeline, one file a stage:
 
-    mechanism   Scene.structure() -> Mechanism: bodies, joints, drives, loads in symbols
+    mechanism   Scene.structure() -> SymbolicMechanism: the runtime's Mechanism with symbols for numbers
+    constraints what joints and drives demand, as residuals with multipliers
     rigid       Mechanism -> Kane's equations of the free bodies and the constraints between them
     closure     the positions of all bodies from the drives, in closed form
     motion      -> Motion: velocities, accelerations, reactions as assignments

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import sympy as sm
 
 from kaneflex.derive.lookups import T
-from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, Vector
 from kaneflex.derive.newton import Closed, Loop, close_group
-from kaneflex.derive.poses import Pose
 from kaneflex.derive.steps import Steps
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, cross, dot, minus, quarter_turn
 
 
 class UnsupportedLoop(ValueError):
@@ -77,7 +77,7 @@ def _place_driven(mechanism, drive_angle, poses, steps) -> bool:
             continue
         forward = joint.first.body in poses
         base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
-        pose, at = poses[base.body], poses[base.body].place(base)
+        pose, at = poses[base.body], poses[base.body].place(base.at)
         c, s = pose.c, pose.s
         sign = 1 if forward else -1
         if joint.kind != "prismatic" and (name in mechanism.drives or joint.angle != 0):
@@ -93,7 +93,7 @@ def _place_driven(mechanism, drive_angle, poses, steps) -> bool:
     return False
 
 
-def _one_open(joint: JointModel, poses: dict[str, Pose]) -> bool:
+def _one_open(joint: Joint, poses: dict[str, Pose]) -> bool:
     return (joint.first.body in poses) != (joint.second.body in poses)
 
 
@@ -122,7 +122,7 @@ def _place_dyad(mechanism, poses, margins, steps) -> bool:
 class _Side:
     """An outer joint of a dyad: its point on a placed body and its point on the dyad's body."""
 
-    joint: JointModel
+    joint: Joint
     base: BodyPoint
     foot: BodyPoint
 
@@ -131,13 +131,13 @@ class _Side:
 class _Dyad:
     """Two bodies with their joints; the branch is that of the joint that closes the loop."""
 
-    middle: JointModel
+    middle: Joint
     first: _Side
     second: _Side
-    closing: JointModel
+    closing: Joint
 
 
-def _outer_joints(mechanism: Mechanism, poses: dict[str, Pose], body: str, but: JointModel) -> list[JointModel]:
+def _outer_joints(mechanism: Mechanism, poses: dict[str, Pose], body: str, but: Joint) -> list[Joint]:
     return [
         joint
         for joint in mechanism.joints.values()
@@ -145,22 +145,9 @@ def _outer_joints(mechanism: Mechanism, poses: dict[str, Pose], body: str, but: 
     ]
 
 
-def _side(joint: JointModel, poses: dict[str, Pose]) -> _Side:
+def _side(joint: Joint, poses: dict[str, Pose]) -> _Side:
     known = joint.first.body in poses
     return _Side(joint, *((joint.first, joint.second) if known else (joint.second, joint.first)))
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1]
-
-
-def _dot(a: Vector, b: Vector) -> sm.Expr:
-    return a[0] * b[0] + a[1] * b[1]
-
-
-def _turned(a: Vector) -> Vector:
-    """S a: a quarter turn counter-clockwise."""
-    return -a[1], a[0]
 
 
 def _assigned(name: str, vector: Vector, steps: Steps) -> Vector:
@@ -169,7 +156,7 @@ def _assigned(name: str, vector: Vector, steps: Steps) -> Vector:
 
 def _align(name: str, inside: Vector, outside: Vector, square: sm.Expr, at: Vector, foot: BodyPoint, steps) -> Pose:
     """The pose that turns a body-fixed vector of squared length ``square`` into a global one, ``foot`` being ``at``."""
-    return _assign_pose(name, _dot(inside, outside) / square, _dot(_turned(inside), outside) / square, at, foot, steps)
+    return _assign_pose(name, dot(inside, outside) / square, cross(inside, outside) / square, at, foot, steps)
 
 
 def _close_slider(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
@@ -184,14 +171,14 @@ def _close_slider(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
         rod, guide, head, slider_point = guide, rod, slider_point, head
     frame = poses[guide.base.body]  # a guide locks rotation, so the slider has the direction cosines of its carrier
     t = frame.turn(guide.joint.direction)
-    n = _turned(t)
-    offset = frame.turn(_minus(slider_point.at, guide.foot.at))
-    line, pivot = frame.place(guide.base), poses[rod.base.body].place(rod.base)
+    n = quarter_turn(t)
+    offset = frame.turn(minus(slider_point.at, guide.foot.at))
+    line, pivot = frame.place(guide.base.at), poses[rod.base.body].place(rod.base.at)
     name = head.body
     gap = tuple(line[k] + offset[k] - pivot[k] for k in range(2))
-    gamma = steps.assign(sm.Symbol(f"gamma_{name}"), _dot(n, gap))
-    ab = _minus(head.at, rod.foot.at)
-    square = _dot(ab, ab)
+    gamma = steps.assign(sm.Symbol(f"gamma_{name}"), dot(n, gap))
+    ab = minus(head.at, rod.foot.at)
+    square = dot(ab, ab)
     margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - gamma**2 / square)
     reach = steps.assign(sm.Symbol(f"w_{name}"), dyad.closing.branch * sm.sqrt(square * margin))
     v = _assigned(f"span_{name}", (gamma * n[0] + reach * t[0], gamma * n[1] + reach * t[1]), steps)
@@ -208,19 +195,19 @@ def _close_triangle(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Exp
     a = (r_1^2 - r_2^2 + d^2) / (2 d^2) and h^2 = r_1^2 / d^2 - a^2.
     """
     one, two = dyad.first, dyad.second
-    pivot, other = (poses[side.base.body].place(side.base) for side in (one, two))
+    pivot, other = (poses[side.base.body].place(side.base.at) for side in (one, two))
     name = one.foot.body
-    inside_1 = _minus(dyad.middle.first.at, one.foot.at)
-    inside_2 = _minus(dyad.middle.second.at, two.foot.at)
-    d = _assigned(f"d_{name}", _minus(other, pivot), steps)
-    square = steps.assign(sm.Symbol(f"square_{name}"), _dot(d, d))
-    r_1, r_2 = _dot(inside_1, inside_1), _dot(inside_2, inside_2)
+    inside_1 = minus(dyad.middle.first.at, one.foot.at)
+    inside_2 = minus(dyad.middle.second.at, two.foot.at)
+    d = _assigned(f"d_{name}", minus(other, pivot), steps)
+    square = steps.assign(sm.Symbol(f"square_{name}"), dot(d, d))
+    r_1, r_2 = dot(inside_1, inside_1), dot(inside_2, inside_2)
     a = steps.assign(sm.Symbol(f"share_{name}"), (r_1 - r_2 + square) / (2 * square))
     margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - a**2 * square / r_1)
     h = steps.assign(sm.Symbol(f"height_{name}"), dyad.closing.branch * sm.sqrt(r_1 * margin / square))
     v = _assigned(f"span_{name}", (a * d[0] - h * d[1], a * d[1] + h * d[0]), steps)
     poses[name] = _align(name, inside_1, v, r_1, pivot, one.foot, steps)
-    poses[two.foot.body] = _align(two.foot.body, inside_2, _minus(v, d), r_2, other, two.foot, steps)
+    poses[two.foot.body] = _align(two.foot.body, inside_2, minus(v, d), r_2, other, two.foot, steps)
     return margin
 
 
@@ -231,14 +218,14 @@ def _close_lever(dyad: _Dyad, poses: dict[str, Pose], steps: Steps) -> sm.Expr:
     u^2 = d^2 - w_n^2.
     """
     one, two = dyad.first, dyad.second
-    pivot, other = (poses[side.base.body].place(side.base) for side in (one, two))
+    pivot, other = (poses[side.base.body].place(side.base.at) for side in (one, two))
     name, t = one.foot.body, dyad.middle.direction
-    d = _assigned(f"d_{name}", _minus(other, pivot), steps)
-    square = steps.assign(sm.Symbol(f"square_{name}"), _dot(d, d))
+    d = _assigned(f"d_{name}", minus(other, pivot), steps)
+    square = steps.assign(sm.Symbol(f"square_{name}"), dot(d, d))
     fixed = tuple(
         dyad.middle.first.at[k] - one.foot.at[k] + two.foot.at[k] - dyad.middle.second.at[k] for k in range(2)
     )
-    across = steps.assign(sm.Symbol(f"across_{name}"), _dot(_turned(t), fixed))
+    across = steps.assign(sm.Symbol(f"across_{name}"), cross(t, fixed))
     margin = steps.assign(sm.Symbol(f"closure_{dyad.closing.name}"), 1 - across**2 / square)
     along = steps.assign(sm.Symbol(f"along_{name}"), dyad.closing.branch * sm.sqrt(square * margin))
     w = (along * t[0] - across * t[1], along * t[1] + across * t[0])

@@ -15,29 +15,22 @@ from typing import Any
 
 import sympy as sm
 
+from kaneflex.derive.constraints import Constraint, drive_constraint, joint_constraints
 from kaneflex.derive.flexible import flexible_body
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.lookups import T, table
-from kaneflex.derive.mechanism import JointModel, LoadModel, Mechanism, Parameters, SpringModel
+from kaneflex.derive.mechanism import Parameters, SymbolicMechanism
 from kaneflex.derive.motion import drive_courses, law_names
 from kaneflex.derive.places import CoupledBody, Places
 from kaneflex.derive.program import Program
 from kaneflex.derive.steps import Steps
+from kaneflex.mechanism import springs
+from kaneflex.mechanism.joints import coordinate as joint_coordinate
+from kaneflex.mechanism.parts import Joint, Load, Spring
+from kaneflex.mechanism.planar import Pose, dot, minus
 
 Shapes = Mapping[str, tuple[int, ...]]
 """Elastic link -> numbers of its axial and transverse modal coordinates, and 1 where its start moves in its frame."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """A constraint residual = 0 with its multiplier's name, unit and meaning, and its own partial rates in time."""
-
-    name: str
-    unit: str
-    meaning: str
-    residual: sm.Expr
-    rate: sm.Expr
-    acceleration: sm.Expr
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ class CoupledEquations:
     Attributes
     ----------
     bodies : tuple of CoupledBody
-    rows : tuple of Row
+    rows : tuple of Constraint
         Joints first, then prescribed drives.
     loads : tuple of (name, Expr)
         Every load with its power.
@@ -59,9 +52,9 @@ class CoupledEquations:
         Path -> (symbol, unit), only those that the equations use.
     """
 
-    mechanism: Mechanism
+    mechanism: SymbolicMechanism
     bodies: tuple[CoupledBody, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Constraint, ...]
     forcing: tuple[sm.Expr, ...]
     loads: tuple[tuple[str, sm.Expr], ...]
     springs: tuple[sm.Expr, sm.Expr]
@@ -82,7 +75,7 @@ class CoupledEquations:
         return (T, *self.q, *self.v, *(symbol for symbol, _ in self.parameters.values()))
 
 
-def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] = ()) -> CoupledEquations:
+def derive_coupled(mechanism: SymbolicMechanism, shapes: Shapes, rotary: Iterable[str] = ()) -> CoupledEquations:
     """The coupled equations of a mechanism.
 
     Parameters
@@ -101,21 +94,11 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
     steps = Steps(symbol for symbol, _ in number.entries.values())
     prescribed = [name for name, drive in mechanism.drives.items() if drive.kind != "free"]
     courses = drive_courses(mechanism, prescribed, steps)
-    rows = [row for joint in mechanism.joints.values() for row in _joint_rows(joint, places)]
+    rows = [row for joint in mechanism.joints.values() for row in joint_constraints(joint, *_sections(joint, places))]
     for name in prescribed:
-        coordinate = places.coordinate(mechanism.joints[name])
-        course = courses[name]
-        unit, meaning = ("N", "force") if mechanism.joints[name].kind == "prismatic" else ("N m", "torque")
-        rows.append(
-            Row(
-                f"{name}.drive",
-                unit,
-                f"{meaning} of the drive",
-                coordinate - course.angle,
-                -course.speed,
-                -course.acceleration,
-            )
-        )
+        joint, course = mechanism.joints[name], courses[name]
+        sections = _sections(joint, places)
+        rows.append(drive_constraint(joint, *sections, course.angle, course.speed, course.acceleration))
     q = [symbol for body in bodies.values() for symbol in body.q]
     v = [symbol for body in bodies.values() for symbol in body.v]
     rate = dict(zip(q, v, strict=True))
@@ -147,20 +130,19 @@ def derive_coupled(mechanism: Mechanism, shapes: Shapes, rotary: Iterable[str] =
     )
 
 
-def _spring(mechanism, spring: SpringModel, places: Places, rate) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
+def _spring(mechanism, spring: Spring, places: Places, rate) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
     """Potential of a spring, the force of its damper, and the path along which the damper acts: its length or angle.
 
     1/2 k (L - L_0)^2 and c L'; without free length and damper 1/2 k d . d, which is regular where the points meet.
     """
     if spring.joint is not None:
-        path = places.turn(mechanism.joints[spring.joint])
-        return spring.stiffness * (path - spring.free) ** 2 / 2, spring.damping * _rate(path, rate), path
-    start, end = places.place(spring.first), places.place(spring.second)
-    square = sum((b - a) ** 2 for a, b in zip(start, end, strict=True))
-    if spring.free == 0 and spring.damping == 0:
-        return spring.stiffness * square / 2, sm.S.Zero, sm.S.Zero
-    path = sm.sqrt(square)
-    return spring.stiffness * (path - spring.free) ** 2 / 2, spring.damping * _rate(path, rate), path
+        path = joint_coordinate(mechanism.joints[spring.joint], *_sections(spring, places))
+    else:
+        gap = minus(places.place(spring.second), places.place(spring.first))
+        path = sm.sqrt(dot(gap, gap))
+        if not springs.is_directed(spring):
+            return springs.potential(spring, path), sm.S.Zero, sm.S.Zero
+    return springs.potential(spring, path), springs.drag(spring, _rate(path, rate)), path
 
 
 def _used(bodies, rows, total, powers, steps) -> set[sm.Symbol]:
@@ -188,7 +170,9 @@ def _moment_unit(of: str, factors: tuple[str, ...]) -> str:
     return "kg" + {0: "", 1: " m"}.get(power, f" m^{power}")
 
 
-def _body(name: str, shapes: tuple[int, ...], rotary: bool, mechanism: Mechanism, number: Parameters) -> CoupledBody:
+def _body(
+    name: str, shapes: tuple[int, ...], rotary: bool, mechanism: SymbolicMechanism, number: Parameters
+) -> CoupledBody:
     """Kane's equations of a body in symbols of its own, with the stiffness and damping of its modal coordinates."""
     axial, transverse, *moves = shapes
     free = flexible_body(axial, transverse, rotary or not axial + transverse)
@@ -225,22 +209,12 @@ def _body(name: str, shapes: tuple[int, ...], rotary: bool, mechanism: Mechanism
     )
 
 
-def _joint_rows(joint: JointModel, places: Places) -> list[Row]:
-    """Residuals second minus first: a positive multiplier acts on the second body."""
-    on = f"on {joint.second.body} by {joint.first.body}"
-    gap, turn = places.gap(joint), places.turn(joint) - joint.angle
-    moment = ("moment", "N m", f"moment {on}", turn)
-    forces = [("force_x", "N", f"force {on}, global x", gap[0]), ("force_y", "N", f"force {on}, global y", gap[1])]
-    if joint.kind == "prismatic":
-        t = places.direction(joint.first, joint.direction)
-        rows = [("normal", "N", f"force {on}, normal to the guide", -t[1] * gap[0] + t[0] * gap[1]), moment]
-    else:
-        rows = forces if joint.kind == "revolute" else [*forces, moment]
-    zero = sm.S.Zero
-    return [Row(f"{joint.name}.{name}", unit, meaning, residual, zero, zero) for name, unit, meaning, residual in rows]
+def _sections(held: Joint | Spring, places: Places) -> list[Pose]:
+    """The two sections that a joint holds, or that a spring acts on."""
+    return [places.section(side) for side in held.sides]
 
 
-def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps: Steps) -> sm.Expr:
+def _magnitude(mechanism, load: Load, courses, places: Places, rate, steps: Steps) -> sm.Expr:
     """Size of a load: assigned where it depends on time alone, an expression where a free joint's motion decides."""
     if load.kind == "constant":
         return mechanism.symbol(f"loads.{load.name}.value")
@@ -248,7 +222,8 @@ def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps:
     def coordinate(name: str) -> tuple[sm.Expr, sm.Expr]:
         if name in courses:
             return courses[name].angle, courses[name].speed
-        angle = places.coordinate(mechanism.joints[name])
+        joint = mechanism.joints[name]
+        angle = joint_coordinate(joint, *_sections(joint, places))
         return angle, _rate(angle, rate)
 
     if load.kind == "table":
@@ -262,12 +237,13 @@ def _magnitude(mechanism, load: LoadModel, courses, places: Places, rate, steps:
     return steps.assign(sm.Symbol(f"size_{load.name}"), size)
 
 
-def _work(mechanism: Mechanism, load: LoadModel, places: Places) -> list[tuple[sm.Expr, sm.Expr]]:
+def _work(mechanism: SymbolicMechanism, load: Load, places: Places) -> list[tuple[sm.Expr, sm.Expr]]:
     """Pairs of a component of the unit load and the path along which it works."""
     if load.joint is not None:
-        return [(sm.S.One, places.turn(mechanism.joints[load.joint]))]
+        joint = mechanism.joints[load.joint]
+        return [(sm.S.One, joint_coordinate(joint, *_sections(joint, places)))]
     at = load.point if load.spread is None else load.spread[0]
-    direction = load.direction if load.axes == "global" else places.direction(at, load.direction)
+    direction = load.direction if load.axes == "global" else places.section(at).turn(load.direction)
     path = places.place(load.point) if load.spread is None else places.spread(load.name, at.body)
     return list(zip(direction, path, strict=True))
 

@@ -11,7 +11,7 @@ from sympy.core.function import AppliedUndef
 
 from kaneflex.derive import emit
 from kaneflex.derive.beam import Element, Term, beam_element
-from kaneflex.derive.mechanism import Mechanism, read_structure
+from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Inverse, Motion, derive_inverse, derive_motion
 from kaneflex.derive.program import Program, share
 from kaneflex.support.contract import ELEMENT_KERNELS, FORMAT, LINK_SCALARS
@@ -27,7 +27,7 @@ class Equations:
     free joints' inverse dynamics with its states, None where no joint is free.
     """
 
-    mechanism: Mechanism
+    mechanism: SymbolicMechanism
     motion: Motion
     element: Element | None
     inverse: Inverse | None
@@ -327,7 +327,7 @@ def _tables(equations: Equations, counts: dict[str, tuple[int, int]]) -> list[st
     ]  # fmt: skip
 
 
-def table_paths(mechanism: Mechanism) -> list[str]:
+def table_paths(mechanism: SymbolicMechanism) -> list[str]:
     """Paths of the loads and drives that are tables."""
     readers = {"loads": mechanism.loads, "drives": mechanism.drives}
     return [f"{table}.{name}" for table, of in readers.items() for name, reader in of.items() if reader.kind == "table"]

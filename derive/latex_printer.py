@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import sympy as sm
 from sympy.printing.latex import LatexPrinter
 
-from kaneflex.derive.mechanism import Mechanism
+from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.program import Program
 
 _WIDTH = 78
@@ -75,7 +75,7 @@ class SymbolNames:
     Where two symbols would look alike both are printed as they are called in the module.
     """
 
-    def __init__(self, mechanism: Mechanism, programs: Iterable[Program]):
+    def __init__(self, mechanism: SymbolicMechanism, programs: Iterable[Program]):
         programs = list(programs)
         self._names = mechanism.names
         called = mechanism.names.identifiers(programs)

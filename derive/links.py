@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import sympy as sm
 
-from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
-from kaneflex.derive.rigid import multiplier
+from kaneflex.derive.constraints import multiplier
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import Vector
 from kaneflex.support.contract import LINK_SCALARS
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) ->
         force[1] += vector[1]
 
     for joint in mechanism.joints.values():
-        for side, sign in ((joint.second, 1), (joint.first, -1)):
+        for side, sign in zip(joint.sides, (-1, 1), strict=True):
             if (side.body, side.name) == (name, point):
                 push(tuple(sign * component for component in _joint_force(joint, rates, reactions)))
     for load_name, load in mechanism.loads.items():
@@ -84,16 +85,15 @@ def _axial_force(mechanism: Mechanism, name: str, point: str, solved: Solved) ->
     return pose.c * force[0] + pose.s * force[1]
 
 
-def _joint_force(joint: JointModel, rates: Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
+def _joint_force(joint: Joint, rates: Rates, reactions) -> tuple[sm.Expr, sm.Expr]:
     """Global force on the second body of a joint."""
 
     def reaction(row: str) -> sm.Expr:
         return reactions[multiplier(f"{joint.name}.{row}")]
 
-    if joint.kind != "prismatic":
+    if not joint.slides:
         return reaction("force_x"), reaction("force_y")
-    pose = rates.poses[joint.first.body]
-    t = pose.turn(joint.direction)
+    t = rates.poses[joint.first.body].turn(joint.direction)
     normal = reaction("normal")
     along = reactions.get(multiplier(f"{joint.name}.drive"), sm.S.Zero)
     return -t[1] * normal + t[0] * along, t[0] * normal + t[1] * along

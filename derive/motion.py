@@ -14,19 +14,21 @@ from dataclasses import dataclass
 import sympy as sm
 
 from kaneflex.derive.closure import UnsupportedLoop, place_bodies
+from kaneflex.derive.constraints import multiplier
 from kaneflex.derive.laws import law_expression
 from kaneflex.derive.linear import StructurallySingular, solve_blocks
 from kaneflex.derive.links import jump_scalars, link_scalars
 from kaneflex.derive.lookups import T, table, table_curvature, table_rate
-from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, Vector
+from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.names import Names
 from kaneflex.derive.newton import Loop
-from kaneflex.derive.poses import Pose
 from kaneflex.derive.program import Program
-from kaneflex.derive.rigid import TIME, RigidEquations, multiplier, rigid_equations
+from kaneflex.derive.rigid import TIME, RigidEquations, rigid_equations
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.springs import spring_scalars
 from kaneflex.derive.steps import Steps
+from kaneflex.mechanism.parts import Mechanism
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_acceleration, minus
 from kaneflex.support.contract import COURSES, LINK_SCALARS
 
 
@@ -51,7 +53,7 @@ class Motion:
         return Program("motion", (T, *parameters), self.steps, outputs)
 
 
-def derive_motion(mechanism: Mechanism) -> Motion:
+def derive_motion(mechanism: SymbolicMechanism) -> Motion:
     """Solve the rigid mechanism for its motion under its drives.
 
     The drives' coordinates are free in Kane's equations; their courses are substituted here: a constant speed removes
@@ -64,7 +66,7 @@ def derive_motion(mechanism: Mechanism) -> Motion:
     solved = _solve(mechanism, equations, _drives(mechanism, steps), steps)
     scalars = []
     for name, drive in solved.drives.items():
-        unit = "m" if mechanism.joints[name].kind == "prismatic" else "rad"
+        unit = "m" if mechanism.joints[name].slides else "rad"
         scalars.append(Scalar(f"{name}.angle", unit, "coordinate of the drive", drive.angle))
     for name in mechanism.bodies:
         scalars += _body_scalars(name, solved.rates.poses[name], solved.rates.value[name])
@@ -87,7 +89,7 @@ Inverse = tuple[Program, tuple[tuple[str, sm.Symbol], ...]]
 """Inverse dynamics of the free joints: its program, and its states as (joint, symbol)."""
 
 
-def derive_inverse(mechanism: Mechanism) -> Inverse | None:
+def derive_inverse(mechanism: SymbolicMechanism) -> Inverse | None:
     """Inverse dynamics of the free joints: the torque that each would need for a given state and acceleration.
 
     It is linear in the accelerations, so that the forward equations follow from a few evaluations: they are the
@@ -126,7 +128,7 @@ class Solved:
     loops: tuple[Loop, ...]
 
 
-def _solve(mechanism: Mechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
+def _solve(mechanism: SymbolicMechanism, equations: RigidEquations, drives: dict[str, Drive], steps: Steps) -> Solved:
     angles = {name: drive.angle for name, drive in drives.items()}
     with _told(mechanism.names):
         closure = place_bodies(mechanism, angles, steps)
@@ -149,7 +151,7 @@ def _told(names: Names) -> Iterator[None]:
         raise UnsupportedLoop(names.text(str(error))) from error
 
 
-def _still(mechanism: Mechanism) -> Motion:
+def _still(mechanism: SymbolicMechanism) -> Motion:
     """A structure that doesn't move: given poses, no rates, and no rigid reactions (they may be indeterminate)."""
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
     scalars = _load_scalars(mechanism, _loads(mechanism, {}, steps))
@@ -157,9 +159,9 @@ def _still(mechanism: Mechanism) -> Motion:
     poses = {GROUND: Pose(sm.S.Zero, sm.S.Zero, sm.S.One, sm.S.Zero)}
     rest = dict.fromkeys(("v_x", "v_y", "omega", "a_x", "a_y", "epsilon"), sm.S.Zero)
     for name, body in mechanism.bodies.items():
-        angle = mechanism.symbol(f"bodies.{name}.pose_angle")
+        x, y, angle = body.pose
         c, s = (steps.assign(sm.Symbol(f"{f}_{name}"), g(angle)) for f, g in (("c", sm.cos), ("s", sm.sin)))
-        pose = Pose(mechanism.symbol(f"bodies.{name}.pose_x"), mechanism.symbol(f"bodies.{name}.pose_y"), c, s)
+        pose = Pose(x, y, c, s)
         poses[name] = pose
         scalars += _body_scalars(name, pose, rest)
         if body.elastic:
@@ -190,13 +192,13 @@ class Drive:
     acceleration: sm.Expr
 
 
-def _drives(mechanism: Mechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, Drive]:
+def _drives(mechanism: SymbolicMechanism, steps: Steps, states: Sequence[str] = ()) -> dict[str, Drive]:
     """The drives' courses; those of the joints in ``states`` are inputs."""
     courses = drive_courses(mechanism, [name for name in mechanism.drives if name not in states], steps)
     return {name: courses[name] if name in courses else Drive(*_state_symbols(name)) for name in mechanism.drives}
 
 
-def drive_courses(mechanism: Mechanism, names: Sequence[str], steps: Steps) -> dict[str, Drive]:
+def drive_courses(mechanism: SymbolicMechanism, names: Sequence[str], steps: Steps) -> dict[str, Drive]:
     """Assign coordinate, speed and acceleration of prescribed drives as functions of time."""
     drives = {}
     for name in names:
@@ -209,7 +211,7 @@ def drive_courses(mechanism: Mechanism, names: Sequence[str], steps: Steps) -> d
     return drives
 
 
-def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
+def _course(mechanism: SymbolicMechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.Expr, sm.Expr]:
     """theta(t), theta'(t), theta''(t) of a drive."""
     drive = mechanism.drives[name]
     if drive.kind == "law":
@@ -237,7 +239,7 @@ def _course(mechanism: Mechanism, name: str, steps: Steps) -> tuple[sm.Expr, sm.
     )
 
 
-def _loads(mechanism: Mechanism, drives: dict[str, Drive], steps: Steps) -> dict[str, sm.Expr]:
+def _loads(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps) -> dict[str, sm.Expr]:
     magnitude = {}
     for name, load in mechanism.loads.items():
         if load.kind == "constant":
@@ -252,7 +254,7 @@ def _loads(mechanism: Mechanism, drives: dict[str, Drive], steps: Steps) -> dict
     return magnitude
 
 
-def law_names(mechanism: Mechanism, courses: Mapping[str, tuple[sm.Expr, sm.Expr]]) -> dict[str, sm.Expr]:
+def law_names(mechanism: SymbolicMechanism, courses: Mapping[str, tuple[sm.Expr, sm.Expr]]) -> dict[str, sm.Expr]:
     """What a load's law may use: t, and every drive's coordinate and speed by the scene's name of its joint."""
     names = {"t": T}
     for number, (coordinate, speed) in courses.items():
@@ -271,7 +273,7 @@ class Rates:
         rate: dict[sm.Expr, sm.Symbol] = {}
         for name in mechanism.bodies:
             at, pose = equations.coordinates[name], poses[name]
-            self.to_symbols |= {sm.cos(at.phi): pose.c, sm.sin(at.phi): pose.s, at.x: pose.x, at.y: pose.y}
+            self.to_symbols |= {at.c: pose.c, at.s: pose.s, at.x: pose.x, at.y: pose.y}
             for coordinate, letter in ((at.x, "x"), (at.y, "y"), (at.phi, "phi")):
                 v, a = sm.Symbol(f"v_{letter}_{name}"), sm.Symbol(f"a_{letter}_{name}")
                 if letter == "phi":
@@ -307,12 +309,8 @@ class Rates:
     def felt(self, body: str, point: BodyPoint, gravity: Vector) -> Vector:
         """a - g of a body-fixed point, global: a_O + epsilon S R r - omega^2 R r - g."""
         value = self.value[body]
-        x, y = self.poses[body].turn(point.at)
-        omega_squared = value["omega"] ** 2
-        return (
-            value["a_x"] - value["epsilon"] * y - omega_squared * x - gravity[0],
-            value["a_y"] + value["epsilon"] * x - omega_squared * y - gravity[1],
-        )
+        x, y = carried_acceleration(self.poses[body].turn(point.at), value["omega"], value["epsilon"])
+        return minus((value["a_x"] + x, value["a_y"] + y), gravity)
 
 
 def _body_scalars(body: str, pose: Pose, value: dict[str, sm.Expr]) -> list[Scalar]:

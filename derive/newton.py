@@ -17,12 +17,13 @@ import sympy as sm
 
 from kaneflex.derive.linear import determinant, solve_blocks
 from kaneflex.derive.lookups import table
-from kaneflex.derive.mechanism import JointModel, Mechanism, Vector
-from kaneflex.derive.poses import Pose
+from kaneflex.derive.mechanism import SymbolicMechanism
 from kaneflex.derive.steps import Steps
+from kaneflex.mechanism.joints import demanded
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import Pose, cross, dot, minus
 
 _ITERATIONS = 2
-_COUNT = {"revolute": 2, "prismatic": 2, "weld": 3}
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,11 @@ class Closed:
 
 
 def close_group(
-    mechanism: Mechanism, drive_angle: Mapping[str, sm.Expr], poses: Mapping[str, Pose], against: sm.Expr, steps: Steps
+    mechanism: SymbolicMechanism,
+    drive_angle: Mapping[str, sm.Expr],
+    poses: Mapping[str, Pose],
+    against: sm.Expr,
+    steps: Steps,
 ) -> Closed | None:
     """Close the smallest group of bodies that joints and drives determine; None where there is none.
 
@@ -125,7 +130,7 @@ def _group(mechanism: Mechanism, poses: Mapping[str, Pose]) -> tuple[tuple[str, 
                 for name, joint in mechanism.joints.items()
                 if {joint.first.body, joint.second.body} <= known and {joint.first.body, joint.second.body} & {*group}
             ]
-            count = sum(_COUNT[mechanism.joints[name].kind] + (name in mechanism.drives) for name in joints)
+            count = sum(len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in joints)
             if count == 3 * size:
                 return group, joints
     return None
@@ -158,11 +163,11 @@ class _Tree:
         fixed = [name for name in open_ones if name in mechanism.drives or mechanism.joints[name].kind == "weld"]
         return (fixed or open_ones)[0]
 
-    def _attach(self, joint: JointModel, coordinate: sm.Expr | None, driven: bool) -> None:
+    def _attach(self, joint: Joint, coordinate: sm.Expr | None, driven: bool) -> None:
         forward = joint.first.body in self.frames
         base, body = (joint.first, joint.second) if forward else (joint.second, joint.first)
         frame, name, sign = self.frames[base.body], body.body, 1 if forward else -1
-        at, c, s = frame.place(base), frame.c, frame.s
+        at, c, s = frame.place(base.at), frame.c, frame.s
         if joint.kind == "prismatic":
             if not driven:
                 self.sliding.append(joint.name)
@@ -179,17 +184,20 @@ class _Tree:
         dx, dy = Pose(sm.S.Zero, sm.S.Zero, c, s).turn(body.at)
         self.frames[name] = Pose(at[0] - dx, at[1] - dy, c, s)
 
-    def residuals(self, joint: JointModel, coordinate: sm.Expr | None) -> list[sm.Expr]:
+    def residuals(self, joint: Joint, coordinate: sm.Expr | None) -> list[sm.Expr]:
         """What a joint that is not in the tree, and its drive, leave open: lengths and sines of angles."""
         first, second = self.frames[joint.first.body], self.frames[joint.second.body]
-        gap = _minus(second.place(joint.second), first.place(joint.first))
-        turn, aligned = first.c * second.s - first.s * second.c, first.c * second.c + first.s * second.s
-        if joint.kind == "prismatic":
-            t = first.turn(joint.direction)
-            moved = [] if coordinate is None else [t[0] * gap[0] + t[1] * gap[1] - coordinate]
-            return [t[0] * gap[1] - t[1] * gap[0], turn, *moved]
-        angle = joint.angle if joint.kind == "weld" else coordinate
-        return [*gap] if angle is None else [*gap, turn * sm.cos(angle) - aligned * sm.sin(angle)]
+        gap, along = minus(second.place(joint.second.at), first.place(joint.first.at)), first.turn(joint.direction)
+
+        def turned_beyond(angle: sm.Expr) -> sm.Expr:
+            """The sine of how far the second body is turned against the first beyond an angle."""
+            axes, others = (first.c, first.s), (second.c, second.s)
+            return cross(axes, others) * sm.cos(angle) - dot(axes, others) * sm.sin(angle)
+
+        rows = [*demanded(joint, gap, turned_beyond(joint.angle), along)]
+        if coordinate is None:
+            return rows
+        return [*rows, dot(along, gap) - coordinate if joint.slides else turned_beyond(coordinate)]
 
     def derivative(self, residual: sm.Expr, unknown: str) -> sm.Expr:
         """By a body's angle, (c, s)' = (-s, c), or by a guide's slide."""
@@ -199,16 +207,14 @@ class _Tree:
         return c * residual.diff(s) - s * residual.diff(c)
 
 
-def _minus(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1]
-
-
 def seed_path(name: str, what: str) -> str:
     """Path of the parameter that says where a seed's table begins: of a body's "c" or "s", or of a guide's "slide"."""
     return f"{'joints' if what == 'slide' else 'bodies'}.{name}.seed_{what}"
 
 
-def _seeds(mechanism: Mechanism, tree: _Tree, loop: Loop, against: sm.Expr, steps: Steps) -> dict[sm.Symbol, sm.Expr]:
+def _seeds(
+    mechanism: SymbolicMechanism, tree: _Tree, loop: Loop, against: sm.Expr, steps: Steps
+) -> dict[sm.Symbol, sm.Expr]:
     def read(name: str, what: str) -> sm.Expr:
         lookup = table(against, mechanism.parameter(seed_path(name, what), "1"))
         return steps.assign(sm.Symbol(f"seed_{name}_{what}"), lookup)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import sympy as sm
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Parameters, Vector
+from kaneflex.derive.mechanism import Parameters
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, pose_at
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,13 @@ class Places:
         if point.body == GROUND:
             return along, across
         body = self._bodies[point.body]
-        x, y, phi, *modal = body.q
-        if modal and (body.moves or point.name != "start"):
+        if len(body.q) > 3 and (body.moves or point.name != "start"):
             along, across = self._inside(body, f"bodies.{body.name}.points.{point.name}")
-        c, s = sm.cos(phi), sm.sin(phi)
-        return x + c * along - s * across, y + s * along + c * across
+        return pose_at(*body.q[:3], sm.cos, sm.sin).place((along, across))
+
+    def section(self, point: BodyPoint) -> Pose:
+        """How the section at a point stands: where the point is, and the section's angle."""
+        return pose_at(*self.place(point), self.angle(point), sm.cos, sm.sin)
 
     def _inside(self, body: CoupledBody, path: str, power: int = 0) -> Vector:
         """Coordinates of a point in its body's axes by its numbers' ``path``; ``power`` more metres in their units."""
@@ -76,26 +79,5 @@ class Places:
         own = self._bodies[body]
         x, y, phi, *_ = own.q
         share = self._number(f"loads.{load}.share", "m")
-        along, across = self._inside(own, f"loads.{load}", power=1)
-        c, s = sm.cos(phi), sm.sin(phi)
-        return share * x + c * along - s * across, share * y + s * along + c * across
-
-    def direction(self, point: BodyPoint, inside: Vector) -> Vector:
-        """Global components of a direction fixed in the section at a point."""
-        angle = self.angle(point)
-        c, s = sm.cos(angle), sm.sin(angle)
-        return c * inside[0] - s * inside[1], s * inside[0] + c * inside[1]
-
-    def gap(self, joint: JointModel) -> Vector:
-        first, second = self.place(joint.first), self.place(joint.second)
-        return second[0] - first[0], second[1] - first[1]
-
-    def turn(self, joint: JointModel) -> sm.Expr:
-        return self.angle(joint.second) - self.angle(joint.first)
-
-    def coordinate(self, joint: JointModel) -> sm.Expr:
-        """Coordinate of a joint: its angle [rad], or its slide along the guide [m]."""
-        if joint.kind != "prismatic":
-            return self.turn(joint)
-        t, gap = self.direction(joint.first, joint.direction), self.gap(joint)
-        return t[0] * gap[0] + t[1] * gap[1]
+        inside = self._inside(own, f"loads.{load}", power=1)
+        return pose_at(share * x, share * y, phi, sm.cos, sm.sin).place(inside)

@@ -24,39 +24,11 @@ from sympy.physics.mechanics import (
     inertia,
 )
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, JointModel, Mechanism, SpringModel, Vector
+from kaneflex.derive.constraints import Constraint, drive_constraint, joint_constraints
+from kaneflex.mechanism.parts import Joint, Mechanism, Spring
+from kaneflex.mechanism.planar import GROUND, Pose, pose_at
 
 TIME = dynamicsymbols._t
-
-
-@dataclass(frozen=True)
-class Coordinates:
-    """Absolute coordinates of a body as functions of time, or the ground's zeros."""
-
-    x: sm.Expr
-    y: sm.Expr
-    phi: sm.Expr
-
-    def place(self, at: Vector) -> Vector:
-        """Global position of a body-fixed point: p = r + R(phi) at."""
-        dx, dy = self.turn(at)
-        return self.x + dx, self.y + dy
-
-    def turn(self, vector: Vector) -> Vector:
-        """Global components of a body-fixed vector."""
-        c, s = sm.cos(self.phi), sm.sin(self.phi)
-        return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """A scalar equation residual(q, t) = 0 of a joint or a drive; its multiplier is a reaction."""
-
-    name: str
-    residual: sm.Expr
-    multiplier: sm.Symbol
-    unit: str
-    meaning: str
 
 
 @dataclass(frozen=True)
@@ -66,7 +38,7 @@ class RigidEquations:
     Attributes
     ----------
     coordinates : dict
-        Body -> its coordinates; the ground's are zero.
+        Body -> its pose by absolute coordinates x, y, phi, functions of time; the ground's are zero.
     speeds : dict
         Body -> generalised speeds (v_x, v_y, omega), functions of time.
     balance : tuple of (name, Expr)
@@ -79,7 +51,7 @@ class RigidEquations:
         Load -> symbol of its magnitude [N]; likewise the components of springs' forces and their torques.
     """
 
-    coordinates: dict[str, Coordinates]
+    coordinates: dict[str, Pose]
     speeds: dict[str, tuple[sm.Expr, sm.Expr, sm.Expr]]
     balance: tuple[tuple[str, sm.Expr], ...]
     constraints: tuple[Constraint, ...]
@@ -91,7 +63,7 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
     """Hand the topology to SymPy's ``System`` and form Kane's equations (Kane & Levinson 1985, ch. 6)."""
     ground = RigidBody(GROUND)
     system = System.from_newtonian(ground)
-    coordinates = {GROUND: Coordinates(sm.S.Zero, sm.S.Zero, sm.S.Zero)}
+    coordinates = {GROUND: pose_at(sm.S.Zero, sm.S.Zero, sm.S.Zero, sm.cos, sm.sin)}
     speeds, points = {}, {}
     for name, body in mechanism.bodies.items():
         frame, start = ReferenceFrame(name), Point(f"{name}_start")
@@ -135,21 +107,21 @@ def rigid_equations(mechanism: Mechanism) -> RigidEquations:
     return RigidEquations(coordinates, speeds, balance, constraints, drive_coordinate, magnitude)
 
 
-def _add_torque(system: System, joint: JointModel, torque: sm.Expr, points) -> None:
+def _add_torque(system: System, joint: Joint, torque: sm.Expr, points) -> None:
     """A torque on the second body of a joint, and its opposite on the first."""
-    for side, sign in ((joint.second, 1), (joint.first, -1)):
+    for side, sign in zip(joint.sides, (-1, 1), strict=True):
         if side.body != GROUND:
             system.add_loads(Torque(points[side.body][0], sign * torque * system.frame.z))
 
 
-def _add_spring(system: System, mechanism: Mechanism, spring: SpringModel, points) -> dict[str, sm.Symbol]:
+def _add_spring(system: System, mechanism: Mechanism, spring: Spring, points) -> dict[str, sm.Symbol]:
     """A spring's force on its second point and the opposite on the first, or its torque, by their symbols."""
     if spring.joint is not None:
         torque = sm.Symbol(f"{spring.name}.torque")
         _add_torque(system, mechanism.joints[spring.joint], -torque, points)  # a positive torque turns back
         return {torque.name: torque}
     force = [sm.Symbol(f"{spring.name}.force_{axis}") for axis in "xy"]
-    for side, sign in ((spring.second, 1), (spring.first, -1)):
+    for side, sign in zip(spring.sides, (-1, 1), strict=True):
         if side.body != GROUND:
             frame, start = points[side.body]
             point = start.locatenew(f"{spring.name}_{side.body}", side.at[0] * frame.x + side.at[1] * frame.y)
@@ -181,54 +153,20 @@ def _free_body(name: str, ground: RigidBody, body: RigidBody, start: Point):
         parent_interframe=interframes[0],
         child_interframe=interframes[1],
     )
-    return Coordinates(x, y, phi), (v_x, v_y, omega), joint
+    return pose_at(x, y, phi, sm.cos, sm.sin), (v_x, v_y, omega), joint
 
 
 def _constraints(
-    mechanism: Mechanism, coordinates: dict[str, Coordinates]
+    mechanism: Mechanism, coordinates: dict[str, Pose]
 ) -> tuple[tuple[Constraint, ...], dict[str, sm.Expr]]:
-    """Residuals second minus first, so that a positive multiplier acts on the second body."""
-    found = []
-    for name, joint in mechanism.joints.items():
-        gap_x, gap_y = _gap(joint.first, joint.second, coordinates)
-        turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi - joint.angle
-        on = f"on {joint.second.body} by {joint.first.body}"
-        force_x = (f"{name}.force_x", gap_x, "N", f"force {on}, global x")
-        force_y = (f"{name}.force_y", gap_y, "N", f"force {on}, global y")
-        moment = (f"{name}.moment", turn, "N m", f"moment {on}")
-        if joint.kind == "revolute":
-            rows = [force_x, force_y]
-        elif joint.kind == "weld":
-            rows = [force_x, force_y, moment]
-        else:
-            t_x, t_y = coordinates[joint.first.body].turn(joint.direction)
-            normal = (f"{name}.normal", -t_y * gap_x + t_x * gap_y, "N", f"force {on}, normal to the guide")
-            rows = [normal, moment]
-        found += rows
-    drive_coordinate = {}
-    for name in mechanism.drives:
+    """Those of the joints, then of the drives, whose coordinates are functions of time."""
+
+    def sections(joint: Joint) -> list[Pose]:
+        return [coordinates[side.body].section(side.at) for side in joint.sides]
+
+    found = [row for joint in mechanism.joints.values() for row in joint_constraints(joint, *sections(joint))]
+    drive_coordinate = {name: dynamicsymbols(f"drive_{name}") for name in mechanism.drives}
+    for name, angle in drive_coordinate.items():
         joint = mechanism.joints[name]
-        drive_coordinate[name] = dynamicsymbols(f"drive_{name}")
-        if joint.kind == "prismatic":
-            t_x, t_y = coordinates[joint.first.body].turn(joint.direction)
-            gap_x, gap_y = _gap(joint.first, joint.second, coordinates)
-            row = (f"{name}.drive", t_x * gap_x + t_y * gap_y, "N", "force of the drive")
-        else:
-            turn = coordinates[joint.second.body].phi - coordinates[joint.first.body].phi
-            row = (f"{name}.drive", turn, "N m", "torque of the drive")
-        found.append((row[0], row[1] - drive_coordinate[name], row[2], row[3]))
-    constraints = tuple(
-        Constraint(name, residual, multiplier(name), unit, meaning)
-        for name, residual, unit, meaning in found
-    )
-    return constraints, drive_coordinate
-
-
-def multiplier(name: str) -> sm.Symbol:
-    """The symbol of a reaction "<joint>.<row>"."""
-    return sm.Symbol(name.replace(".", "_"))
-
-
-def _gap(first: BodyPoint, second: BodyPoint, coordinates: dict[str, Coordinates]) -> Vector:
-    start, end = coordinates[first.body].place(first.at), coordinates[second.body].place(second.at)
-    return end[0] - start[0], end[1] - start[1]
+        found.append(drive_constraint(joint, *sections(joint), angle))
+    return tuple(found), drive_coordinate

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import sympy as sm
 
-from kaneflex.derive.mechanism import GROUND, BodyPoint, Mechanism, SpringModel, Vector
-from kaneflex.derive.poses import Pose
 from kaneflex.derive.scalars import Scalar
 from kaneflex.derive.steps import Steps
+from kaneflex.mechanism import springs
+from kaneflex.mechanism.parts import Mechanism, Spring
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, Vector, carried_velocity, minus
 
 Values = Mapping[str, Mapping[str, sm.Expr]]
 """Body -> its rates v_x, v_y, omega."""
@@ -33,7 +34,7 @@ def spring_scalars(
     return found
 
 
-def _between_points(spring: SpringModel, poses, values: Values, elastic: bool, steps: Steps) -> list[Scalar]:
+def _between_points(spring: Spring, poses, values: Values, elastic: bool, steps: Steps) -> list[Scalar]:
     """T = k (L - L0) + c L' along d, from the first point to the second: L = |d|, L' = d . d' / L.
 
     With L0 = 0 and c = 0 the force is k d, which needs no direction and is regular also where the points meet.
@@ -43,18 +44,14 @@ def _between_points(spring: SpringModel, poses, values: Values, elastic: bool, s
     d = [steps.assign(sm.Symbol(f"{name}_d_{axis}"), b - a) for axis, a, b in zip("xy", *starts, strict=True)]
     length = steps.assign(sm.Symbol(f"{name}_now"), sm.sqrt(d[0] ** 2 + d[1] ** 2))
     more = []
-    if spring.free == 0 and spring.damping == 0:
-        tension = spring.stiffness * length
-        force = [-spring.stiffness * component for component in d]
-    else:
-        d_rate = [b - a for a, b in zip(*rates_of, strict=True)]
-        rate = (d[0] * d_rate[0] + d[1] * d_rate[1]) / length
-        tension = steps.assign(
-            sm.Symbol(f"{name}_pull"), spring.stiffness * (length - spring.free) + spring.damping * rate
-        )
-        force = [-tension * component / length for component in d]
+    tension = springs.tension(spring, length)
+    if springs.is_directed(spring):
+        d_rate = minus(*rates_of[::-1])
+        rate = springs.rate_of_length(d, d_rate, length)
+        tension = steps.assign(sm.Symbol(f"{name}_pull"), springs.tension(spring, length, rate))
         if elastic:
             more = _direction(name, d, d_rate, length, tension, steps)
+    force = springs.force(spring, d, tension, length)
     force = [steps.assign(sm.Symbol(f"{name}_push_{axis}"), f) for axis, f in zip("xy", force, strict=True)]
     on = f"force on {spring.second.body} by {spring.first.body}"
     return [
@@ -81,14 +78,15 @@ def _direction(name: str, d, d_rate, length: sm.Expr, tension: sm.Expr, steps: S
 
 def _point(point: BodyPoint, poses: Mapping[str, Pose], values: Values) -> tuple[Vector, Vector]:
     """Global position and velocity of a body-fixed point: r_O + R r, v_O + omega S R r."""
-    place, (x, y) = poses[point.body].place(point), poses[point.body].turn(point.at)
+    pose = poses[point.body]
     if point.body == GROUND:
-        return place, (sm.S.Zero, sm.S.Zero)
+        return pose.place(point.at), (sm.S.Zero, sm.S.Zero)
     value = values[point.body]
-    return place, (value["v_x"] - value["omega"] * y, value["v_y"] + value["omega"] * x)
+    x, y = carried_velocity(pose.turn(point.at), value["omega"])
+    return pose.place(point.at), (value["v_x"] + x, value["v_y"] + y)
 
 
-def _at_joint(spring: SpringModel, drive_angle, poses, values: Values, steps: Steps) -> list[Scalar]:
+def _at_joint(spring: Spring, drive_angle, poses, values: Values, steps: Steps) -> list[Scalar]:
     """k (phi - phi_0) + c phi', phi the angle of the second body against the first.
 
     At a driven joint phi counts whole turns; elsewhere the poses give it, within half a turn of the free angle.
@@ -104,7 +102,7 @@ def _at_joint(spring: SpringModel, drive_angle, poses, values: Values, steps: St
             sm.Symbol(f"{name}_now"), spring.free + sm.atan2(s * c_0 - c * s_0, c * c_0 + s * s_0)
         )
     omega = {body: sm.S.Zero if body == GROUND else values[body]["omega"] for body in (first, second)}
-    torque = spring.stiffness * (angle - spring.free) + spring.damping * (omega[second] - omega[first])
+    torque = springs.tension(spring, angle, omega[second] - omega[first])
     torque = steps.assign(sm.Symbol(f"{name}_torque_now"), torque)
     return [
         Scalar(f"{name}.angle", "rad", f"angle of {second} against {first} at the spring", angle),

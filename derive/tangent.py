@@ -15,7 +15,7 @@ from kaneflex.derive import emit
 from kaneflex.derive.beam import Element, Term
 from kaneflex.derive.generate import calls, element_of, required_terms, term_kernel, version
 from kaneflex.derive.lookups import SLOPES, T
-from kaneflex.derive.mechanism import Mechanism, read_structure
+from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
 from kaneflex.derive.motion import Motion, derive_motion
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import Program, share
@@ -125,7 +125,7 @@ def _dispatch(element: Element) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _motion_kernel(mechanism: Mechanism, motion: Motion) -> tuple[emit.Kernel, Program]:
+def _motion_kernel(mechanism: SymbolicMechanism, motion: Motion) -> tuple[emit.Kernel, Program]:
     parameters = {path: symbol for path, (symbol, _) in mechanism.parameters.items()}
     program = motion.program(tuple(parameters.values()))
     outputs = [

@@ -13,6 +13,7 @@ from command_line import cli, refused
 import kaneflex
 from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.binding import find_coupled_module, find_module, seconds_to_derive
 from kaneflex.report.presentation import PRESETS_IN_WORDS
 from kaneflex.scene import json_schema, read_scene, shipped_scenes
@@ -256,10 +257,10 @@ def test_redundant_joints_are_named_and_counted(command):
 
 def test_what_is_open_is_named_by_its_body():
     scene = read_scene("engine")
-    reason, cure = in_joints(scene, (), ("v_x_rod", "omega_rod"))
+    reason, cure = in_joints(mechanism_of(scene), (), ("v_x_rod", "omega_rod"))
     assert reason.startswith("nothing determines the motion of rod; of 9 degrees of freedom the joints take main 2")
     assert cure == "Join or drive what is open"
-    assert in_joints(scene, (), ("pin_force_x",))[0].startswith("nothing determines the force in pin;")
+    assert in_joints(mechanism_of(scene), (), ("pin_force_x",))[0].startswith("nothing determines the force in pin;")
 
 
 def test_a_derived_module_is_the_same_whatever_its_scene_is_called():

@@ -12,8 +12,9 @@ from PIL import Image
 from runs import model
 
 from kaneflex.fem.mobility import count_freedom, elastic_coordinates
-from kaneflex.mechanism.joints import Rows
-from kaneflex.mechanism.position_analysis import drive_rates, place, start_coordinate
+from kaneflex.mechanism.joints import Constraints
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.position_analysis import coordinate_at, drive_rates, place
 from kaneflex.plots.scheme import scheme, scheme_picture
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
@@ -94,8 +95,8 @@ def test_places_are_those_of_the_generated_motion(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_drives_start_where_the_run_starts(name):
     found, scene = model(name), read_scene(name)
-    for drive in scene.drives:
-        assert start_coordinate(scene, drive) == pytest.approx(found.motion.at(0.0)[f"{drive}.angle"][0], abs=1e-12)
+    for name, drive in scene.drives.items():
+        assert coordinate_at(drive, 0.0) == pytest.approx(found.motion.at(0.0)[f"{name}.angle"][0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["engine-3", "four-bar", "slider-crank-150"])
@@ -104,7 +105,7 @@ def test_rates_are_those_of_the_generated_motion(name):
     (drive, moved), *_ = scene.drives.items()
     for t in np.linspace(0.0, scene.horizon, 5):
         rigid = found.motion.at(t)
-        rates = drive_rates(scene, place(scene, {drive: float(rigid[f"{drive}.angle"][0])}))[drive]
+        rates = drive_rates(mechanism_of(scene), place(scene, {drive: float(rigid[f"{drive}.angle"][0])}))[drive]
         for body in scene.bodies:
             expected = [rigid[f"{body}.{kind}"][0] / moved.speed for kind in ("v_x", "v_y", "omega")]
             assert rates[body] == pytest.approx(expected, abs=1e-9), body
@@ -148,7 +149,8 @@ def test_residuals_have_the_derivatives_that_newtons_method_is_given(tmp_path):
     random = np.random.default_rng(1)
     for text, drives in ((QUICK_RETURN.replace("BRANCH", "+"), ("main", "slot")), (WELDED, ("root",))):
         scene = written(tmp_path, text)
-        rows, bodies, joints = Rows(scene, dict.fromkeys(drives, 0.1)), [*scene.bodies], [*scene.joints]
+        rows = Constraints(mechanism_of(scene), dict.fromkeys(drives, 0.1))
+        bodies, joints = [*scene.bodies], [*scene.joints]
         x = random.normal(size=3 * len(bodies))
 
         def residuals(x, rows=rows, bodies=bodies, joints=joints):
@@ -181,19 +183,19 @@ def test_elastic_coordinates_are_those_of_the_model(name):
 
 
 def test_counts_and_verdicts(tmp_path):
-    engine = count_freedom(read_scene("engine"))
+    engine = count_freedom(mechanism_of(read_scene("engine")))
     assert (engine.mobility, engine.left, engine.prescribed) == (1, 0, ("main",))
     assert engine.constraints == {"main": 2, "pin": 2, "wrist": 2, "bore": 2}
-    pendulum = count_freedom(read_scene("double-pendulum"))
+    pendulum = count_freedom(mechanism_of(read_scene("double-pendulum")))
     assert (pendulum.mobility, pendulum.left, pendulum.free) == (2, 0, ("pivot", "elbow"))
     assert pendulum.verdict == "the forces drive what is free"
     bare = ["drives=none", "loads=none", "sensors=none", "solve.duration=1 s", "solve.start=zero"]
-    undriven = count_freedom(with_settings(read_scene("engine"), bare))
+    undriven = count_freedom(mechanism_of(with_settings(read_scene("engine"), bare)))
     assert undriven.left == 1 and undriven.verdict.startswith("1 too many")
     driven_weld = ["joints.hub.revolute=none", 'joints.hub.weld=["ground", "beam.start"]', "sensors=none"]
-    welded = count_freedom(with_settings(read_scene("spin-up"), [*driven_weld, "drives=none"]))
+    welded = count_freedom(mechanism_of(with_settings(read_scene("spin-up"), [*driven_weld, "drives=none"])))
     assert welded.left == 0 and welded.mobility == 0
-    gallows = count_freedom(written(tmp_path, GALLOWS))
+    gallows = count_freedom(mechanism_of(written(tmp_path, GALLOWS)))
     assert gallows.still and "structure" in gallows.verdict
 
 

@@ -45,6 +45,7 @@ def show(
     Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
     """
     from kaneflex.fem.mobility import count_freedom, elastic_coordinates
+    from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place, with_branches
     from kaneflex.mechanism.reach import followed, reach_lines
     from kaneflex.report.presentation import block, freedom, parts
@@ -62,7 +63,7 @@ def show(
     except SceneError as error:
         click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
         elastic = None
-    click.echo(freedom(count_freedom(scene), elastic))
+    click.echo(freedom(count_freedom(mechanism_of(scene)), elastic))
     scene = with_branches(scene)
     placement = place(scene, at)
     if not scene.is_frame:

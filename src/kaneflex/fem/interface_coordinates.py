@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from kaneflex.fem.links import Link, Part
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import Carried, prescribed_bodies
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -84,7 +85,7 @@ def find_interfaces(
     SceneError
         If a joint lies off the nodes of a link, or ties two carried rigid bodies to one node.
     """
-    prescribed = prescribed_bodies(scene)
+    prescribed = prescribed_bodies(mechanism_of(scene))
     shifts, turns = _Groups(), _Groups()
     nodes: dict[Node, str] = {}
     held: list[tuple[Node, Address]] = []

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Rows, constraint_count
+from kaneflex.mechanism.joints import Constraints
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.parts import Mechanism
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -60,14 +63,14 @@ class Freedom:
         return "the forces drive what is free" if self.free else "the drives determine the motion"
 
 
-def count_freedom(scene: Scene) -> Freedom:
-    """Count the degrees of freedom of a scene's rigid mechanism."""
+def count_freedom(mechanism: Mechanism) -> Freedom:
+    """Count the degrees of freedom of a rigid mechanism."""
     return Freedom(
-        len(scene.bodies),
-        {name: constraint_count(joint) for name, joint in scene.joints.items()},
-        tuple(name for name, drive in scene.drives.items() if drive.kind != "free"),
-        tuple(name for name, drive in scene.drives.items() if drive.kind == "free"),
-        scene.is_frame,
+        len(mechanism.bodies),
+        {name: len(joint.rows) for name, joint in mechanism.joints.items()},
+        tuple(name for name, drive in mechanism.drives.items() if not drive.free),
+        tuple(name for name, drive in mechanism.drives.items() if drive.free),
+        mechanism.frame,
     )
 
 
@@ -78,7 +81,7 @@ _IN_WORDS = {
 _RATES = ("v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 
 
-def in_joints(scene: Scene, spare: Sequence[str], open_unknowns: Sequence[str]) -> tuple[str, str]:
+def in_joints(mechanism: Mechanism, spare: Sequence[str], open_unknowns: Sequence[str]) -> tuple[str, str]:
     """What is redundant and what is open in a mechanism's equations, and the cure, in words of joints and bodies.
 
     Parameters
@@ -88,12 +91,14 @@ def in_joints(scene: Scene, spare: Sequence[str], open_unknowns: Sequence[str]) 
     open_unknowns : sequence of str
         Symbols that no equation determines, "<quantity>_<body>" or "<joint>_<row>".
     """
-    loose = [body for body in scene.bodies if any(f"{rate}_{body}" in open_unknowns for rate in _RATES)]
-    loaded = [joint for joint in scene.joints if any(f"{joint}_{row}" in open_unknowns for row in _IN_WORDS)]
-    return _in_words(scene, spare, loose, loaded)
+    loose = [body for body in mechanism.bodies if any(f"{rate}_{body}" in open_unknowns for rate in _RATES)]
+    loaded = [joint for joint in mechanism.joints if any(f"{joint}_{row}" in open_unknowns for row in _IN_WORDS)]
+    return _in_words(mechanism, spare, loose, loaded)
 
 
-def _in_words(scene: Scene, spare: Sequence[str], loose: Sequence[str], loaded: Sequence[str]) -> tuple[str, str]:
+def _in_words(
+    mechanism: Mechanism, spare: Sequence[str], loose: Sequence[str], loaded: Sequence[str]
+) -> tuple[str, str]:
     """Reason and cure: rows too many, bodies whose motion is open, joints whose force is."""
     reasons, cures = [], []
     if spare:
@@ -110,15 +115,15 @@ def _in_words(scene: Scene, spare: Sequence[str], loose: Sequence[str], loaded: 
         cures.append("join or drive what is open")
     if loaded:
         reasons.append(f"nothing determines the force in {', '.join(loaded)}")
-    count = count_freedom(scene)
+    count = count_freedom(mechanism)
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
-    driven = f", drives {len(scene.drives)}" if scene.drives else ""
+    driven = f", drives {len(mechanism.drives)}" if mechanism.drives else ""
     cure = "; ".join(cures) or "compare with what `kaneflex show` counts"
     reasons.append(f"of {3 * count.bodies} degrees of freedom the joints take {taken}{driven}")
     return "; ".join(reasons), cure[:1].upper() + cure[1:]
 
 
-def check_determined(scene: Scene) -> None:
+def check_determined(mechanism: NumericMechanism) -> None:
     """What is redundant or open in a mechanism, whatever its lengths are, named before anything is derived.
 
     The constraints' Jacobian at places drawn by chance, where only guides and welds hold their angles, has at least the
@@ -129,59 +134,55 @@ def check_determined(scene: Scene) -> None:
     SceneError
         Naming the redundant joints or drives, and the bodies that nothing determines.
     """
-    if scene.is_frame:
+    if mechanism.frame:
         return
-    joints = list(scene.joints)
-    rows = Rows(scene, dict.fromkeys(scene.drives, 0.0))
-    names = [f"{joint}.{row}" for joint in joints for row in _ROWS[scene.joints[joint].kind]]
-    constraints = len(names)
-    names += [f"{drive}.drive" for drive in rows.driven(joints)]
+    joints, bodies = [*mechanism.joints], [*mechanism.bodies]
+    constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
+    names = [f"{name}.{row}" for name, joint in mechanism.joints.items() for row in joint.rows]
+    held = len(names)
+    names += [f"{drive}.drive" for drive in constraints.driven(joints)]
     if not names:
         return
-    jacobian = rows.jacobian(_by_chance(scene, rows.size), list(scene.bodies), joints)
-    jacobian[:, 2::3] /= rows.size
+    jacobian = constraints.jacobian(_by_chance(mechanism), bodies, joints)
+    jacobian[:, 2::3] /= mechanism.size
     order = list(range(len(names)))
-    if constraints < len(names) and len(_independent(jacobian[:constraints])) == jacobian.shape[1]:
+    if held < len(names) and len(_independent(jacobian[:held])) == jacobian.shape[1]:
         # The joints alone let nothing move: of them the last ones are redundant, not the drives.
-        closing = {f"{joint}.{row}" for joint in scene.loop_joints() for row in _ROWS[scene.joints[joint].kind]}
+        closing = {f"{name}.{row}" for name in mechanism.loop_joints for row in mechanism.joints[name].rows}
         order.sort(key=lambda k: names[k] in closing)
     kept = {order[k] for k in _independent(jacobian[order])}
     spare = [name for k, name in enumerate(names) if k not in kept]
     # What moves in the null space is open.
     _, sizes, shapes = np.linalg.svd(jacobian)
     free = shapes[int((sizes > _DEPENDENT * sizes[0]).sum()) :]
-    loose = [body for k, body in enumerate(scene.bodies) if abs(free[:, 3 * k : 3 * k + 3]).max(initial=0.0) > 1e-6]
+    loose = [body for k, body in enumerate(bodies) if abs(free[:, 3 * k : 3 * k + 3]).max(initial=0.0) > 1e-6]
     if spare or loose:
-        reason, cure = _in_words(scene, spare, loose, ())
+        reason, cure = _in_words(mechanism, spare, loose, ())
         drives = [name.removesuffix(".drive") for name in spare if name.endswith(".drive")]
         key = f"drives.{drives[-1]}" if drives and len(drives) == len(spare) else "joints"
         raise SceneError(key, None, reason, cure)
 
 
-_ROWS = {
-    "revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment"), "prismatic": ("normal", "moment"),
-}  # fmt: skip
-"""Kind of a joint -> its constraints, in the order of `joint_rows.Rows`."""
 _DEPENDENT = 1e-9
 """Share of a row, or of the largest singular value, below which rounding is what is left."""
 
 
-def _by_chance(scene: Scene, size: float) -> dict[str, np.ndarray]:
+def _by_chance(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
     """Poses drawn by chance, the same each time, with the angles that guides and welds give two bodies."""
     random = np.random.default_rng(0)
-    poses = {name: random.uniform(-1.0, 1.0, 3) * [size, size, math.pi] for name in scene.bodies}
-    poses = {"ground": np.zeros(3)} | poses
-    held, turning = {"ground"}, [joint for joint in scene.joints.values() if joint.kind != "revolute"]
+    spread = [mechanism.size, mechanism.size, math.pi]
+    poses = {GROUND: np.zeros(3)} | {name: random.uniform(-1.0, 1.0, 3) * spread for name in mechanism.bodies}
+    held, turning = {GROUND}, [joint for joint in mechanism.joints.values() if joint.kind != "revolute"]
     while len(held) < len(poses):
         for joint in [joint for _ in turning for joint in turning]:
-            first, second = (address.body for address in joint.addresses)
+            first, second = joint.bodies
             if first in held and second not in held:
-                poses[second][2] = poses[first][2] + joint.relative_angle
+                poses[second][2] = poses[first][2] + joint.angle
                 held.add(second)
             elif second in held and first not in held:
-                poses[first][2] = poses[second][2] - joint.relative_angle
+                poses[first][2] = poses[second][2] - joint.angle
                 held.add(first)
-        held.add(next((name for name in poses if name not in held), "ground"))
+        held.add(next((name for name in poses if name not in held), GROUND))
     return poses
 
 

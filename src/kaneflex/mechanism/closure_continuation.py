@@ -15,7 +15,10 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Rows, place_of
+from kaneflex.mechanism.joints import Constraints, coordinate
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import Joint
+from kaneflex.mechanism.planar import GROUND, pose_at
 from kaneflex.mechanism.position_analysis import larger_group, place
 from kaneflex.mechanism.rigid_motion import Motion
 from kaneflex.scene import Scene
@@ -49,7 +52,7 @@ def check_free(scene: Scene) -> None:
         Before anything is derived; no preset can do without that turn.
     """
     free = [name for name, drive in scene.drives.items() if drive.free]
-    if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(scene)):
+    if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(mechanism_of(scene))):
         raise SceneError(
             f"drives.{free[0]}", "free",
             f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone, under "
@@ -75,7 +78,7 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
     values, blocks, filled = parameters.copy(), [], len(parameters)
     for closing, _, turning, sliding in loops:
         columns = {f"bodies.{body}.seed_{key}": sweep.turned(body, key) for body in turning for key in "cs"}
-        columns |= {f"joints.{joint}.seed_slide": sweep.slid(scene, joint) for joint in sliding}
+        columns |= {f"joints.{joint}.seed_slide": sweep.slid(mechanism_of(scene).joints[joint]) for joint in sliding}
         for path, column in columns.items():
             block = Table(sweep.x, column).coefficients(sweep.period)
             values[position[path]] = filled
@@ -101,19 +104,13 @@ class _Sweep:
     def turned(self, body: str, key: str) -> np.ndarray:
         return (np.cos if key == "c" else np.sin)(self.poses[:, self.bodies.index(body), 2])
 
-    def slid(self, scene: Scene, name: str) -> np.ndarray:
+    def slid(self, guide: Joint) -> np.ndarray:
         """Slide of a guide along its direction [m]."""
-        joint = scene.joints[name]
-        first, second = joint.addresses
-        found = []
-        for row in self.poses:
-            poses = {"ground": np.zeros(3), **dict(zip(self.bodies, row, strict=True))}
-            gap = place_of(scene, poses, second) - place_of(scene, poses, first)
-            angle = poses[first.body][2]
-            t_x, t_y = joint.direction
-            t = np.array([math.cos(angle) * t_x - math.sin(angle) * t_y, math.sin(angle) * t_x + math.cos(angle) * t_y])
-            found.append(t @ gap)
-        return np.array(found)
+        sections = []
+        for side in guide.sides:
+            course = np.zeros((len(self.x), 3)) if side.body == GROUND else self.poses[:, self.bodies.index(side.body)]
+            sections.append(pose_at(*course.T, np.cos, np.sin).section(side.at))
+        return coordinate(guide, *sections)
 
 
 def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: float) -> _Sweep:
@@ -146,7 +143,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
             turn = follower.over(start + np.linspace(0.0, 2 * math.pi, _KNOTS + 1), only, 2 * math.pi, said)
             change = turn.poses[-1] - turn.poses[0]
             change[:, 2] = np.remainder(change[:, 2] + math.pi, 2 * math.pi) - math.pi
-            if abs(change).max() < 1e-6 * max(1.0, follower.rows(only(start)).size):
+            if abs(change).max() < 1e-6 * max(1.0, follower.mechanism.size):
                 return turn
         except SceneError as error:
             locked = error
@@ -189,11 +186,11 @@ class _Follower:
     """Follows the assembly that a scene starts from."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.bodies, self.joints = scene, tuple(scene.bodies), [*scene.joints]
-        self.start = place(scene)
+        self.mechanism, self.start = mechanism_of(scene), place(scene)
+        self.bodies, self.joints = tuple(self.mechanism.bodies), [*self.mechanism.joints]
 
-    def rows(self, drives: Mapping[str, float]) -> Rows:
-        return Rows(self.scene, drives)
+    def constraints(self, drives: Mapping[str, float]) -> Constraints:
+        return Constraints(self.mechanism, drives)
 
     def over(self, xs: np.ndarray, drives: Coordinates, period: float | None, said: Callable[[float], str]) -> _Sweep:
         """The poses at all of ``xs``, the first of which is the start."""
@@ -214,27 +211,27 @@ class _Follower:
         return _Sweep(np.array(xs), np.array(found).reshape(len(xs), -1, 3), self.bodies, period)
 
     def _poses(self, unknowns: np.ndarray) -> dict[str, np.ndarray]:
-        return {"ground": np.zeros(3), **dict(zip(self.bodies, unknowns.reshape(-1, 3), strict=True))}
+        return {GROUND: np.zeros(3), **dict(zip(self.bodies, unknowns.reshape(-1, 3), strict=True))}
 
     def _jacobian(self, unknowns: np.ndarray, drives: Mapping[str, float]) -> np.ndarray:
-        return self.rows(drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
+        return self.constraints(drives).jacobian(self._poses(unknowns), self.bodies, self.joints)
 
     def _step(self, here: np.ndarray, x: float, to: float, drives: Coordinates, side: float, depth: int) -> np.ndarray:
         """The poses at ``to`` from those at ``x``: along the tangent, corrected by Newton's method, else in halves."""
         before, after = drives(x), drives(to)
         jacobian = self._jacobian(here, before)
         moved = np.zeros(len(here))
-        names = self.rows(before).driven(self.joints)
+        names = self.constraints(before).driven(self.joints)
         moved[len(here) - len(names) :] = [after[name] - before[name] for name in names]
-        rows = self.rows(after)
+        constraints, size = self.constraints(after), self.mechanism.size
         guess = here + np.linalg.solve(jacobian, moved)
         unknowns = guess.copy()
-        scale = np.tile([rows.size, rows.size, 1.0], len(self.bodies))
+        scale = np.tile([size, size, 1.0], len(self.bodies))
         for _ in range(8):
-            residual = rows.residuals(self._poses(unknowns), self.joints)
+            residual = constraints.residuals(self._poses(unknowns), self.joints)
             jacobian = self._jacobian(unknowns, after)
-            sign, size = np.linalg.slogdet(jacobian)
-            if not np.isfinite(size):
+            sign, logarithm = np.linalg.slogdet(jacobian)
+            if not np.isfinite(logarithm):
                 break
             change = np.linalg.solve(jacobian, residual)
             unknowns -= change
@@ -252,9 +249,9 @@ class _Follower:
     def _locking(self, unknowns: np.ndarray, drives: Mapping[str, float]) -> str:
         """The joint that closes the loop which is about to lock: most strained by forces that balance themselves."""
         stress = abs(np.linalg.svd(self._jacobian(unknowns, drives))[0][:, -1])
-        counts = [3 if self.scene.joints[name].kind == "weld" else 2 for name in self.joints]
+        counts = [len(joint.rows) for joint in self.mechanism.joints.values()]
         ends = np.cumsum(counts)
         strain = {
             name: stress[end - count : end].max() for name, count, end in zip(self.joints, counts, ends, strict=True)
         }
-        return max(self.scene.loop_joints(), key=strain.get)
+        return max(self.mechanism.loop_joints, key=strain.get)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_bodies import prescribed_bodies
 from kaneflex.scene.options import modes_of
 from kaneflex.scene.quantities import Address
@@ -38,7 +39,7 @@ def stations(scene: Scene, link: str) -> list[Station]:
     """The stations of a link from its start to its end."""
     found: list[Station] = []
     length = scene.bodies[link].length
-    placed = prescribed_bodies(scene)
+    placed = prescribed_bodies(mechanism_of(scene))
 
     def at(address: Address) -> Station:
         x = scene.point(address)[0]

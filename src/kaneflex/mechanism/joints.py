@@ -1,32 +1,55 @@
-"""What joints and drives demand of the bodies' places, by numbers: residuals and their derivatives."""
+"""What joints and drives demand of the sections that they hold, over any kind of number, and its derivatives.
+
+A joint meets two sections, one of each body: their :class:`~.planar.Pose` says where the points are and how the
+sections stand there. Residuals are second minus first, so that a positive multiplier acts on the second body.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kaneflex.scene import Scene
-from kaneflex.scene.parts import Joint
-from kaneflex.scene.quantities import Address
+from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.planar import Number, Pose, Vector, cross, dot, minus, pose_at
+
+_TINY = 1e-30
+"""Imaginary step: f(x + i h) = f(x) + i h f'(x) to the last bit (Squire & Trapp 1998, SIAM Review 40)."""
 
 Poses = Mapping[str, np.ndarray]
-"""Body -> x, y of its start [m] and its angle [rad], global."""
+"""Body -> x, y of its start [m] and its angle [rad], global; the ground's are zero."""
 
 
-def constraint_count(joint: Joint) -> int:
-    """Constraints of a joint in the plane."""
-    return 3 if joint.kind == "weld" else 2
+def demanded(joint: Joint, gap: Vector, turn: Number, along: Vector) -> tuple[Number, ...]:
+    """What must vanish at a joint, in the order of its ``rows``.
+
+    ``gap`` leads from the first point to the second, ``turn`` is by how much the second section stands against the
+    first beyond the joint's angle, ``along`` the guide's direction; all global.
+    """
+    return (cross(along, gap), turn) if joint.slides else (*gap, turn)[: len(joint.rows)]
 
 
-class Rows:
-    """Residuals of joints, then of the drives among them, in the bodies' coordinates; second side minus first."""
+def residuals(joint: Joint, first: Pose, second: Pose) -> tuple[Number, ...]:
+    """Residuals of a joint's constraints, lengths [m] and angles [rad], in the order of its ``rows``."""
+    gap = minus(second.origin, first.origin)
+    return demanded(joint, gap, second.phi - first.phi - joint.angle, first.turn(joint.direction))
 
-    def __init__(self, scene: Scene, drives: Mapping[str, float]):
-        self.scene, self.drives = scene, drives
-        points = [math.hypot(*scene.point(side)) for joint in scene.joints.values() for side in joint.addresses]
-        self.size = max([*points, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
+
+def coordinate(joint: Joint, first: Pose, second: Pose) -> Number:
+    """Coordinate of a joint: its angle [rad], or its slide along the guide [m]."""
+    if not joint.slides:
+        return second.phi - first.phi
+    return dot(first.turn(joint.direction), minus(second.origin, first.origin))
+
+
+class Constraints:
+    """Residuals of joints, then of the drives among them, in the coordinates of rigid bodies; by numbers.
+
+    ``drives`` has the coordinates of the drives [rad or m].
+    """
+
+    def __init__(self, mechanism: Mechanism, drives: Mapping[str, float]):
+        self.mechanism, self.drives = mechanism, drives
 
     def driven(self, joints: Sequence[str]) -> list[str]:
         return [name for name in joints if name in self.drives]
@@ -35,61 +58,35 @@ class Rows:
         """One number a constraint: lengths [m] and angles [rad]."""
         constraints, coordinates = [], []
         for name in joints:
-            joint = self.scene.joints[name]
-            gap, turn = self._gap(poses, joint)
-            if joint.kind == "prismatic":
-                t = turned(joint.direction, poses[joint.addresses[0].body][2])
-                constraints += [t[0] * gap[1] - t[1] * gap[0], turn]
-            else:
-                constraints += [*gap, turn - joint.relative_angle][: constraint_count(joint)]
+            joint = self.mechanism.joints[name]
+            sections = _sections(joint, poses)
+            constraints += residuals(joint, *sections)
             if name in self.drives:
-                moved = t @ gap if joint.kind == "prismatic" else turn
-                coordinates.append(moved - self.drives[name])
+                coordinates.append(coordinate(joint, *sections) - self.drives[name])
         return np.array(constraints + coordinates)
 
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
-        """Derivatives of the residuals by x, y, phi of some bodies."""
-        constraints, coordinates = [], []
+        """Derivatives of the residuals by x, y, phi of some bodies, exact: by an imaginary step of each."""
         column = {name: 3 * k for k, name in enumerate(bodies)}
+        held = sum(len(self.mechanism.joints[name].rows) for name in joints)
+        found = np.zeros((held + len(self.driven(joints)), 3 * len(bodies)))
+        row, driven = 0, held
         for name in joints:
-            joint = self.scene.joints[name]
-            by_gap = np.zeros((2, 3 * len(bodies)))
-            by_turn = np.zeros(3 * len(bodies))
-            for side, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
-                if side.body in column:
-                    k = column[side.body]
-                    x, y = turned(self.scene.point(side), poses[side.body][2])
-                    by_gap[:, k : k + 3] = sign * np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])
-                    by_turn[k + 2] = sign
-            if joint.kind == "prismatic":
-                carrier = joint.addresses[0].body
-                t = turned(joint.direction, poses[carrier][2])
-                n, (gap, _) = np.array([-t[1], t[0]]), self._gap(poses, joint)
-                across, along = n @ by_gap, t @ by_gap
-                if carrier in column:  # t' = n, n' = -t as the carrier turns
-                    across[column[carrier] + 2] -= t @ gap
-                    along[column[carrier] + 2] += n @ gap
-                constraints += [across, by_turn]
-            else:
-                constraints += [*by_gap, by_turn][: constraint_count(joint)]
-            if name in self.drives:
-                coordinates.append(along if joint.kind == "prismatic" else by_turn)
-        return np.array(constraints + coordinates)
-
-    def _gap(self, poses: Poses, joint: Joint) -> tuple[np.ndarray, float]:
-        first, second = joint.addresses
-        gap = place_of(self.scene, poses, second) - place_of(self.scene, poses, first)
-        return gap, poses[second.body][2] - poses[first.body][2]
+            joint = self.mechanism.joints[name]
+            rows = [*range(row, row + len(joint.rows)), *([driven] if name in self.drives else [])]
+            row, driven = row + len(joint.rows), driven + (name in self.drives)
+            sections = _sections(joint, poses)
+            for k, side in enumerate(joint.sides):
+                if side.body not in column:
+                    continue
+                moved = poses[side.body][:, None] + 1j * _TINY * np.eye(3)
+                section = pose_at(*moved, np.cos, np.sin).section(side.at)
+                first, second = (section, sections[1]) if k == 0 else (sections[0], section)
+                values = [*residuals(joint, first, second)]
+                values += [coordinate(joint, first, second)] if name in self.drives else []
+                found[rows, column[side.body] : column[side.body] + 3] = np.imag(values) / _TINY
+        return found
 
 
-def place_of(scene: Scene, poses: Poses, address: Address) -> np.ndarray:
-    """Global position of a body's or the ground's point [m], (2,)."""
-    if address.body == "ground":
-        return np.array(scene.point(address))
-    pose = poses[address.body]
-    return pose[:2] + turned(scene.point(address), pose[2])
-
-
-def turned(vector: Sequence[float], angle: float) -> np.ndarray:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+def _sections(joint: Joint, poses: Poses) -> list[Pose]:
+    return [pose_at(*poses[side.body].tolist()).section(side.at) for side in joint.sides]

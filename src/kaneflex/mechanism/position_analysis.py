@@ -14,10 +14,13 @@ from itertools import combinations
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Poses, Rows, constraint_count, place_of, turned
+from kaneflex.mechanism.joints import Constraints, Poses
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.parts import Joint
+from kaneflex.mechanism.planar import GROUND, Pose, cross, dot, minus, pose_at
 from kaneflex.scene import Scene
+from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import parse_law
-from kaneflex.scene.parts import Joint
 from kaneflex.support.errors import SceneError
 
 _STARTS = 400
@@ -55,6 +58,10 @@ class Placement:
         x, y, phi = self.poses[body]
         return np.array([{"x": x, "y": y, "c": math.cos(phi), "s": math.sin(phi)}[kind]])
 
+    def pose(self, body: str) -> Pose:
+        """Where a body or the ground stands."""
+        return pose_at(*(_GROUND if body == GROUND else self.poses[body]))
+
 
 def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     """Place the bodies with the drives as the run starts, or at the coordinates [rad or m] that ``at`` gives some.
@@ -67,13 +74,12 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
     if scene.is_frame:
         poses = {name: np.array([*body.pose.at, body.pose.angle]) for name, body in scene.bodies.items()}
         return Placement(poses, {})
-    drives = {name: start_coordinate(scene, name) for name in scene.drives} | dict(at or {})
-    rows = Rows(scene, drives)
-    poses: dict[str, np.ndarray] = {"ground": _GROUND}
+    drives = {name: coordinate_at(drive, 0.0) for name, drive in scene.drives.items()} | dict(at or {})
+    constraints = Constraints(mechanism_of(scene), drives)
+    poses: dict[str, np.ndarray] = {GROUND: _GROUND}
     while len(poses) <= len(scene.bodies):
-        group = _next_group(scene, poses)
-        poses |= _closed(rows, poses, group)
-    del poses["ground"]
+        poses |= _closed(constraints, poses, _next_group(constraints.mechanism, poses))
+    del poses[GROUND]
     return Placement(poses, drives)
 
 
@@ -87,45 +93,40 @@ def with_branches(scene: Scene) -> Scene:
     """
     if scene.is_frame or not any(joint.near for joint in scene.joints.values()):
         return scene
-    poses, placed, joints = None, {"ground": _GROUND}, dict(scene.joints)
-    while len(placed) <= len(scene.bodies):
-        group = _next_group(scene, placed)
-        around = _joints_of(scene, placed, group)
-        closing = next((name for name in around if name in scene.loop_joints()), None)
-        if closing and scene.joints[closing].near and not _is_larger(scene, group, around):
-            poses = poses or {"ground": _GROUND, **place(scene).poses}
-            plus = scene.joints | {closing: scene.joints[closing].model_copy(update={"branch": "+"})}
-            ahead = _on_branch(scene.model_copy(update={"joints": plus}), placed, poses, group, around)
-            joints[closing] = scene.joints[closing].model_copy(update={"branch": "+" if ahead else "-"})
+    mechanism = mechanism_of(scene)
+    poses, placed, joints = None, {GROUND: _GROUND}, dict(scene.joints)
+    while len(placed) <= len(mechanism.bodies):
+        group = _next_group(mechanism, placed)
+        around = _joints_of(mechanism, placed, group)
+        closing = _closing(around)
+        if closing and closing.near and not _is_larger(group, around):
+            poses = poses or {GROUND: _GROUND, **place(scene).poses}
+            side = _side_of_dyad(placed, poses, group, around)
+            ahead = side is None or side >= 0.0
+            joints[closing.name] = scene.joints[closing.name].model_copy(update={"branch": "+" if ahead else "-"})
         placed |= dict.fromkeys(group, _GROUND) if poses is None else {name: poses[name] for name in group}
     return scene.model_copy(update={"joints": joints})
 
 
-def larger_group(scene: Scene) -> tuple[str, ...]:
+def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
     """The first bodies that are neither driven or welded nor a dyad, whose loop has no closed form; or none."""
-    placed = {"ground": _GROUND}
-    while len(placed) <= len(scene.bodies):
-        group = _next_group(scene, placed)
-        if _is_larger(scene, group, _joints_of(scene, placed, group)):
+    placed = {GROUND: _GROUND}
+    while len(placed) <= len(mechanism.bodies):
+        group = _next_group(mechanism, placed)
+        if _is_larger(group, _joints_of(mechanism, placed, group)):
             return group
         placed |= dict.fromkeys(group, _GROUND)
     return ()
 
 
-def start_coordinate(scene: Scene, name: str) -> float:
-    """Coordinate of a drive at t = 0 [rad or m]."""
-    return coordinate_at(scene, name, 0.0)
-
-
-def coordinate_at(scene: Scene, name: str, t: float) -> float:
+def coordinate_at(drive: Drive, t: float) -> float:
     """Coordinate of a drive at the time t [rad or m]; a free joint's where it starts."""
-    drive = scene.drives[name]
     if drive.kind == "law":
         return float(parse_law(drive.law, ("t",)).on_arrays({"t": t}))
     if drive.kind == "table":
         from kaneflex.scene.tables import evaluate_block
 
-        return float(evaluate_block(drive.read_table().coefficients(drive.period), t))
+        return float(evaluate_block(drive.curve(), t))
     if drive.kind == "spin up":  # speed (t / T - sin(2 pi t / T) / 2 pi) until T, integrated
         T = drive.spin_up
         inside = min(t, T)
@@ -134,16 +135,15 @@ def coordinate_at(scene: Scene, name: str, t: float) -> float:
     return drive.start + (0.0 if drive.free else drive.speed * t)
 
 
-def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
+def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, dict[str, np.ndarray]]:
     """Velocity (x, y of its start; angle) of every body for unit speed of each drive: drive -> body -> ndarray (3,).
 
     The same factors take the drives' accelerations to those of the bodies, beside what depends on the speeds.
     """
-    rows, names = Rows(scene, placement.drives), list(scene.bodies)
-    joints = [*scene.joints]
-    jacobian = rows.jacobian({"ground": _GROUND, **placement.poses}, names, joints)
-    rates = {}
-    for drive, row in zip(rows.driven(joints), range(len(jacobian) - len(scene.drives), len(jacobian)), strict=True):
+    constraints, names, joints = Constraints(mechanism, placement.drives), [*mechanism.bodies], [*mechanism.joints]
+    jacobian = constraints.jacobian({GROUND: _GROUND, **placement.poses}, names, joints)
+    driven, rates = constraints.driven(joints), {}
+    for drive, row in zip(driven, range(len(jacobian) - len(driven), len(jacobian)), strict=True):
         unit = np.zeros(len(jacobian))
         unit[row] = 1.0
         velocity = np.linalg.lstsq(jacobian, unit, rcond=None)[0]
@@ -151,38 +151,40 @@ def drive_rates(scene: Scene, placement: Placement) -> dict[str, dict[str, np.nd
     return rates
 
 
-def _next_group(scene: Scene, poses: Poses) -> tuple[str, ...]:
+def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
     """The fewest bodies that their joints and drives determine, given the bodies that are placed."""
-    waiting = [name for name in scene.bodies if name not in poses]
+    waiting = [name for name in mechanism.bodies if name not in poses]
     for size in range(1, len(waiting) + 1):
         for group in combinations(waiting, size):
-            joints = _joints_of(scene, poses, group)
-            equations = sum(constraint_count(scene.joints[name]) + (name in scene.drives) for name in joints)
-            if equations >= 3 * size:
+            joints = _joints_of(mechanism, poses, group)
+            if sum(len(joint.rows) + (joint.name in mechanism.drives) for joint in joints) >= 3 * size:
                 return group
     raise SceneError(
-        "drives", ", ".join(scene.drives) or None, f"they leave the place of {', '.join(waiting)} open",
+        "drives", ", ".join(mechanism.drives) or None, f"they leave the place of {', '.join(waiting)} open",
         "Drive or join these bodies: each needs three constraints, drives counted",
     )  # fmt: skip
 
 
-def _joints_of(scene: Scene, poses: Poses, group: Sequence[str]) -> list[str]:
+def _joints_of(mechanism: NumericMechanism, poses: Poses, group: Sequence[str]) -> list[Joint]:
     """Joints between bodies of a group, or between the group and placed bodies."""
-    known = {*poses, *group}
-    return [
-        name
-        for name, joint in scene.joints.items()
-        if {side.body for side in joint.addresses} <= known and {side.body for side in joint.addresses} & set(group)
-    ]
+    known, own = {*poses, *group}, {*group}
+    return [joint for joint in mechanism.joints.values() if {*joint.bodies} <= known and {*joint.bodies} & own]
 
 
-def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _closing(joints: Sequence[Joint]) -> Joint | None:
+    """The first of some joints that closes a loop."""
+    return next((joint for joint in joints if joint.closes_loop), None)
+
+
+def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Poses of a group: Newton's method from many starts, until one ends on the branch that the scene names."""
     from scipy.optimize import least_squares
 
-    scene, joints = rows.scene, _joints_of(rows.scene, poses, group)
-    closing = ([name for name in joints if name in scene.loop_joints()] or joints)[-1]
-    many = _is_larger(scene, group, joints) or bool(scene.joints[closing].near)
+    mechanism = constraints.mechanism
+    around = _joints_of(mechanism, poses, group)
+    joints = [joint.name for joint in around]
+    closing = ([joint for joint in around if joint.closes_loop] or around)[-1]
+    many = _is_larger(group, around) or bool(closing.near)
     assemblies: list[dict[str, np.ndarray]] = []
     in_vain = 0
 
@@ -190,18 +192,18 @@ def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.nd
         return {**poses, **{name: unknowns[3 * k : 3 * k + 3] for k, name in enumerate(group)}}
 
     random = np.random.default_rng(0)
-    size = rows.size
+    size = mechanism.size
     for _ in range(_STARTS):
         start = random.uniform([-size, -size, -math.pi], [size, size, math.pi], (len(group), 3)).ravel()
         found = least_squares(
-            lambda unknowns: rows.residuals(with_group(unknowns), joints), start, xtol=1e-15, ftol=1e-15, gtol=1e-15,
-            jac=lambda unknowns: rows.jacobian(with_group(unknowns), group, joints), method="lm",
+            lambda unknowns: constraints.residuals(with_group(unknowns), joints), start, xtol=1e-15, ftol=1e-15,
+            gtol=1e-15, jac=lambda unknowns: constraints.jacobian(with_group(unknowns), group, joints), method="lm",
             x_scale=np.tile([size, size, 1.0], len(group)), max_nfev=60,
         )  # fmt: skip
         if np.abs(found.fun).max() > _CLOSED * max(size, 1.0):
             continue
         closed = with_group(found.x)
-        if not many and _on_branch(scene, poses, closed, group, joints):
+        if not many and _on_branch(poses, closed, group, around):
             return {name: closed[name] for name in group}
         if many and not any(_same(closed, other, group, size) for other in assemblies):
             assemblies.append(closed)
@@ -210,16 +212,16 @@ def _closed(rows: Rows, poses: Poses, group: tuple[str, ...]) -> dict[str, np.nd
         if in_vain > _IN_VAIN:
             break
     if assemblies:
-        chosen = _nearest(scene, closing, assemblies, group)
+        chosen = _nearest(closing, assemblies, group)
         return {name: chosen[name] for name in group}
-    at = ", ".join(f"{name} = {scene.written_coordinate(name, value)}" for name, value in rows.drives.items())
+    at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
-        f"joints.{closing}", scene.joints[closing].branch, f"the linkage can't close at {at}: {', '.join(group)}",
-        "Change the lengths, or show another configuration",
+        f"joints.{closing.name}", "+" if closing.branch > 0 else "-",
+        f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or show another configuration",
     )  # fmt: skip
 
 
-def _is_larger(scene: Scene, group: tuple[str, ...], joints: Sequence[str]) -> bool:
+def _is_larger(group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
     """Whether a group is neither a driven or welded body nor a dyad, and may close in more than two ways."""
     return len(group) > 2 or (len(group) == 2 and len(joints) != 3)
 
@@ -231,12 +233,12 @@ def _same(one: Poses, other: Poses, group: tuple[str, ...], size: float) -> bool
     return bool((abs(change) < 1e-6 * np.array([size, size, 1.0])).all())
 
 
-def _nearest(scene: Scene, closing: str, assemblies: list[dict[str, np.ndarray]], group: tuple[str, ...]) -> Poses:
+def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tuple[str, ...]) -> Poses:
     """The assembly whose bodies' angles are nearest to those that the closing joint names.
 
     Raises SceneError where it names none and there are several.
     """
-    near = scene.joints[closing].near
+    near = closing.near
 
     def off(poses: Poses) -> float:
         turns = np.array([poses[name][2] - angle for name, angle in near.items() if name in group])
@@ -245,8 +247,8 @@ def _nearest(scene: Scene, closing: str, assemblies: list[dict[str, np.ndarray]]
     strange = [name for name in near if name not in group]
     if strange:
         raise SceneError(
-            f"joints.{closing}.near.{strange[0]}", None, f"the loop that {closing} closes moves {', '.join(group)}",
-            "Name one of these",
+            f"joints.{closing.name}.near.{strange[0]}", None,
+            f"the loop that {closing.name} closes moves {', '.join(group)}", "Name one of these",
         )  # fmt: skip
     ranked = sorted(assemblies, key=off)
     if len(ranked) > 1 and off(ranked[1]) - off(ranked[0]) < _ALIKE:
@@ -255,7 +257,8 @@ def _nearest(scene: Scene, closing: str, assemblies: list[dict[str, np.ndarray]]
             for poses in assemblies
         )
         raise SceneError(
-            f"joints.{closing}.near", {name: f"{math.degrees(angle):g} deg" for name, angle in near.items()} or None,
+            f"joints.{closing.name}.near",
+            {name: f"{math.degrees(angle):g} deg" for name, angle in near.items()} or None,
             f"the loop closes in {len(ranked)} ways at the start: {ways}",
             f"Say which, like near = {{{group[0]} = "
             f"'{math.degrees(math.remainder(assemblies[0][group[0]][2], 2 * math.pi)):.0f} deg'}}",
@@ -263,36 +266,36 @@ def _nearest(scene: Scene, closing: str, assemblies: list[dict[str, np.ndarray]]
     return ranked[0]
 
 
-def _on_branch(scene: Scene, placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[str]) -> bool:
+def _on_branch(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
     """Whether a dyad stands on the branch of the joint that closes its loop; true of all that is no dyad."""
-    closing = next((name for name in joints if name in scene.loop_joints()), None)
-    middle = [scene.joints[name] for name in joints if {a.body for a in scene.joints[name].addresses} == set(group)]
-    outer = [joint for name in joints if (joint := scene.joints[name]) not in middle]
-    if len(group) != 2 or len(middle) != 1 or len(outer) != 2 or closing is None:
-        return True
-    side = _side_of_dyad(scene, placed, poses, middle[0], outer)
-    return side is None or side * (1.0 if scene.joints[closing].branch == "+" else -1.0) >= 0.0
+    closing = _closing(joints)
+    side = None if closing is None else _side_of_dyad(placed, poses, group, joints)
+    return side is None or side * closing.branch >= 0.0
 
 
-def _side_of_dyad(scene: Scene, placed: Poses, poses: Poses, middle: Joint, outer: list[Joint]) -> float | None:
+def _side_of_dyad(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> float | None:
     """A number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
 
     Slider: the rod's span along the guide. Three revolutes: the middle joint to the left of the line between the
     pivots. Lever: the slider ahead of the lever's pivot.
     """
-    outer = sorted(outer, key=lambda joint: middle.addresses[0].body not in {side.body for side in joint.addresses})
+    between = [joint for joint in joints if {*joint.bodies} == {*group}]
+    outer = [joint for joint in joints if joint not in between]
+    if len(group) != 2 or len(between) != 1 or len(outer) != 2:
+        return None
+    (middle,) = between
+    outer = sorted(outer, key=lambda joint: middle.first.body not in joint.bodies)
     kinds = (outer[0].kind, middle.kind, outer[1].kind)
-    pivots = [next(side for side in joint.addresses if side.body in placed) for joint in outer]
-    start, end = (place_of(scene, poses, pivot) for pivot in pivots)
-    head = place_of(scene, poses, middle.addresses[0])
+    stands = {name: pose_at(*pose.tolist()) for name, pose in poses.items()}
+    pivots = [next(side for side in joint.sides if side.body in placed) for joint in outer]
+    start, end = (stands[pivot.body].place(pivot.at) for pivot in pivots)
+    head = stands[middle.first.body].place(middle.first.at)
     if kinds == ("revolute", "revolute", "revolute"):
-        d, v = end - start, head - start
-        return float(d[0] * v[1] - d[1] * v[0])
+        return cross(minus(end, start), minus(head, start))
     if kinds == ("revolute", "prismatic", "revolute"):
-        return float(turned(middle.direction, poses[middle.addresses[0].body][2]) @ (end - start))
+        return dot(stands[middle.first.body].turn(middle.direction), minus(end, start))
     if sorted(kinds[::2]) == ["prismatic", "revolute"] and middle.kind == "revolute":
-        guide = next(joint for joint in outer if joint.kind == "prismatic")
+        guide = next(joint for joint in outer if joint.slides)
         foot = start if outer[0].kind == "revolute" else end
-        t = turned(guide.direction, poses[guide.addresses[0].body][2])
-        return float(t @ (head - foot))
+        return dot(stands[guide.first.body].turn(guide.direction), minus(head, foot))
     return None

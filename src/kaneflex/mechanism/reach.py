@@ -8,6 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
+from kaneflex.mechanism.joints import coordinate
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.planar import GROUND, Pose, pose_at
 from kaneflex.mechanism.position_analysis import Placement, coordinate_at
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
@@ -46,7 +49,7 @@ def followed(scene: Scene, placement: Placement) -> Courses:
     turns = max(turning.values(), default=0.0) * horizon / math.tau
     times = np.linspace(0.0, horizon, min(_MOST, max(_TURN, math.ceil(_TURN * turns))) + 1)
     try:
-        poses = follow(scene, times, lambda t: {name: coordinate_at(scene, name, t) for name in scene.drives})
+        poses = follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in scene.drives.items()})
     except SceneError:
         return here  # loading says where it locks
     return {name: poses[:, k].T for k, name in enumerate(scene.bodies)}
@@ -55,17 +58,15 @@ def followed(scene: Scene, placement: Placement) -> Courses:
 def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
     """Joint -> its range in words, and under "on each other" the points that coincide at the start without a joint."""
     found = {}
-    for name, joint in scene.joints.items():
+    for name, joint in mechanism_of(scene).joints.items():
         if joint.kind == "weld":
             continue
-        first, second = joint.addresses
-        if joint.kind == "prismatic":
-            angle = _of(courses, first.body)[2]
-            t = np.array(_turned(joint.direction, angle))
-            course = 1e3 * (t * (_place(scene, courses, second) - _place(scene, courses, first))).sum(0)
+        course = coordinate(joint, *(_pose(courses, side.body).section(side.at) for side in joint.sides))
+        if joint.slides:
+            course = 1e3 * course
             found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
         else:
-            course = np.degrees(_of(courses, second.body)[2] - _of(courses, first.body)[2])
+            course = np.degrees(course)
             course = course - 360.0 * np.round(course[0] / 360.0)
             found[name] = "turns around" if np.ptp(course) > 359.0 else f"{_range(course)} deg"
     meeting = _meeting(scene, courses)
@@ -77,25 +78,15 @@ def _range(course: np.ndarray) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _of(courses: Courses, body: str) -> np.ndarray:
-    return np.zeros((3, 1)) if body == "ground" else courses[body]
-
-
-def _turned(vector: tuple[float, float], angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    c, s = np.cos(angle), np.sin(angle)
-    return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
-
-
-def _place(scene: Scene, courses: Courses, address: Address) -> np.ndarray:
-    x, y, angle = _of(courses, address.body)
-    dx, dy = _turned(scene.point(address), angle)
-    return np.array([x + dx, y + dy])
+def _pose(courses: Courses, body: str) -> Pose:
+    return pose_at(*(np.zeros((3, 1)) if body == GROUND else courses[body]), np.cos, np.sin)
 
 
 def _meeting(scene: Scene, courses: Courses) -> list[str]:
     """Points of two bodies that are at one place at the start, though no joint holds them there."""
     points = [Address(name, point) for name, body in scene.bodies.items() for point in body.points_all]
-    places = {address: _place(scene, courses, address)[:, 0] for address in points}
+    start = {name: pose_at(*course[:, 0]) for name, course in courses.items()}
+    places = {address: np.array(start[address.body].place(scene.point(address))) for address in points}
     size = max([abs(place).max() for place in places.values()], default=0.0) or 1.0
     return [
         f"{one} and {other}"

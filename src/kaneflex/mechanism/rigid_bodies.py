@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
-from kaneflex.mechanism.joints import constraint_count
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import Mechanism
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
@@ -35,12 +36,11 @@ class Carried:
     base: Address | None = None
 
 
-def prescribed_bodies(scene: Scene) -> set[str]:
+def prescribed_bodies(mechanism: Mechanism) -> set[str]:
     """Rigid bodies whose motion the drives fix: group after group that joints between rigid bodies determine."""
-    rigid = {"ground", *(name for name, body in scene.bodies.items() if not body.elastic)}
-    pairs = {name: {address.body for address in joint.addresses} for name, joint in scene.joints.items()}
-    pairs = {name: pair for name, pair in pairs.items() if pair <= rigid}
-    taken = {name: constraint_count(scene.joints[name]) + (name in scene.drives) for name in pairs}
+    rigid = {"ground", *(name for name, body in mechanism.bodies.items() if not body.elastic)}
+    pairs = {name: {*joint.bodies} for name, joint in mechanism.joints.items() if {*joint.bodies} <= rigid}
+    taken = {name: len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in pairs}
     fixed = {"ground"}
     while group := _determined(pairs, taken, fixed, rigid - fixed):
         fixed |= group
@@ -81,7 +81,7 @@ def carried_bodies(scene: Scene) -> dict[str, Carried]:
     SceneError
         For a rigid body held twice by other rigid bodies, or guided by one that is itself carried.
     """
-    prescribed = prescribed_bodies(scene)
+    prescribed = prescribed_bodies(mechanism_of(scene))
     carried: dict[str, Carried] = {}
     waiting = [name for name, body in scene.bodies.items() if not body.elastic and name not in prescribed]
     while waiting:

@@ -14,8 +14,9 @@ from types import MappingProxyType, ModuleType
 
 import numpy as np
 
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
-from kaneflex.scene.bodies import Body
+from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
 from kaneflex.support.contract import (
@@ -179,7 +180,7 @@ def derivable(scene: Scene) -> Iterator[None]:
     try:
         yield
     except StructurallySingular as error:
-        reason, cure = in_joints(scene, error.spare_equations, error.open_unknowns)
+        reason, cure = in_joints(mechanism_of(scene), error.spare_equations, error.open_unknowns)
         raise SceneError("joints", None, reason, cure) from error
     except UnsupportedLoop as error:
         raise SceneError(
@@ -242,39 +243,5 @@ def bind_parameters(scene: Scene, module: ModuleType, known: Mapping[str, float]
         elif name in (*COURSES, "side") or name.startswith("seed_"):
             values.append(0.0)  # filled when the free joints have been integrated, and the loops swept
         else:
-            values.append(float(_number(scene, table, owner, name)))
+            values.append(float(number_at(scene, path)))
     return np.concatenate([np.array(values), *blocks])
-
-
-def _number(scene: Scene, table: str, owner: str, name: str) -> float:
-    """The scene's number at a path TABLE.OWNER.NAME of PARAMETERS, or gravity.AXIS."""
-    if table == "gravity":
-        return scene.gravity["xy".index(owner)]
-    if table == "ground":
-        return scene.ground[owner]["xy".index(name)]
-    if table == "bodies":
-        return _body_number(scene.bodies[owner], name)
-    entry = getattr(scene, table)[owner]
-    if name.startswith("direction_"):
-        return entry.direction["xy".index(name[-1])]
-    if table == "drives" and name in ("angle", "position"):
-        return entry.start
-    if table == "joints" and name == "branch":
-        return 1.0 if entry.branch == "+" else -1.0
-    if table == "loads" and name.startswith("profile_"):
-        return entry.profile[name == "profile_end"]
-    return getattr(entry, name)
-
-
-def _body_number(body: Body, name: str) -> float:
-    field, _, inner = name.partition(".")
-    if field == "points":
-        point, _, axis = inner.partition(".")
-        return body.points_all[point]["xy".index(axis)]
-    if field == "element":
-        return body.profile.element(0.0, body.length / body.beam.elements)[inner]
-    if field == "pose_angle":
-        return body.pose.angle
-    if field.startswith(("pose_", "centre_")):
-        return (body.pose.at if field.startswith("pose_") else body.centre)["xy".index(field[-1])]
-    return getattr(body, field)

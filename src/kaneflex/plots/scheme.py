@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.fem.links import mesh
-from kaneflex.mechanism.joints import place_of
+from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.labels import Labels
@@ -137,7 +137,7 @@ class _Parts:
             self._gravity()
 
     def at(self, address: Address) -> np.ndarray:
-        return MM * place_of(self.scene, self.placement.poses, address)
+        return _at(self.scene, self.placement, address)
 
     def _body(self, name: str) -> None:
         body = self.scene.bodies[name]
@@ -176,10 +176,8 @@ class _Parts:
     def _sliding(self, joint: str, text: str, back: bool, dashed: bool) -> None:
         """An arrow along a driven guide, from the point that slides."""
         first, second = self.scene.joints[joint].addresses
-        start, along = self.at(second), np.array(self.scene.joints[joint].direction)
-        if first.body != "ground":
-            angle = self.placement.poses[first.body][2]
-            along = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ along
+        start = self.at(second)
+        along = np.array(self.placement.pose(first.body).turn(self.scene.joints[joint].direction))
         end = start + (-1.0 if back else 1.0) * 2.0 * _ARC * self.size * along
         self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle="--" if dashed else "-", zorder=4.6)
         self._arrow(end - 1e-3 * (end - start), end, DRIVE)
@@ -217,8 +215,7 @@ class _Parts:
 
     def _towards(self, load: Load, body: str) -> np.ndarray:
         """Global direction of a load."""
-        angle = self.placement.poses[body][2] if load.axes == "body" else 0.0
-        return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ load.direction
+        return np.array(self.placement.pose(body if load.axes == "body" else GROUND).turn(load.direction))
 
     def _force(self, name: str) -> None:
         load = self.scene.forces[name]
@@ -264,6 +261,11 @@ class _Parts:
         self.axes.annotate("", xy=tuple(head), xytext=tuple(tail), arrowprops=style, zorder=4.7)
 
 
+def _at(scene: Scene, placement: Placement, address: Address) -> np.ndarray:
+    """Where a point is drawn [mm]."""
+    return MM * np.array(placement.pose(address.body).place(scene.point(address)))
+
+
 def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.ndarray, list[str]]]:
     """Where sensors measure: (address or joint, place [mm], names), in the scene's order."""
     found: dict[str, tuple[np.ndarray, list[str]]] = {}
@@ -272,13 +274,13 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
         if sensor.kind in ("spring_force", "spring_torque"):
             spring = scene.springs[target]
             ends = spring.ends or scene.joints[spring.torsional_at].addresses
-            middle = 0.5 * sum(place_of(scene, placement.poses, end) for end in ends)
-            found.setdefault(f"spring {target}", (MM * middle, []))[1].append(name)
+            middle = 0.5 * sum(_at(scene, placement, end) for end in ends)
+            found.setdefault(f"spring {target}", (middle, []))[1].append(name)
             continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
         address = scene.joints[joint].addresses[1] if joint is not None else target
         key = joint if joint is not None else str(target)
-        found.setdefault(key, (MM * place_of(scene, placement.poses, address), []))[1].append(name)
+        found.setdefault(key, (_at(scene, placement, address), []))[1].append(name)
     return [(key, at, names) for key, (at, names) in found.items()]
 
 

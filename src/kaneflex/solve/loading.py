@@ -12,6 +12,7 @@ import numpy as np
 from kaneflex.fem.mobility import check_determined
 from kaneflex.mechanism.closure import SWEEP, check_closure
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.rigid_motion import Motion
@@ -67,7 +68,7 @@ def load(
         raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
-    check_determined(scene)
+    check_determined(mechanism_of(scene))
     check_free(scene)
     scene = with_branches(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):

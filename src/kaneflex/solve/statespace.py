@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
@@ -219,7 +220,7 @@ def _inputs(model: Model, rigid: RigidMotion) -> tuple[dict[str, Shift], list[st
     angle = {name: np.arctan2(rigid[f"{name}.s"][0], rigid[f"{name}.c"][0]) for name in bodies}
     poses = {name: np.array([rigid[f"{name}.x"][0], rigid[f"{name}.y"][0], angle[name]]) for name in bodies}
     placement = Placement(poses, {name: float(rigid[f"{name}.angle"][0]) for name in model.scene.drives})
-    for drive, rates in drive_rates(model.scene, placement).items():
+    for drive, rates in drive_rates(mechanism_of(model.scene), placement).items():
         if model.scene.drives[drive].kind == "free":  # its acceleration follows from the forces
             continue
         shift: Shift = {}

@@ -1,0 +1,163 @@
+"""A scene's structure and its numbers -> the mechanism: one reader, for symbols and for floats."""
+
+from __future__ import annotations
+
+import math
+import weakref
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from kaneflex.mechanism.parts import Body, Drive, Joint, Load, Mass, Mechanism, Spring
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
+from kaneflex.scene.numbers import number_at
+from kaneflex.scene.scene import Scene
+from kaneflex.scene.structure import ANY
+from kaneflex.support.contract import COURSES
+
+Numbers = Callable[[str, str, Any], Number]
+"""From a number's dotted path, its unit and what the structure has there (0, 1, -1 or "*") to the number."""
+
+
+@dataclass(frozen=True)
+class NumericMechanism(Mechanism):
+    """A mechanism by floats in SI; ``size`` [m] is its longest reach from a body's start, to compare lengths with."""
+
+    size: float
+
+
+def mechanism_of(scene: Scene) -> NumericMechanism:
+    """The mechanism of a scene; made once, as scenes don't change."""
+    kept = _MADE.get(id(scene))
+    if kept is None or kept[0]() is not scene:
+        key = id(scene)
+        kept = _MADE[key] = weakref.ref(scene, lambda _: _MADE.pop(key, None)), _made(scene)
+    return kept[1]
+
+
+_MADE: dict[int, tuple[weakref.ref, NumericMechanism]] = {}
+
+
+def _made(scene: Scene) -> NumericMechanism:
+    held = ("table", *COURSES)  # where a module holds a table is no number of the mechanism
+    found = read(
+        scene.structure(), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
+    )
+    joints = {name: replace(joint, near=scene.joints[name].near) for name, joint in found.joints.items()}
+    reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
+    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
+    return NumericMechanism(**{**vars(found), "joints": joints}, size=size)
+
+
+def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
+    """The mechanism of ``Scene.structure()``, each number of which is asked for once or more by its path."""
+    reader = _Reader(structure, numbers)
+
+    def each(table: str, make: Callable) -> dict[str, Any]:
+        return {name: make(name, entry) for name, entry in structure.get(table, {}).items()}
+
+    bodies, joints = each("bodies", reader.body), each("joints", reader.joint)
+    reader.joints = joints
+    masses, drives, loads = each("masses", reader.mass), each("drives", reader.drive), each("loads", reader.load)
+    springs = each("springs", reader.spring)
+    gravity = tuple(numbers(f"gravity.{'xy'[k]}", "m/s^2", structure["gravity"][k]) for k in range(2))
+    return Mechanism(bodies, joints, masses, drives, loads, springs, gravity, structure["frame"], structure["viscous"])
+
+
+class _Reader:
+    """Makes parts of the entries of a structure's tables; ``joints`` are those that drives and springs stand at."""
+
+    def __init__(self, structure: Mapping[str, Any], numbers: Numbers) -> None:
+        self.structure, self.numbers = structure, numbers
+        self.joints: Mapping[str, Joint] = {}
+
+    def vector(self, entries: Any, path: str, unit: str) -> Vector:
+        """Two components, at path_x and path_y, or path.x and path.y."""
+        return tuple(self.numbers(f"{path}{'xy'[k]}", unit, entries[k]) for k in range(2))
+
+    def point(self, address: str) -> BodyPoint:
+        body, _, name = address.partition(".")
+        name = name or "start"
+        if name == "end":
+            return BodyPoint(body, name, (self.numbers(f"bodies.{body}.length", "m", ANY), 0))
+        if name == "mid":
+            return BodyPoint(body, name, (self.numbers(f"bodies.{body}.length", "m", ANY) / 2, 0))
+        owner = body if body == GROUND else f"bodies.{body}.points"
+        entries = self.structure["points"].get(f"{body}.{name}", [0, 0])
+        return BodyPoint(body, name, self.vector(entries, f"{owner}.{name}.", "m") if any(entries) else (0, 0))
+
+    def body(self, name: str, body: Mapping[str, Any]) -> Body:
+        centre = self.vector(body["centre"], f"bodies.{name}.centre_", "m")
+        mass = self.numbers(f"bodies.{name}.mass", "kg", body["mass"])
+        inertia = self.numbers(f"bodies.{name}.inertia", "kg m^2", body["inertia"])
+        pose = None
+        if self.structure["frame"]:
+            units = {"x": "m", "y": "m", "angle": "rad"}
+            pose = tuple(self.numbers(f"bodies.{name}.pose_{key}", unit, ANY) for key, unit in units.items())
+        return Body(name, body["elastic"], mass, centre, inertia, pose)
+
+    def joint(self, name: str, joint: Mapping[str, Any]) -> Joint:
+        first, second = (self.point(address) for address in joint["between"])
+        direction, branch, angle = (1, 0), 1, 0
+        if joint["kind"] == "prismatic":
+            direction = self.vector(joint["direction"], f"joints.{name}.direction_", "1")
+        if joint["closes_loop"]:
+            branch = self.numbers(f"joints.{name}.branch", "1", ANY)
+        if "relative_angle" in joint:
+            angle = self.numbers(f"joints.{name}.relative_angle", "rad", ANY)
+        return Joint(name, joint["kind"], first, second, direction, joint["closes_loop"], branch, angle)
+
+    def mass(self, name: str, mass: Mapping[str, Any]) -> Mass:
+        inertia = self.numbers(f"masses.{name}.inertia", "kg m^2", mass["inertia"])
+        weight = self.numbers(f"masses.{name}.mass", "kg", mass["mass"])
+        return Mass(name, self.point(mass["at"]), weight, inertia)
+
+    def drive(self, name: str, drive: Mapping[str, Any]) -> Drive:
+        path, kind = f"drives.{name}", drive["kind"]
+        if kind == "table":
+            self.numbers(f"{path}.table", "1", ANY)
+        elif kind == "free":
+            for course in COURSES:
+                self.numbers(f"{path}.{course}", "1", ANY)
+        elif kind != "law":
+            slides = self.joints[name].slides
+            self.numbers(f"{path}.speed", "m/s" if slides else "rad/s", ANY)
+            self.numbers(f"{path}.{self.joints[name].start_name}", "m" if slides else "rad", ANY)
+        if kind == "spin up":
+            self.numbers(f"{path}.spin_up", "s", ANY)
+        return Drive(kind, drive.get("law"))
+
+    def load(self, name: str, load: Mapping[str, Any]) -> Load:
+        path, found = f"loads.{name}", {}
+        if "torque_at" not in load:
+            found["direction"] = self.vector(load["direction"], f"{path}.direction_", "1")
+            if "spread_on" in load:
+                ends = (self.point(f"{load['spread_on']}.{end}") for end in ("start", "end"))
+                shares = zip(load["profile"], ("start", "end"), strict=True)
+                profile = (self.numbers(f"{path}.profile_{end}", "1", share) for share, end in shares)
+                found["spread"] = (*ends, *profile)
+            else:
+                found["point"] = self.point(load["on"])
+        plain = {key: None for key in ("point", "direction", "spread")} | found
+        made = Load(
+            name, plain["point"], plain["direction"], load.get("axes"), load.get("torque_at"),
+            load["kind"], load.get("against"), load.get("law"), plain["spread"],
+        )  # fmt: skip
+        if load["kind"] == "constant":
+            self.numbers(f"{path}.value", made.unit, ANY)
+        elif load["kind"] == "table":
+            self.numbers(f"{path}.offset", "rad" if load["against"] in self.joints else "s", ANY)
+            self.numbers(f"{path}.table", "1", ANY)
+        return made
+
+    def spring(self, name: str, spring: Mapping[str, Any]) -> Spring:
+        path, joint = f"springs.{name}", spring.get("torsional_at")
+        if joint is None:
+            first, second = (self.point(address) for address in spring["between"])
+            free, unit = self.numbers(f"{path}.length", "m", spring["length"]), "N{}/m"
+        else:
+            first, second = self.joints[joint].sides
+            free, unit = self.numbers(f"{path}.angle", "rad", spring["angle"]), "N m{}/rad"
+        stiffness = self.numbers(f"{path}.stiffness", unit.format(""), spring["stiffness"])
+        damping = self.numbers(f"{path}.damping", unit.format(" s"), spring["damping"])
+        return Spring(name, first, second, joint, stiffness, damping, free)

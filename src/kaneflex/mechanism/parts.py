@@ -1,0 +1,193 @@
+"""The parts of a mechanism over any kind of number: what derivation and run have in common.
+
+Where equations are derived a number is a symbol, or exactly 0, 1 or -1; where they run it is a float in SI.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from kaneflex.mechanism.planar import BodyPoint, Number, Vector
+
+ROWS = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "moment"), "prismatic": ("normal", "moment")}
+"""Kind of a joint -> its constraints in their order, by what their multipliers are."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose where it stands still."""
+
+    name: str
+    elastic: bool
+    mass: Number
+    centre: Vector
+    inertia: Number
+    pose: tuple[Number, Number, Number] | None = None
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint between a point of the first body and a point of the second.
+
+    Attributes
+    ----------
+    direction : tuple
+        That of a guide, fixed in the first body.
+    closes_loop : bool
+        Whether the joints before it connect its bodies already.
+    branch : number
+        1 or -1: which of the two ways in which a dyad closes.
+    angle : number
+        Of a weld: that of the second body against the first [rad].
+    near : mapping
+        Body -> rough angle [rad], which tells the assemblies of a loop apart; known by numbers alone.
+    """
+
+    name: str
+    kind: str
+    first: BodyPoint
+    second: BodyPoint
+    direction: Vector = (1, 0)
+    closes_loop: bool = False
+    branch: Number = 1
+    angle: Number = 0
+    near: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+        return self.first, self.second
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        return self.first.body, self.second.body
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Its constraints in the plane, by what their multipliers are."""
+        return ROWS[self.kind]
+
+    @property
+    def slides(self) -> bool:
+        """Whether its coordinate is that of a guide [m], and no angle [rad]."""
+        return self.kind == "prismatic"
+
+    @property
+    def start_name(self) -> str:
+        """What a drive's coordinate at t = 0 is called in the scene."""
+        return "position" if self.slides else "angle"
+
+    def written(self, value: float) -> str:
+        """A coordinate [rad or m] for messages, like "90 deg" or "12.5 mm"."""
+        return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value):.6g} deg"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motion of a joint: "constant speed", "spin up", "law" (in t), "table" (against t), or "free": by the forces."""
+
+    kind: str
+    law: str | None
+
+    @property
+    def free(self) -> bool:
+        return self.kind == "free"
+
+
+@dataclass(frozen=True)
+class Mass:
+    """A lumped mass [kg] with its inertia [kg m^2], fixed to a point of a body."""
+
+    name: str
+    point: BodyPoint
+    mass: Number
+    inertia: Number
+
+
+@dataclass(frozen=True)
+class Load:
+    """A force [N] on a point along a direction fixed in global or in body axes, or a torque [N m] at a joint.
+
+    One that is spread along a body [N/m] has a ``spread`` instead of a point: the body's start and end, and the factors
+    there, between which it changes linearly.
+    """
+
+    name: str
+    point: BodyPoint | None
+    direction: Vector | None
+    axes: str | None
+    joint: str | None
+    kind: str
+    against: str | None
+    law: str | None
+    spread: tuple[BodyPoint, BodyPoint, Number, Number] | None = None
+
+    @property
+    def unit(self) -> str:
+        return "N m" if self.joint is not None else "N" if self.spread is None else "N/m"
+
+    def pushes(self) -> tuple[tuple[BodyPoint, Number], ...]:
+        """The point forces that a force is statically the same as: where, and the share of its size; none of a torque.
+
+        One that is spread linearly is that of l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the body's ends.
+        """
+        if self.spread is None:
+            return ((self.point, 1),) if self.joint is None else ()
+        start, end, first, last = self.spread
+        return (start, end.at[0] * (2 * first + last) / 6), (end, end.at[0] * (first + 2 * last) / 6)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring with a damper between two points [N/m, N s/m] or at a revolute joint [N m/rad, N m s/rad].
+
+    ``free`` is the free length [m], or the free angle [rad] of the joint's second body against the first.
+    """
+
+    name: str
+    first: BodyPoint
+    second: BodyPoint
+    joint: str | None
+    stiffness: Number
+    damping: Number
+    free: Number
+
+    @property
+    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+        return self.first, self.second
+
+    @property
+    def ends(self) -> tuple[BodyPoint, ...]:
+        """The two points that it joins; none where it is torsional."""
+        return self.sides if self.joint is None else ()
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Bodies, joints and what acts on them.
+
+    Attributes
+    ----------
+    gravity : tuple
+        Acceleration [m/s^2], global.
+    frame : bool
+        Whether the bodies stand still in given poses, and only deform.
+    viscous : bool
+        Whether a force per length and velocity damps the links.
+    """
+
+    bodies: Mapping[str, Body]
+    joints: Mapping[str, Joint]
+    masses: Mapping[str, Mass]
+    drives: Mapping[str, Drive]
+    loads: Mapping[str, Load]
+    springs: Mapping[str, Spring]
+    gravity: Vector
+    frame: bool
+    viscous: bool
+
+    @property
+    def loop_joints(self) -> tuple[str, ...]:
+        """Joints that close a loop: those whose two bodies the joints before them already connect."""
+        return tuple(name for name, joint in self.joints.items() if joint.closes_loop)

@@ -1,0 +1,45 @@
+"""The law of a spring with a damper beside it, over any kind of number.
+
+Between two points d apart it is as long as L = |d|, which changes by L' = d . d' / L; at a joint their place is taken
+by the angle of the second body against the first, and its rate.
+"""
+
+from __future__ import annotations
+
+from kaneflex.mechanism.parts import Spring
+from kaneflex.mechanism.planar import Number, Vector, dot
+
+
+def is_directed(spring: Spring) -> bool:
+    """Whether the force needs the direction of d, which points that meet don't have.
+
+    Without free length and damper it is -k d.
+    """
+    return not (spring.free == 0 and spring.damping == 0)
+
+
+def rate_of_length(gap: Vector, gap_rate: Vector, length: Number) -> Number:
+    """L' = d . d' / L."""
+    return dot(gap, gap_rate) / length
+
+
+def drag(spring: Spring, rate: Number) -> Number:
+    """What the damper adds to the tension: c L'."""
+    return spring.damping * rate
+
+
+def tension(spring: Spring, now: Number, rate: Number = 0) -> Number:
+    """k (L - L_0) + c L' [N]; at a joint k (phi - phi_0) + c phi' [N m], which turns the two bodies back."""
+    return spring.stiffness * (now - spring.free) + drag(spring, rate)
+
+
+def potential(spring: Spring, now: Number) -> Number:
+    """1/2 k (L - L_0)^2 [J]."""
+    return spring.stiffness * (now - spring.free) ** 2 / 2
+
+
+def force(spring: Spring, gap: Vector, pull: Number, length: Number) -> Vector:
+    """Global force on the second point by the tension T: -T d / L, or -k d where that needs no direction."""
+    if not is_directed(spring):
+        return -spring.stiffness * gap[0], -spring.stiffness * gap[1]
+    return -pull * gap[0] / length, -pull * gap[1] / length
