@@ -56,10 +56,10 @@ class Constraints:
 
     def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
         """One number a constraint: lengths [m] and angles [rad]."""
-        constraints, coordinates = [], []
+        stands, constraints, coordinates = _stands(poses), [], []
         for name in joints:
             joint = self.mechanism.joints[name]
-            sections = _sections(joint, poses)
+            sections = [stands[side.body].section(side.at) for side in joint.sides]
             constraints += residuals(joint, *sections)
             if name in self.drives:
                 coordinates.append(coordinate(joint, *sections) - self.drives[name])
@@ -67,26 +67,25 @@ class Constraints:
 
     def jacobian(self, poses: Poses, bodies: Sequence[str], joints: Sequence[str]) -> np.ndarray:
         """Derivatives of the residuals by x, y, phi of some bodies, exact: by an imaginary step of each."""
-        column = {name: 3 * k for k, name in enumerate(bodies)}
-        held = sum(len(self.mechanism.joints[name].rows) for name in joints)
-        found = np.zeros((held + len(self.driven(joints)), 3 * len(bodies)))
-        row, driven = 0, held
+        stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}
+        nudged = {name: stands[name].nudged(1j * _TINY) for name in bodies}
+        constraints, coordinates = [], []
         for name in joints:
-            joint = self.mechanism.joints[name]
-            rows = [*range(row, row + len(joint.rows)), *([driven] if name in self.drives else [])]
-            row, driven = row + len(joint.rows), driven + (name in self.drives)
-            sections = _sections(joint, poses)
-            for k, side in enumerate(joint.sides):
-                if side.body not in column:
-                    continue
-                moved = poses[side.body][:, None] + 1j * _TINY * np.eye(3)
-                section = pose_at(*moved, np.cos, np.sin).section(side.at)
-                first, second = (section, sections[1]) if k == 0 else (sections[0], section)
-                values = [*residuals(joint, first, second)]
-                values += [coordinate(joint, first, second)] if name in self.drives else []
-                found[rows, column[side.body] : column[side.body] + 3] = np.imag(values) / _TINY
-        return found
+            joint, driven = self.mechanism.joints[name], name in self.drives
+            rows = [[0.0] * (3 * len(bodies)) for _ in range(len(joint.rows) + driven)]
+            first, second = (stands[side.body].section(side.at) for side in joint.sides)
+            for side in joint.sides:
+                for k, moved in enumerate(nudged.get(side.body, ())):
+                    section = moved.section(side.at)
+                    both = (section, second) if side is joint.first else (first, section)
+                    values = residuals(joint, *both)
+                    values = (*values, coordinate(joint, *both)) if driven else values
+                    for row, value in zip(rows, values, strict=True):
+                        row[column[side.body] + k] = value.imag / _TINY
+            constraints += rows[: len(joint.rows)]
+            coordinates += rows[len(joint.rows) :]
+        return np.array(constraints + coordinates)
 
 
-def _sections(joint: Joint, poses: Poses) -> list[Pose]:
-    return [pose_at(*poses[side.body].tolist()).section(side.at) for side in joint.sides]
+def _stands(poses: Poses) -> dict[str, Pose]:
+    return {name: pose_at(*pose.tolist()) for name, pose in poses.items()}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 Number = Any
 """A SymPy expression, a float, or an ndarray of floats or complex numbers."""
@@ -27,8 +27,7 @@ class BodyPoint:
     at: Vector
 
 
-@dataclass(frozen=True)
-class Pose:
+class Pose(NamedTuple):
     """Where axes stand: global position of their origin [m], direction cosines of their x axis, and its angle [rad].
 
     The angle is None where the cosines alone are known.
@@ -52,6 +51,12 @@ class Pose:
     def section(self, at: Vector) -> Pose:
         """These axes with a point of theirs as the origin: what a joint holds of a rigid body."""
         return Pose(*self.place(at), self.c, self.s, self.phi)
+
+    def nudged(self, step: Number) -> tuple[Pose, Pose, Pose]:
+        """These axes moved by a step so small that its square is nothing: along x, along y, and turned."""
+        x, y, c, s, phi = self
+        turned = Pose(x, y, c - s * step, s + c * step, phi + step)
+        return Pose(x + step, y, c, s, phi), Pose(x, y + step, c, s, phi), turned
 
     @property
     def origin(self) -> Vector:
