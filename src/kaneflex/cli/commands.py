@@ -16,7 +16,17 @@ import click
 
 from kaneflex.cli.compare import compare
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
-from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY, USER_ERROR, all_settings, mode_angle, read, scene_options
+from kaneflex.cli.scene import (
+    INTERRUPTED,
+    STOPPED_EARLY,
+    USER_ERROR,
+    SceneArguments,
+    Target,
+    gathered,
+    mode_angle,
+    read,
+    scene_options,
+)
 from kaneflex.cli.stability import stability
 from kaneflex.cli.sweep import sweep
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
@@ -126,7 +136,8 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
     "--json-schema", is_flag=True, is_eager=True, expose_value=False, callback=_print_schema,
     help="Print the JSON Schema of scene files, for editors, and stop.",
 )  # fmt: skip
-def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None) -> None:
+@gathered(asked=SceneArguments)
+def check(asked: SceneArguments) -> None:
     """Say what SCENE is and whether it can be run; nothing is solved.
 
     Every entry is checked, and the linkage is closed over the whole range of its drives.
@@ -135,7 +146,7 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
     from kaneflex.solve.loading import load
     from kaneflex.support.terminal import Waiting
 
-    scene = read(name, all_settings(preset, settings, steps, integrator))
+    scene = asked.read()
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
     click.echo(description(model))
@@ -168,11 +179,10 @@ def check(name: str, preset: str | None, settings: tuple[str, ...], steps: str |
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier result folder.")
-@click.pass_context
+@gathered(asked=SceneArguments, target=Target)
 def run(
-    ctx: click.Context, name: str, preset: str | None, settings: tuple[str, ...], steps: str | None,
-    integrator: str | None, output: Path | None, after: Path | None, parameters: tuple[str, ...], basis: str,
-    tolerance: str | None, sensors: tuple[str, ...], write_back: bool, plots: bool, force: bool,
+    asked: SceneArguments, target: Target, after: Path | None, parameters: tuple[str, ...], basis: str,
+    tolerance: str | None, sensors: tuple[str, ...], write_back: bool,
 ) -> None:  # fmt: skip
     """Solve SCENE and write results.nc, summary.json and pictures into a new folder.
 
@@ -183,24 +193,21 @@ def run(
     from kaneflex.cli.workflow import run_into, uncollected
     from kaneflex.scene.write_back import file_to_write, write_settings
 
-    chosen = all_settings(preset, settings, steps, integrator)
-    refuse_with_tolerance(tolerance, {"--preset": preset, "--integrator": integrator, "--after": after})
+    refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors), "--write-back": write_back})
-    file = file_to_write(name, chosen) if write_back else None
+    file = file_to_write(asked.name, asked.changes) if write_back else None
     share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():
-        scene = read(name, chosen)
-    folder = output or Path(f"{file_stem(scene.name)}-results")
+        scene = asked.read()
+    target = target.named(f"{file_stem(scene.name)}-results")
     names = [name.strip() for text in parameters for name in text.split(",")]
-    summary = run_into(
-        scene, folder, chosen, plots, force, after, names, basis == "frozen", share, sensors or None
-    )
-    _report(summary, folder)
+    summary = run_into(scene, target, asked.changes, after, names, basis == "frozen", share, sensors or None)
+    _report(summary, target.output)
     if file is not None:
         write_settings(file, summary.choice.settings)
         click.echo(f"The model is written into {file}")
     if summary.outcome != "completed":
-        ctx.exit(STOPPED_EARLY)
+        click.get_current_context().exit(STOPPED_EARLY)
 
 
 def _report(summary: Summary, folder: Path) -> None:
@@ -237,10 +244,10 @@ def _report(summary: Summary, folder: Path) -> None:
     help="Instead, write each link's modal data under preset coupled to FOLDER/LINK.npz.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace existing files of --export.")
+@gathered(asked=SceneArguments)
 def modes(
-    name: str, preset: str | None, settings: tuple[str, ...], steps: str | None, integrator: str | None,
-    at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool,
-) -> None:  # fmt: skip
+    asked: SceneArguments, at: str | None, count: int | None, as_json: bool, export: Path | None, force: bool
+) -> None:
     """Undamped natural frequencies and mode shapes of SCENE at a configuration, from K_s and M alone.
 
     Shapes are mass-normalised, one column of mode_shapes a mode, one row a coordinate (m or rad). Preset paper adds
@@ -249,13 +256,12 @@ def modes(
     from kaneflex.solve.loading import load
     from kaneflex.support.terminal import Waiting
 
-    chosen = all_settings(preset, settings, steps, integrator)
-    scene = read(name, chosen)
+    scene = asked.read()
     if export is not None:
         _export(scene, export, force)
         return
     if at is not None:
-        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+        scene = read(asked.name, [*asked.changes, f"solve.mode_angle={mode_angle(scene, at)!r}"])
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
         names, omega, shapes = _modes_of(model, count)

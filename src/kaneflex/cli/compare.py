@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.scene import all_settings, read
+from kaneflex.cli.scene import SceneArguments, Target, gathered
 from kaneflex.support.output_folders import file_stem
 
 if TYPE_CHECKING:
@@ -36,9 +36,10 @@ if TYPE_CHECKING:
 )
 @click.option("--plots/--no-plots", default=True, help="Draw the curves, PNG and SVG.", show_default=True)
 @click.option("--force", is_flag=True, help="Replace an earlier comparison's folder.")
+@gathered(asked=SceneArguments, target=Target)
 def compare(
-    name: str, presets: str | None, peer: str | None, peer_elements: int | None, peer_steps: int | None,
-    against: str | None, settings: tuple[str, ...], steps: str | None, output: Path | None, plots: bool, force: bool,
+    asked: SceneArguments, target: Target, presets: str | None, peer: str | None, peer_elements: int | None,
+    peer_steps: int | None, against: str | None,
 ) -> None:  # fmt: skip
     """Run SCENE by several models and say how far apart every sensor is.
 
@@ -49,14 +50,13 @@ def compare(
     from kaneflex.cli.workflow import compare_into
     from kaneflex.solve.curves import Resolution
 
-    chosen = all_settings(None, settings, steps)
-    scene = read(name, chosen)
-    asked = None if presets is None else [part.strip() for part in presets.split(",")]
-    folder = output or Path(f"{file_stem(scene.name)}-comparison")
+    scene = asked.read()
+    names = None if presets is None else [part.strip() for part in presets.split(",")]
+    target = target.named(f"{file_stem(scene.name)}-comparison")
     resolution = Resolution(peer_elements, peer_steps)
-    comparison = compare_into(scene, folder, asked, against, chosen, plots, force, peer, resolution)
+    comparison = compare_into(scene, target, names, against, asked.changes, peer, resolution)
     click.echo(difference_table(comparison))
-    click.echo(f"Written to {folder}")
+    click.echo(f"Written to {target.output}")
     for model, curves in comparison.curves.items():
         for note in curves.notes:
             click.echo(f"{model}: {note}", err=True)

@@ -1,8 +1,11 @@
-"""What commands share: a scene with the changes of the command line, and configurations."""
+"""What commands share: a scene with the changes of the command line, the folder to write, and configurations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +17,55 @@ if TYPE_CHECKING:
 
 USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
 """Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
+
+
+@dataclass(frozen=True)
+class SceneArguments:
+    """SCENE and what the command line changes in it, as :func:`scene_options` has them."""
+
+    name: str
+    preset: str | None = None
+    settings: tuple[str, ...] = ()
+    steps: str | None = None
+    integrator: str | None = None
+
+    @property
+    def changes(self) -> list[str]:
+        """All changes as settings."""
+        return all_settings(self.preset, self.settings, self.steps, self.integrator)
+
+    def read(self) -> Scene:
+        """The scene with them."""
+        return read(self.name, self.changes)
+
+
+@dataclass(frozen=True)
+class Target:
+    """The folder to make (None: named after the scene), whether to draw, and whether to replace an earlier folder."""
+
+    output: Path | None
+    plots: bool = True
+    force: bool = False
+
+    def named(self, default: str) -> Target:
+        """This target, by that name in the current folder if it has none."""
+        return self if self.output is not None else replace(self, output=Path(default))
+
+
+def gathered(**kinds: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command whose options that are fields of a dataclass come as one argument: its name, and the dataclass."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def wrapped(**given: object) -> None:
+            for name, kind in kinds.items():
+                own = {field.name: given.pop(field.name) for field in fields(kind) if field.name in given}
+                given[name] = kind(**own)
+            command(**given)
+
+        return wrapped
+
+    return decorate
 
 
 def scene_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -11,6 +11,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kaneflex.cli.scene import Target
 from kaneflex.scene import with_settings
 from kaneflex.solve.curves import FINE_ENOUGH, Resolution
 from kaneflex.study.comparison import Difference
@@ -30,17 +31,10 @@ COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences
 
 
 def run_into(
-    scene: Scene,
-    folder: Path,
-    settings: Sequence[str] = (),
-    plots: bool = True,
-    force: bool = False,
-    after: Path | None = None,
-    parameters: Sequence[str] = (),
-    frozen: bool = True,
-    tolerance: float | None = None,
+    scene: Scene, target: Target, settings: Sequence[str] = (), after: Path | None = None,
+    parameters: Sequence[str] = (), frozen: bool = True, tolerance: float | None = None,
     sensors: Sequence[str] | None = None,
-) -> Summary:
+) -> Summary:  # fmt: skip
     """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
 
     With parameters to differentiate by also ``sensitivities.nc``.
@@ -49,14 +43,10 @@ def run_into(
     ----------
     scene : Scene
         With all settings laid over it.
-    folder : Path
-        Appears when it is complete; what stops the run leaves none.
+    target : Target
+        Its folder appears when it is complete; what stops the run leaves none. A run that stopped early is not drawn.
     settings : sequence of str
         The settings, for the summary.
-    plots : bool
-        Whether to draw. A run that stopped early is not drawn.
-    force : bool
-        Whether an earlier result folder may be replaced.
     after : Path, optional
         Results of a coupled run to continue from its last state.
     parameters, frozen
@@ -79,7 +69,8 @@ def run_into(
     SceneError
         If the scene can't be solved, or nothing can be chosen.
     """
-    with whole_folder(folder, mark=SUMMARY_FILE, force=force) as partial, Waiting() as waiting:
+    folder = target.output
+    with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
         choice = None
         if tolerance is not None:
             choice = _choose(scene, tolerance, sensors, waiting)
@@ -93,7 +84,7 @@ def run_into(
                 _write(solution, summary, partial)
                 if found is not None:
                     found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
-        if plots and summary.outcome == "completed":
+        if target.plots and summary.outcome == "completed":
             with writing(folder):
                 _draw(solution, partial, waiting)
     return summary
@@ -176,9 +167,8 @@ def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
 
 
 def compare_into(
-    scene: Scene, folder: Path, presets: Sequence[str] | None = None, against: str | None = None,
-    settings: Sequence[str] = (), plots: bool = True, force: bool = False, peer: str | None = None,
-    resolution: Resolution = FINE_ENOUGH,
+    scene: Scene, target: Target, presets: Sequence[str] | None = None, against: str | None = None,
+    settings: Sequence[str] = (), peer: str | None = None, resolution: Resolution = FINE_ENOUGH,
 ) -> Comparison:  # fmt: skip
     """Compare models and write ``comparison.json``, ``differences.csv``, ``curves.nc`` and pictures into a new folder.
 
@@ -186,14 +176,12 @@ def compare_into(
     ----------
     scene : Scene
         With all settings laid over it.
-    folder : Path
-        Appears when it is complete.
+    target : Target
+        Its folder appears when it is complete.
     presets, against, peer, resolution
         As :func:`kaneflex.compare` takes them.
     settings : sequence of str
         The settings, for the file.
-    plots, force : bool
-        Whether to draw; whether an earlier comparison may be replaced.
 
     Raises
     ------
@@ -204,11 +192,12 @@ def compare_into(
     """
     from kaneflex.study.comparison import compare
 
-    with whole_folder(folder, mark=COMPARISON_FILE, force=force) as partial, Waiting() as waiting:
+    folder = target.output
+    with whole_folder(folder, mark=COMPARISON_FILE, force=target.force) as partial, Waiting() as waiting:
         comparison = compare(scene, presets, against, waiting.stage, peer, resolution)
         with writing(folder):
             _write_comparison(comparison, settings, partial)
-            if plots:
+            if target.plots:
                 from kaneflex.plots.overlay import draw_overlay
 
                 waiting.stage("drawing the pictures")
