@@ -134,7 +134,7 @@ class Affine:
         total = Affine.zero(*self.shape)
         for monomial, matrix in self.terms.items():
             factor = math.prod(constants[name] for name in monomial if name in constants)
-            if factor and (matrix.count_nonzero() if issparse(matrix) else matrix.any()):
+            if factor and entries(matrix)[2].size:
                 rest = [name for name in monomial if name not in constants]
                 total += Affine.term(rest, matrix if factor == 1.0 else factor * matrix)
         return total

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float64, njit, void
@@ -33,7 +33,7 @@ _M, _C, _K, _K_S, _K_D, _K_C, _K_G, _F, _POSITIONS, _INVERSE = (np.uint64(k) for
 _MOTION = void(float64, float64[::1], float64[::1])
 _HEAD = 5
 """Length of a sum's head in ``pattern``: monomials, their scalars, slots; where it begins there and in coefficients."""
-# Places are unsigned: with signed ones numba tests each for a negative value, at three times the cost of a kernel.
+# Places are unsigned: with signed ones numba tests each for a negative value, which takes as long as all else.
 _ZERO, _ONE, _TWO, _THREE, _FOUR = (np.uint64(k) for k in range(5))
 
 
@@ -43,7 +43,7 @@ class MotionKernel(WrapperAddressProtocol):
     numba compiles what takes a jitted function anew for each of them, and in every process; not what takes an address.
     """
 
-    def __init__(self, kernel: object) -> None:
+    def __init__(self, kernel: Any) -> None:
         self.kernel = kernel  # whose compiled code lives as long as it
         kernel.compile(_MOTION.args)
         found = kernel.get_compile_result(_MOTION)
@@ -206,8 +206,8 @@ def inverse_dynamics(t, p, out):
 class Kernels:
     """Kernels of one model and their argument p. Made by :attr:`kaneflex.Model.kernels`.
 
-    Each is ``kernel(t, p, out)`` and stores all of out; ``equations(t, p, M, C, K, F)`` four at once, in about the
-    time of two. They check nothing: :func:`kaneflex.checked` gives the same kernels with a look at every argument.
+    Each is ``kernel(t, p, out)`` and stores all of out; ``equations(t, p, M, C, K, F)`` four from one look at the
+    motion. They check nothing: :func:`kaneflex.checked` gives the same kernels with a look at every argument.
 
     Attributes
     ----------
@@ -233,7 +233,7 @@ class Kernels:
     def shapes(self) -> dict[str, dict[str, tuple[int, ...]]]:
         """Kernel -> argument -> its shape."""
         n = len(self.coordinates)
-        out = dict.fromkeys(SUMS, (n, n)) | {"F": (n,)}
+        out: dict[str, tuple[int, ...]] = dict.fromkeys(SUMS, (n, n)) | {"F": (n,)}
         out |= {"positions": (len(self.points), 2), "inverse_dynamics": (len(self.forces),)}
         found = {name: {"out": shape} for name, shape in out.items()}
         return found | {"equations": {name: out[name] for name in "MCKF"}}
@@ -262,7 +262,9 @@ class Products:
 
 def bind(motion: Motion, sums: Mapping[str, Affine]) -> Parameters:
     """p of some sums, by their names in SUMS; those that are not given are zero."""
-    heads, pattern, numbers = [], [np.zeros(2 + _HEAD * len(SUMS))], [np.zeros(0)]
+    heads: list[tuple[int, ...]] = []
+    pattern: list[np.ndarray] = [np.zeros(2 + _HEAD * len(SUMS))]
+    numbers: list[np.ndarray] = []
     for name in SUMS:
         affine = sums.get(name, Affine.zero(0, 0)).fixed(motion.module.CONSTANTS)
         monomials = motion.ordered(affine.terms)

@@ -202,7 +202,7 @@ class Model:
         }  # fmt: skip
         exerted = re.compile(rf"({'|'.join(map(re.escape, self.scene.joints))})\.({'|'.join(JOINT_FORCES)})")
         forces = {name: unit for name, unit, *_ in self.module.SCALARS if exerted.fullmatch(name)}
-        found = self.kept_parts | {"positions": place_of_points(points), "inverse_dynamics": scalars_of(forces)}
+        found = self.kept_parts | {"positions": place_of_points(points), "inverse_dynamics": scalars_of(tuple(forces))}
         return Kernels(bind(self.motion, found), self.reduced.coordinates, tuple(points), forces)
 
     @cached_property
@@ -259,10 +259,13 @@ def keep_terms(equations: ElasticEquations, options: Options) -> dict[str, Affin
     spin = equations.K_d.only(
         lambda monomial: options.euler if spin_or_euler(monomial) == "euler" else options.spin
     )
-    damped = {} if options.damping else {"C_s": zero, "K_c": zero}
-    turned = {} if options.gyroscopic else {"C_d": zero}
-    tensed = {} if options.geometric else {"K_g": zero}
-    return sums(replace(equations, K_d=spin, **damped, **turned, **tensed))
+    return sums(
+        replace(
+            equations, K_d=spin, C_s=equations.C_s if options.damping else zero,
+            K_c=equations.K_c if options.damping else zero, C_d=equations.C_d if options.gyroscopic else zero,
+            K_g=equations.K_g if options.geometric else zero,
+        )
+    )  # fmt: skip
 
 
 def sums(equations: ElasticEquations) -> dict[str, Affine]:

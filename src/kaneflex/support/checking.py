@@ -9,9 +9,8 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import fields
 from types import ModuleType, SimpleNamespace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -21,8 +20,8 @@ Shape = tuple[int, ...]
 class MechanismKernels(Protocol):
     """What is read of ``kaneflex.mechanism.kernels.Kernels``."""
 
-    parameters: tuple[object, ...]
-    shapes: dict[str, dict[str, Shape]]
+    parameters: Any
+    shapes: Any
 
 
 _TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
@@ -108,8 +107,7 @@ def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Call
 
 
 def _checked_mechanism(kernels: MechanismKernels) -> SimpleNamespace:
-    tables = {field.name: getattr(kernels, field.name) for field in fields(kernels)}
-    return SimpleNamespace(**tables, **{name: _of_mechanism(name, kernels) for name in kernels.shapes})
+    return SimpleNamespace(**vars(kernels), **{name: _of_mechanism(name, kernels) for name in kernels.shapes})
 
 
 def _of_mechanism(name: str, kernels: MechanismKernels) -> Callable[..., None]:
@@ -123,7 +121,7 @@ def _of_mechanism(name: str, kernels: MechanismKernels) -> Callable[..., None]:
         if type(p) is not type(own):
             raise TypeError(f"{name}: p is a {type(p).__name__}, the parameters of the kernels are wanted")
         for part, mine in own._asdict().items():
-            if isinstance(mine, np.ndarray) and (p._asdict()[part].shape != mine.shape):
+            if isinstance(mine, np.ndarray) and p._asdict()[part].shape != mine.shape:
                 raise ValueError(f"{name}: p is of another mechanism, its {part} have another length")
         for argument, shape in kernels.shapes[name].items():
             _check(f"{name}: {argument}", given[argument], shape, longer=False)
