@@ -14,8 +14,6 @@ The pipeline, one file a stage:
     flexible    Kane's equations of one free body with modal coordinates
     coupled     -> the coupled equations of the mechanism: bodies, constraints, loads, as programs
     coupled_module   the whole: generate_coupled(scene, shapes, structure) -> module text
-    tangent     forward mode on a Program: generate_tangent(scene, structure) -> text of the motion's slopes
-    coupled_tangent  the same on the coupled equations: generate_coupled_tangent(scene, shapes, structure)
 """
 
 if __name__ == "derive":
@@ -23,12 +21,10 @@ if __name__ == "derive":
 
 from kaneflex.derive.closure import UnsupportedLoop
 from kaneflex.derive.coupled_module import generate_coupled
-from kaneflex.derive.coupled_tangent import generate_coupled_tangent
 from kaneflex.derive.generate import Equations, derive_equations, generate, generate_pruned
 from kaneflex.derive.linear import StructurallySingular
-from kaneflex.derive.tangent import generate_tangent
 
 __all__ = [
     "Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled",
-    "generate_coupled_tangent", "generate_pruned", "generate_tangent",
+    "generate_pruned",
 ]  # fmt: skip

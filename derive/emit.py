@@ -64,9 +64,6 @@ class NumbaPrinter(PythonCodePrinter):
         if expr.func.__name__ in TABLE_LOOKUPS:
             x, start = (self._print(argument) for argument in expr.args)
             return f"{expr.func.__name__}({x}, p, int({start}))"
-        if expr.func.__name__ in SLOPE_LOOKUPS:
-            x, start = (self._print(argument) for argument in expr.args)
-            return f"{expr.func.__name__}({x}, p, p_slope, int({start}))"
         return super()._print_Function(expr)
 
 
@@ -85,7 +82,7 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
     kernels = list(kernels)
     arguments = [argument for kernel in kernels for argument in kernel.arguments]
     programs = [kernel.program for kernel in kernels]
-    identifiers = names.identifiers(programs, [*arguments, *TABLE_LOOKUPS, *SLOPE_LOOKUPS])
+    identifiers = names.identifiers(programs, [*arguments, *TABLE_LOOKUPS])
     return [print_kernel(kernel, identifiers) for kernel in kernels]
 
 
@@ -191,36 +188,3 @@ TABLE_LOOKUPS = {
     name: _TABLE.format(name=name, doc=doc, value=_TABLE_VALUE[name]) for name, doc in _TABLE_DOC.items()
 }
 """Name of a lookup -> its text; a module holds those that its motion calls."""
-
-_SLOPE_TABLE = '''@njit(**OPTIONS)
-def {name}_slope(x, p, p_slope, start):
-    """Slope of {name} at a fixed x, along the slopes of its block's numbers: period, breakpoints, coefficients."""
-    n = int(p[start])
-    period = p[start + 1]
-    knots = start + 2
-    moved = 0.0
-    if period > 0.0:
-        turns = math.floor((x - p[knots]) / period)
-        x -= turns * period
-        moved = -turns * p_slope[start + 1]
-    low = 0
-    high = n
-    while high - low > 1:
-        middle = (low + high) // 2
-        if p[knots + middle] <= x:
-            low = middle
-        else:
-            high = middle
-    d = x - p[knots + low]
-    d_slope = moved - p_slope[knots + low]
-    k = knots + n + 1 + 4 * low
-    return {value} + d_slope * ({rate})
-'''
-_NEXT = dict(zip(_TABLE_VALUE, list(_TABLE_VALUE)[1:], strict=False))
-SLOPE_LOOKUPS = {
-    f"{name}_slope": _SLOPE_TABLE.format(
-        name=name, value=_TABLE_VALUE[name].replace("p[", "p_slope["), rate=_TABLE_VALUE[after]
-    )
-    for name, after in _NEXT.items()
-}
-"""Name of the lookup of a table's own slope -> its text."""

@@ -27,5 +27,3 @@ _LOOKUPS = {
     )
 }  # fmt: skip
 table, table_rate, table_curvature, _ = _LOOKUPS.values()
-SLOPES = {_LOOKUPS[name]: _lookup(f"{name}_slope", None) for name in ("table", "table_rate", "table_curvature")}
-"""Lookup -> the one of its slope where x stays and the table's own numbers move."""

@@ -1,7 +1,6 @@
 """Derivatives of coupled runs against central differences of whole runs, and what commands and studies make of them."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +9,11 @@ from command_line import cli, refused
 from runs import run
 from test_sensitivities import differences
 
-from kaneflex.multibody.step_replay import every_step
 from kaneflex.solve import coupled
-from kaneflex.solve.coupled import method_of
-from kaneflex.study.sensitivity.coupled import coupled_path
+from kaneflex.study.sensitivity.neighbours import neighbours
+from kaneflex.study.sensitivity.parameters import find_parameters
+from kaneflex.study.sensitivity.replay import Replay
 from kaneflex.study.sensitivity.report import sensitivities
-from kaneflex.study.sensitivity.varied import STEP
 
 PENDULUM = ("elastic-pendulum", "solve.duration=0.01", "solve.steps=200", "solve.tolerance=1e-9")
 RINGING = ("elastic-pendulum", "solve.duration=0.5", "solve.steps=40", "solve.tolerance=1e-10")
@@ -28,7 +26,10 @@ FIXED = ("solve.integrator=generalised-alpha", "solve.steps=180")
 
 
 def check(scene, names, frozen=True, step=5e-4):
-    """As for the other presets, to 1e-6; small steps are for what rings on, large ones for what rounding hides.
+    """As for the other presets, to 3e-6; small steps are for what rings on, large ones for what rounding hides.
+
+    Accelerations, and forces of stiff links, leave 3e-6 of rounding; and the runs that are compared with solve their
+    steps to a thousandth of their tolerance, the neighbours to rounding, which makes 1e-6 of what rings.
 
     Stored instants lie so close that the control of the error has no say: a neighbour would answer it with other steps.
     """
@@ -40,7 +41,7 @@ def check(scene, names, frozen=True, step=5e-4):
         for sensor, slope in found.slopes[parameter.name].items():
             size = max(abs(expected[sensor]).max(), 1e-2 * abs(solution.series[sensor].values).max())
             where = f"{sensor}, {parameter.name}"
-            np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=1e-6 * size, err_msg=where)
+            np.testing.assert_allclose(slope, expected[sensor], rtol=0, atol=3e-6 * size, err_msg=where)
 
 
 def test_pendulum_that_swings_freely():
@@ -86,21 +87,18 @@ def test_a_heavier_and_stiffer_pendulum_moves_alike():
         np.testing.assert_allclose(whole, expected, rtol=0, atol=1e-7 * size, err_msg=sensor)
 
 
-def test_the_steps_are_those_of_the_run():
+def test_neighbours_take_the_steps_of_the_run():
+    """Of a run that chose its steps, from one stored instant to the next many; each neighbour takes as many."""
     solution = run(*RINGING)
-    trajectory = solution.coupled.trajectory
-    steps = every_step(solution.model.coupled, trajectory, method_of(solution.model))
-    assert len(steps.times) == trajectory.steps + 1 > 4 * len(trajectory.times)
-    np.testing.assert_allclose(steps.times[steps.rows], trajectory.times, rtol=1e-14)
-    for own, whole in zip((steps.q, steps.v, steps.a), (trajectory.q, trajectory.v, trajectory.a), strict=True):
-        np.testing.assert_allclose(own[steps.rows], whole, rtol=0, atol=1e-9 * abs(whole).max())
-
-
-def test_neighbours_of_what_turns_often_are_nearer():
-    path = coupled_path(run(*PENDULUM))
-    assert path.neighbour_step == STEP
-    turned = replace(path.steps, q=path.steps.q + 200 * np.pi * np.linspace(0, 1, len(path.steps.q))[:, None])
-    assert replace(path, steps=turned).neighbour_step == pytest.approx(STEP / 100, rel=1e-2)
+    own = solution.coupled.trajectory
+    assert len(own.ends) == own.steps > 4 * len(own.times)
+    assert set(own.times[1:]) <= set(own.ends)
+    (parameter,) = find_parameters(solution.model.scene, ["strip.E"])
+    nearest = neighbours(solution.model, parameter, 1e-15, True)[1]
+    again = Replay(solution).runs(parameter, [nearest], 1e-15)[0].coupled.trajectory
+    assert (again.steps, again.rejected) == (own.steps, 0)
+    np.testing.assert_array_equal(again.ends, own.ends)
+    np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())
 
 
 def test_command_study_and_refusals(tmp_path):

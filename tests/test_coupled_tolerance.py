@@ -62,7 +62,9 @@ def integrated(M, K, q, times, tolerance, steady=0.0, swinging=0.0, frequency=1.
     control, counts = np.array([first_step(accels[0], scale, longest), longest, math.inf, 0.0]), np.zeros(5)
     here = np.concatenate([times[:1], qs[0], vs[0], accels[0], [0.0]])
     tables = times, qs, vs, accels, np.zeros((rows, 0)), np.zeros((rows, 1))
-    ended = stepping.integrate(equations, constraints, tangent, energy, p, scale, control, here, *tables, 3, counts)
+    ended, _ = stepping.integrate(
+        equations, constraints, tangent, energy, p, scale, control, here, np.zeros(0), *tables, 3, counts
+    )
     assert ended == stepping.DONE
     return qs, vs, counts[0]
 

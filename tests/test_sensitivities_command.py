@@ -12,7 +12,6 @@ from command_line import cli, refused
 from runs import model, run
 
 import kaneflex
-from kaneflex.multibody.binding import tangent_text
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
@@ -137,13 +136,6 @@ def test_what_follows_the_forces_or_stops_is_refused(tmp_path):
 def test_units_of_parameters(scene, name, unit):
     (parameter,) = find_parameters(read_scene(scene), [name])
     assert parameter.unit == unit
-
-
-def test_the_slopes_can_be_read_as_a_module(tmp_path):
-    assert cli("derive", "spin-up", "--slopes", "-o", tmp_path / "slopes.py").exit_code == 0
-    text = (tmp_path / "slopes.py").read_text()
-    assert text == tangent_text(read_scene("spin-up"))
-    assert "Made by: kaneflex derive SCENE --slopes -o FILE.py" in text and "def terms_slope(" in text
 
 
 def test_the_functions_are_public():

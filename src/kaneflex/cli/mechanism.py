@@ -176,15 +176,14 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
 )
-@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead; with --slopes theirs.")
-@click.option("--slopes", is_flag=True, help="The slopes of the equations instead, that sensitivities are made of.")
+@click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
 @click.option(
     "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
 )
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
 @force_option
 def derive(
-    name: str, output: Path, coupled: bool, slopes: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
+    name: str, output: Path, coupled: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
 ) -> None:
     """Derive the equations of SCENE and write them as a numba module of its own.
 
@@ -195,7 +194,7 @@ def derive(
     from kaneflex.support.terminal import Waiting
 
     refuse_existing(output, force, "engine.py")
-    refuse_with_tolerance(tolerance, {"--coupled": coupled or None, "--slopes": slopes or None})
+    refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
     scene = read(name, [])
     if tolerance is not None:
@@ -203,12 +202,9 @@ def derive(
         return
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
-        from kaneflex.multibody.binding import coupled_tangent_text, coupled_text, generate_text, tangent_text
+        from kaneflex.multibody.binding import coupled_text, generate_text
 
-        if coupled:
-            text = (coupled_tangent_text if slopes else coupled_text)(scene, shape_counts(scene))
-        else:
-            text = tangent_text(scene) if slopes else generate_text(scene, waiting.stage)
+        text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
     write_text(output, text)
     click.echo(f"Written to {output}")
 

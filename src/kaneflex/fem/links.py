@@ -126,14 +126,11 @@ def _apart(stops: Collection[float], length: float) -> list[float]:
     return [x for k, x in enumerate(ordered) if k == 0 or x - ordered[k - 1] > _SAME * length]
 
 
-def build_link(
-    scene: Scene, name: str, module: ModuleType, elements: int, near: tuple[Link, ModuleType] | None = None
-) -> Link:
+def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Link:
     """Assemble the constant matrices of a link from the element kernels of its module.
 
     Every term of the module is evaluated once per element and added into a sparse matrix of its own, so that the
-    result has no more entries than the chain of elements, whatever its length. With a link ``near`` this one and the
-    module of its slopes, the elements' matrices are those of that link and their slopes towards this one.
+    result has no more entries than the chain of elements, whatever its length.
     """
     body = scene.bodies[name]
     nodes = mesh(scene, name, elements)
@@ -145,10 +142,7 @@ def build_link(
         p = _of_element(module, parameters, e)
         for term, group, target, factors in module.TERMS:
             out = np.zeros((6, 1 if target == "F" else 6))
-            if near is None:
-                _interpret(module, f"term_{term}", p, out)
-            else:
-                _add_linear(term, module, near, e, p, out)
+            _interpret(module, f"term_{term}", p, out)
             if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
                 out *= scene.damping.viscous.mu
             elif group == "damping":
@@ -184,16 +178,6 @@ def _interpret(module: ModuleType, kernel: str, *arguments: np.ndarray) -> None:
     takes a thousand times longer than the few dozen calls that a model needs."""
     with np.errstate(all="ignore"):  # as compiled: what overflows is found where it matters
         getattr(module, kernel).py_func(*arguments)
-
-
-def _add_linear(term: str, module: ModuleType, near: tuple[Link, ModuleType], e: int, p: np.ndarray, out: np.ndarray):
-    """Add a term of an element of the link nearby, and its slope along the difference of the parameters."""
-    link, slopes = near
-    p_0 = _of_element(module, link.parameters, e)
-    _interpret(module, f"term_{term}", p_0, out)
-    change = np.zeros_like(out)
-    _interpret(slopes, f"term_{term}_slope", p_0, p - p_0, change)
-    out += change
 
 
 _GAUSS = np.polynomial.legendre.leggauss(4)

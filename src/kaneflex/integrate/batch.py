@@ -69,7 +69,7 @@ def _set_up(run: Run) -> Setup | None:
     """What the run reads; None where it can't share lanes."""
     try:
         method = method_named(run.method)
-        if not method.lanes or isinstance(run.start, Cycle):
+        if not method.lanes:
             return None
         check_arguments(run.method, run.step, run.n_steps, run.start, run.period_steps, run.every)
         setup = set_up(run.system, run.table, run.t0, run.step, method, run.period_steps, run.rho_infinity)

@@ -72,27 +72,6 @@ def settled(over: Cycle, setup: Setup, period_steps: int) -> Beginning:
     return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, over.stretches)
 
 
-def periodic_pair(own: Cycle, setup: Setup, period_steps: int) -> Beginning:
-    """The periodic state of a system and of its slope side by side, z_1, its slope, z_2, its slope ...
-
-    `own` is the cycle of the system itself; its slope has the same monodromy matrix Phi, so that one cycle from a slope
-    of zero, which ends at w, is all that is missing: (I - Phi) x' = w.
-    """
-    if own.monodromy is None:
-        return Beginning(None, None, own.outcome, own.message)
-    size = len(own.forced)
-    inverse = np.linalg.inv(np.eye(size) - own.monodromy)
-    x = np.zeros((size, 2))
-    x[:, 0] = inverse @ own.forced
-    state = states_of(setup, x.reshape(1, -1))
-    setup.consistent(state, np.ones(1))
-    came = advance(setup, state, np.ones(1), period_steps, period_steps + 1, Stored.of(state, 1), False, None)
-    if came.outcome is not Outcome.COMPLETED:
-        return Beginning(None, None, came.outcome, f"{came.outcome.value}, in the first cycle")
-    x[:, 1] = inverse @ vectors_of(setup, state)[0, 1::2]
-    return Beginning(states_of(setup, x.reshape(1, -1)), None, Outcome.COMPLETED, "")
-
-
 def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:
     """Where a cycle moves every unit state, and zero; all share one factorisation a step.
 

@@ -12,13 +12,13 @@ from kaneflex.integrate.crosscheck import solve_ivp_run
 from kaneflex.integrate.methods import Method, method_named
 from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_pair, periodic_state, repeated
+from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state, repeated
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.integrate.time_segments import one_after_the_other
 from kaneflex.support.errors import UserError
 
-Start = str | tuple[np.ndarray, np.ndarray] | Cycle
+Start = str | tuple[np.ndarray, np.ndarray]
 
 
 def integrate(
@@ -46,8 +46,7 @@ def integrate(
     method: a name in `methods.METHODS`.
     start: "zero", a pair (z, v) of arrays of shape (n,), or "periodic": the motion that repeats itself after
         `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one
-        factorisation a step), so that no transient has to die. For a system beside its slope, as `periodic_pair` has
-        them, the Cycle of the system itself in the place of "periodic".
+        factorisation a step), so that no transient has to die.
     period_steps: steps of one cycle of the table.
     every: store one step in so many, the first one included.
     rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
@@ -66,8 +65,6 @@ def integrate(
     setup = set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
     if start == "periodic":
         found = _of_whom(periodic_state(setup, period_steps, progress), system, table, t0, step, method, period_steps)
-    elif isinstance(start, Cycle):
-        found = periodic_pair(start, setup, period_steps)
     else:
         found = _started(setup, *given_state(system, start))
     if found.state is None:

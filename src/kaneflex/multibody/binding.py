@@ -18,14 +18,8 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
-from kaneflex.scene.structure import coupled_hash, coupled_tangent_hash, pruned_hash, tangent_hash
-from kaneflex.support.contract import (
-    COUPLED_ATTRIBUTES,
-    COUPLED_TANGENT_ATTRIBUTES,
-    COURSES,
-    REQUIRED_ATTRIBUTES,
-    TANGENT_ATTRIBUTES,
-)
+from kaneflex.scene.structure import coupled_hash, pruned_hash
+from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
 
@@ -62,32 +56,6 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
     from kaneflex.derive import generate_coupled
 
     return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
-
-
-def find_tangent_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
-    """The module of the slopes of a scene's motion and elements; otherwise as :func:`find_module`."""
-    return _find(tangent_hash(scene), lambda stage: tangent_text(scene), TANGENT_ATTRIBUTES, progress)
-
-
-def tangent_text(scene: Scene) -> str:
-    """Text of the module of the slopes of a scene's motion and elements."""
-    from kaneflex.derive import generate_tangent
-
-    with derivable(scene):
-        return generate_tangent(scene, tangent_hash(scene))
-
-
-def find_coupled_tangent_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
-    """The module of the slopes of the coupled equations; otherwise as :func:`find_module`."""
-    structure = coupled_tangent_hash(scene, shapes)
-    return _find(structure, lambda stage: coupled_tangent_text(scene, shapes), COUPLED_TANGENT_ATTRIBUTES, progress)
-
-
-def coupled_tangent_text(scene: Scene, shapes: Counts) -> str:
-    """Text of the module of the slopes of the coupled equations with so many shapes."""
-    from kaneflex.derive import generate_coupled_tangent
-
-    return generate_coupled_tangent(scene, shapes, coupled_tangent_hash(scene, shapes))
 
 
 def _find(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -40,18 +39,13 @@ _NARROW = 12
 """Half-bandwidth that is not worth another order."""
 
 
-Near = tuple[Model, ModuleType]
-"""A model whose numbers are nearly the same, and the module of its slopes."""
-
-
 def build_model(
-    scene: Scene, options: Options, motion: Motion, near: Near | None = None, frozen: Model | None = None,
-    like: Model | None = None,
-) -> Model:  # fmt: skip
+    scene: Scene, options: Options, motion: Motion, frozen: Model | None = None, like: Model | None = None
+) -> Model:
     """Mesh the links, assemble, reduce.
 
-    ``near`` gives the order of the coordinates, and the elements that this model's differ from to first order;
-    ``frozen`` the bases and the modes of damping; ``like`` the equations, where they are the same.
+    ``frozen`` gives the order of the coordinates, the bases and the modes of damping; ``like`` the equations, where
+    they are the same.
     """
     reference, warnings = _reference(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
@@ -64,9 +58,7 @@ def build_model(
         none = ElasticEquations((), **empty)
         return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
     links = {
-        name: build_link(
-            scene, name, motion.module, options.elements or body.beam.elements, near and (near[0].links[name], near[1])
-        )
+        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
         for name, body in scene.bodies.items()
         if body.elastic
     }
@@ -81,7 +73,7 @@ def build_model(
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
     placed += place_springs(scene, links, parts, frame)  # with dampers of their own
-    frame, placed = _narrow_band(frame, placed) if near is None else _ordered(frame, placed, near[0].coordinates)
+    frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
     equations = assemble(placed, frame.coordinates, options.convective)
     model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
     if scene.damping is not None and scene.damping.kind == "modal":

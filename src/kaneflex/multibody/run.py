@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,6 +40,8 @@ class CoupledTrajectory:
         Steps that were taken, and those that were tried in vain.
     drift : (float, float)
         Largest residual of position [m or rad] and of velocity before a projection.
+    ends : ndarray (steps,)
+        Instants [s] at which the steps of a whole run under the control of their error ended.
     """
 
     times: np.ndarray
@@ -56,6 +58,7 @@ class CoupledTrajectory:
     outcome: Outcome
     message: str
     ns_per_step: float
+    ends: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -109,14 +112,18 @@ def integrate(
     method: Method,
     progress: Callable[[float], None] | None = None,
     stop: Stop | None = None,
+    ends: np.ndarray | None = None,
 ) -> CoupledTrajectory:
-    """Integrate from q, v at times[0] and give the motion at ``times`` [s], as far as it goes."""
-    run = _Run(system, q, v, times, method)
+    """Integrate from q, v at times[0] and give the motion at ``times`` [s], as far as it goes.
+
+    ``ends`` [s], with all ``times`` among them, are those of the steps to take where they are not left to "gauss".
+    """
+    run = _Run(system, q, v, times, method, np.zeros(0) if ends is None else ends)
     started = time.perf_counter()
     outcome, message = run.go(progress, stop)
     seconds = time.perf_counter() - started
     ended = (outcome, message, 1e9 * seconds / max(1.0, run.counts[0] + run.counts[1]))
-    return run.trajectory(slice(0, run.filled + 1), *ended)
+    return replace(run.trajectory(slice(0, run.filled + 1), *ended), ends=np.concatenate([np.zeros(0), *run.ends]))
 
 
 def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> float:
@@ -128,8 +135,11 @@ def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> 
 class _Run:
     """Tables of one integration, filled piece by piece."""
 
-    def __init__(self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method) -> None:
+    def __init__(
+        self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method, given: np.ndarray
+    ) -> None:
         self.system, self.module, self.times, self.method = system, system.module, times, method
+        self.given, self.ends = given, []
         stepping.compile_stepper(method.integrator)
         n, m, count = system.size, len(system.constraints), len(times)
         self.powers = 3 + len(self.module.LOADS)
@@ -192,11 +202,13 @@ class _Run:
         return int(self.counts[0] + self.counts[1])
 
     def _gauss(self, rows: slice, most: int) -> int:
-        control = np.array([self.step, self.longest, most, 0.0])
-        ended = stepping.integrate(
-            *self.kernels, self.system.parameters, self.scale, control, self.here,
+        control, last = np.array([self.step, self.longest, most, 0.0]), self.times[rows][-1]
+        given = self.given[slice(*np.searchsorted(self.given, (self.here[0], last), side="right"))]
+        ended, ends = stepping.integrate(
+            *self.kernels, self.system.parameters, self.scale, control, self.here, given,
             *(table[rows] for table in self.tables), self.powers, self.counts,
         )  # fmt: skip
+        self.ends.append(ends)
         self.step, self.filled = float(control[0]), self.filled + int(control[3])
         return ended
 

@@ -52,17 +52,6 @@ def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
     return _digits({"format": FORMAT, "shapes": counts, **structure(scene)})
 
 
-def tangent_hash(scene: Scene) -> str:
-    """The same of the module of the motion's slopes."""
-    return _digits({"format": FORMAT, "tangent": True, **structure(scene)})
-
-
-def coupled_tangent_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
-    """The same of the module of the coupled equations' slopes."""
-    counts = {name: list(numbers) for name, numbers in shapes.items()}
-    return _digits({"format": FORMAT, "tangent": True, "shapes": counts, **structure(scene)})
-
-
 def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
     """The same of the structure without some groups of terms."""
     return _digits({"format": FORMAT, "without": sorted(without), **structure(scene)})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 
@@ -115,7 +114,7 @@ def load(
     return model
 
 
-def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | None = None) -> Model:
+def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     """A model of a scene that differs in numbers alone, with the same module, options and numbers of steps.
 
     Parameters
@@ -124,8 +123,6 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
         Of the scene before the change, with no free joints unless its preset is coupled.
     frozen : bool
         Whether the new one keeps the modal bases and the modes of the damping.
-    slopes : ModuleType, optional
-        The module of the model's slopes: the elements then differ by them, to first order; else by what they are.
     """
     scene = with_branches(scene)
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
@@ -136,12 +133,19 @@ def neighbour(model: Model, scene: Scene, frozen: bool, slopes: ModuleType | Non
         from kaneflex.multibody.system import neighbour_system, with_stretch
 
         system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
-    parameters = seed_loops(scene, model.module, bind_parameters(scene, model.module), duration)
-    if model.module.FREE:
-        parameters = at_initial_speed(scene, model.module, parameters, duration)
-    near = None if slopes is None else (model, slopes)
-    found = build_model(scene, options, Motion(model.module, parameters), near, model if frozen else None)
+    found = build_model(scene, options, _moved(model, scene, duration), model if frozen else None)
     return replace(found, coupled=system)
+
+
+def _moved(model: Model, scene: Scene, duration: float) -> Motion:
+    """The motion of a neighbour's scene; the model's own where no number of it differs: loops are long to follow."""
+    module, parameters = model.module, bind_parameters(scene, model.module)
+    if module.FREE:
+        seeded = seed_loops(scene, module, parameters, duration)
+        return Motion(module, at_initial_speed(scene, module, seeded, duration))
+    if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
+        return model.motion
+    return Motion(module, seed_loops(scene, module, parameters, duration))
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:

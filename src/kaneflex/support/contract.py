@@ -64,8 +64,3 @@ COUPLED_ATTRIBUTES = (
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``terms``."""
 
-TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "OPERATIONS", "motion_slope", "tabulate_slopes")
-"""Attributes of every module of slopes; with elastic links also ``terms_slope``."""
-
-COUPLED_TANGENT_ATTRIBUTES = ("FORMAT", "STRUCTURE", "OPERATIONS", "residual_slope", "closing_slope")
-"""Attributes of every module of the coupled equations' slopes."""

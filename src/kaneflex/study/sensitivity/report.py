@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.mechanism.rigid_motion import Motion
-from kaneflex.response.sensors import measure
 from kaneflex.response.time_statistics import mean_over_time
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.solution import Solution
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
+from kaneflex.study.sensitivity.slopes import differentiated
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
-from kaneflex.study.sensitivity.tangent import Tangent, own_cycle, tangent
-from kaneflex.study.sensitivity.varied import SHARES, STEP, Varied, slope_of, vary
 from kaneflex.support.errors import SceneError
 from kaneflex.support.labelled import Labelled
 
@@ -157,32 +154,13 @@ def sensitivities(
         reason = "only a whole run that was completed can be differentiated"
         raise SceneError("sensitivities", solution.outcome.name.lower(), reason, "Differentiate what simulate gave")
     parameters = find_parameters(model.scene, names)
-    differentiate, slopes = _coupled(solution, frozen) if model.coupled is not None else _linear(solution, frozen), {}
-    for k, parameter in enumerate(parameters):
-        slopes[parameter.name] = differentiate(parameter)
-        _demand_some(solution, parameter, slopes[parameter.name])
+    slopes = {}
+    for parameter, found in differentiated(solution, parameters, frozen):
+        _demand_some(solution, parameter, found)
+        slopes[parameter.name] = found
         if progress is not None:
-            progress((k + 1) / len(parameters))
-    return Sensitivities(solution, parameters, frozen, slopes)
-
-
-def _linear(solution: Solution, frozen: bool) -> Callable[[Parameter], dict[str, np.ndarray]]:
-    """Parameter -> p dy/dp of every sensor, in a run of the elastic equations."""
-    cycle = own_cycle(solution.model)
-
-    def differentiate(parameter: Parameter) -> dict[str, np.ndarray]:
-        varied = vary(solution.model, parameter, frozen)
-        return _sensor_slopes(solution, varied, tangent(solution, varied, cycle))
-
-    return differentiate
-
-
-def _coupled(solution: Solution, frozen: bool) -> Callable[[Parameter], dict[str, np.ndarray]]:
-    """The same in a run of the coupled ones."""
-    from kaneflex.study.sensitivity.coupled import coupled_path, coupled_slopes
-
-    path = coupled_path(solution)
-    return lambda parameter: coupled_slopes(path, vary(solution.model, parameter, frozen, step=path.neighbour_step))
+            progress(len(slopes) / len(parameters))
+    return Sensitivities(solution, parameters, frozen, {each.name: slopes[each.name] for each in parameters})
 
 
 def check_differentiable(scene: Scene, continued: bool) -> None:
@@ -222,51 +200,6 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
         raise SceneError(
             f"events.{stopping}.stop", True, "the end of the run would move with the parameter", "Leave stop out"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Shifted(Motion):
-    """The motion's scalars at the instants of one run, and at no others."""
-
-    values: np.ndarray
-
-    def table(self, times: np.ndarray) -> np.ndarray:
-        return self.values
-
-
-def _sensor_slopes(solution: Solution, varied: Varied, slope: Tangent) -> dict[str, np.ndarray]:
-    """p dy/dp of every sensor: it is read from each neighbour's constants, with the motion moved along its slope."""
-    times, trajectory = solution.times, solution.trajectory
-    values, rates = varied.scalars(times)
-    read = []
-    for share, model in zip(SHARES, varied.neighbours, strict=True):
-        step = share * STEP
-        scalars = values + step * rates
-        _turn(scalars, values, step * rates, model.motion.column)
-        motion = _Shifted(model.motion.module, model.motion.parameters, scalars)
-        moved = replace(
-            trajectory,
-            times=times * (model.step / varied.model.step),
-            z=trajectory.z + step * slope.z,
-            v=trajectory.v + step * slope.v,
-            a=trajectory.a + step * slope.a,
-        )
-        read.append(measure(Solution(replace(model, motion=motion), moved, 0.0)))
-    return {sensor: slope_of([series[sensor].values for series in read]) for sensor in read[0]}
-
-
-def _turn(scalars: np.ndarray, values: np.ndarray, changes: np.ndarray, column: Mapping[str, int]) -> None:
-    """Let cosines and sines turn by the change of their angle: along a straight line they leave the circle.
-
-    Over a run of many turns the angle's change is large, however small that of the parameter.
-    """
-    for name in column:
-        if not name.endswith(".c") or f"{name[:-1]}s" not in column:
-            continue
-        at = [column[name], column[f"{name[:-1]}s"]]
-        (c, s), (c_change, s_change) = values[:, at].T, changes[:, at].T
-        angle = c * s_change - s * c_change
-        scalars[:, at] = np.stack([c * np.cos(angle) - s * np.sin(angle), s * np.cos(angle) + c * np.sin(angle)], 1)
 
 
 def _demand_some(solution: Solution, parameter: Parameter, slopes: Mapping[str, np.ndarray]) -> None:
