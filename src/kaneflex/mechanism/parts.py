@@ -78,6 +78,10 @@ class Joint:
         """What a drive's coordinate at t = 0 is called in the scene."""
         return "position" if self.slides else "angle"
 
+    @property
+    def written_branch(self) -> str:
+        return "+" if self.branch > 0 else "-"
+
     def written(self, value: float) -> str:
         """A coordinate [rad or m] for messages, like "90 deg" or "12.5 mm"."""
         return f"{1e3 * value:.6g} mm" if self.slides else f"{math.degrees(value):.6g} deg"

@@ -216,7 +216,7 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
         return {name: chosen[name] for name in group}
     at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
-        f"joints.{closing.name}", "+" if closing.branch > 0 else "-",
+        f"joints.{closing.name}", closing.written_branch,
         f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or show another configuration",
     )  # fmt: skip
 

@@ -15,6 +15,7 @@ from numba import njit
 
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.energy import Energy, rigid_energy
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -64,7 +65,8 @@ def integrate_free_joints(
         [getattr(scene.drives[name], key) for name in module.FREE] for key in ("start", "initial_speed")
     ])  # fmt: skip
     times, states, epsilon = [0.0], [start], [accelerations(0.0, start)]
-    check_start(scene, standing(module, parameters, 0.0, start), epsilon[0], inertia(0.0, start))
+    mechanism = mechanism_of(scene)
+    check_start(mechanism, standing(module, parameters, 0.0, start), epsilon[0], inertia(0.0, start))
     run = _Steps(scene, module, parameters, options, accelerations)
     for stretch in run.stretches(start, progress):
         for t, state in stretch:
@@ -75,8 +77,8 @@ def integrate_free_joints(
                 raise run.stopped(times[-2], states[-2], "its accelerations are not finite beyond")
     columns = np.array(states).T, np.array(epsilon).T
     motion = Motion(module, with_courses(module, parameters, np.array(times), *columns))
-    check_passage(scene, motion, np.array(times))
-    return motion, rigid_energy(scene, motion, np.array(times), _PIECES)
+    check_passage(mechanism, motion, np.array(times))
+    return motion, rigid_energy(mechanism, motion, np.array(times), _PIECES)
 
 
 class _Steps:
@@ -130,7 +132,7 @@ class _Steps:
         rigid = standing(self.module, self.parameters, t, state)
         joint = locking(rigid)
         if joint is not None:
-            return swung(self.scene, joint, rigid)
+            return swung(mechanism_of(self.scene), joint, rigid)
         if message is not None:
             return SceneError(
                 f"drives.{free[0]}", "free", f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}",
