@@ -8,7 +8,7 @@ import math
 import numpy as np
 from integrate_cases import constant
 
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import Run, integrate
 
 ANGLE_OF_A_STEP = {
     "gauss": lambda x: 2 * math.atan2(x / 2, 1 - x * x / 12),
@@ -24,8 +24,8 @@ def drift(method: str, cycles: int, steps: int) -> tuple[float, float, float]:
     system, table = constant(np.eye(1), np.zeros((1, 1)), np.eye(1))
     step, count = 2 * np.pi / steps, cycles * steps
     start = (np.ones(1), np.zeros(1))
-    run = integrate(
-        system, table, 0.0, step, count, method, start=start, period_steps=steps, every=count, rho_infinity=1.0
+    run = integrate(Run(
+        system, table, 0.0, step, count, method, start=start, period_steps=steps, every=count, rho_infinity=1.0)
     )
     state = run.z[-1, 0] - 1j * run.v[-1, 0]
     turned = ANGLE_OF_A_STEP[method](step)

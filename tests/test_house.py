@@ -204,6 +204,41 @@ def test_a_missing_peer_skips_and_in_ci_fails(monkeypatch, peer, required, outco
         peer("no_such_program")
 
 
+LONG = {
+    "integrate/banded.py": {"_add_up", "newmark_banded"},
+    "integrate/dense.py": {"_columns", "_newmark"},
+    "integrate/matrices.py": {"residual", "true_accelerations"},
+    "integrate/steppers.py": {"_newmark_matrices", "_stage_matrices", "collocation", "exact_modal", "newmark"},
+    "multibody/instant.py": {"balance", "settle"},
+    "multibody/stepping.py": {"generalised_alpha", "integrate"},
+}
+"""Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls."""
+COMPILES = {"njit", "compiled", "inlined", "_cached"}
+OVERDUE = {"solve/loading.py": {"load"}}
+"""Others that are too long and are to be cut."""
+
+
+def test_long_functions_are_compiled_loops_that_say_why():
+    found, folder = {}, FOLDERS["kaneflex"]
+    for path in modules("kaneflex"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            given = node.args
+            parameters = len(given.posonlyargs) + len(given.args) + len(given.kwonlyargs)
+            if node.end_lineno - node.lineno >= 60 or parameters > 8:
+                words = (word for each in node.decorator_list for word in ast.walk(each) if isinstance(word, ast.Name))
+                decorators = {word.id for word in words}
+                found.setdefault(path.relative_to(folder).as_posix(), {})[node.name] = bool(decorators & COMPILES)
+    python = {file: {name for name, compiled in names.items() if not compiled} for file, names in found.items()}
+    overdue = {file: names - OVERDUE.get(file, set()) for file, names in python.items()}
+    assert {file: names for file, names in overdue.items() if names} == {}
+    compiled = {file: {name for name, compiled in names.items() if compiled} for file, names in found.items()}
+    assert {file: names for file, names in compiled.items() if names} == LONG
+    for file in LONG:
+        assert re.search(r"^# Compiled ?", (folder / file).read_text(encoding="utf-8"), re.MULTILINE), file
+
+
 def test_cached_loops_are_stamped_with_every_compiled_part_they_import():
     """Else an edit of that part would leave the old one in the cache: see kaneflex.support.fingerprint."""
     texts = {path: path.read_text(encoding="utf-8") for path in modules("kaneflex")}

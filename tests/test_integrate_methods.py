@@ -6,7 +6,7 @@ from integrate_cases import affine, constant
 
 from kaneflex.integrate.methods import METHODS
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
@@ -52,7 +52,7 @@ class Manufactured:
 
 def error_of(case, method, steps, until=3.0, **options):
     z, v, _ = case.motion(np.zeros(1))
-    run = integrate(case.system, case.table, 0.0, until / steps, steps, method, start=(z[0], v[0]), **options)
+    run = integrate(Run(case.system, case.table, 0.0, until / steps, steps, method, start=(z[0], v[0]), **options))
     assert run.outcome is Outcome.COMPLETED
     exact = case.motion(run.times)
     return [np.abs(got - want).max() for got, want in zip((run.z, run.v, run.a), exact, strict=True)]
@@ -70,7 +70,7 @@ def test_measured_order(method):
 def test_banded_and_dense_storage_agree_to_rounding(method):
     case, dense = Manufactured(), Manufactured(half_bandwidth=5)
     z, v, _ = case.motion(np.zeros(1))
-    runs = [integrate(c.system, c.table, 0.0, 0.02, 150, method, start=(z[0], v[0])) for c in (case, dense)]
+    runs = [integrate(Run(c.system, c.table, 0.0, 0.02, 150, method, start=(z[0], v[0]))) for c in (case, dense)]
     np.testing.assert_allclose(runs[0].z, runs[1].z, rtol=0, atol=1e-13)
     np.testing.assert_allclose(runs[0].a, runs[1].a, rtol=0, atol=1e-11)
 
@@ -78,7 +78,7 @@ def test_banded_and_dense_storage_agree_to_rounding(method):
 @pytest.mark.parametrize("method", COMPILED)
 def test_output_satisfies_the_equation_of_motion(method):
     case = Manufactured()
-    run = integrate(case.system, case.table, 0.0, 0.2, 40, method)
+    run = integrate(Run(case.system, case.table, 0.0, 0.2, 40, method))
     rows = case.table(run.times)
     for k, row in enumerate(rows):
         mass, damping, stiffness, force = (case.system.dense(name, row) for name in "MCKF")
@@ -89,9 +89,9 @@ def test_output_satisfies_the_equation_of_motion(method):
 def test_scipy_agrees():
     case = Manufactured()
     z, v, _ = case.motion(np.zeros(1))
-    reference = integrate(case.system, case.table, 0.0, 0.01, 100, "gauss", start=(z[0], v[0]))
+    reference = integrate(Run(case.system, case.table, 0.0, 0.01, 100, "gauss", start=(z[0], v[0])))
     for name in ("DOP853", "Radau"):
-        run = integrate(case.system, case.table, 0.0, 0.1, 10, "scipy", start=(z[0], v[0]), scipy_method=name)
+        run = integrate(Run(case.system, case.table, 0.0, 0.1, 10, "scipy", start=(z[0], v[0]), scipy_method=name))
         assert run.outcome is Outcome.COMPLETED
         np.testing.assert_allclose(run.z, reference.z[::10], rtol=0, atol=1e-8)
         np.testing.assert_allclose(run.a, reference.a[::10], rtol=0, atol=1e-7)
@@ -106,7 +106,7 @@ def test_unconditionally_stable(method, step):
     stiffness = root @ root.T + np.diag([1.0, 1e2, 1e4, 1e6])
     skew = random.normal(size=(4, 4))
     system, table = constant(np.diag([1.0, 2.0, 3.0, 4.0]), 0.01 * np.eye(4) + skew - skew.T, stiffness)
-    run = integrate(system, table, 0.0, step, 400, method, start=(np.ones(4), np.zeros(4)))
+    run = integrate(Run(system, table, 0.0, step, 400, method, start=(np.ones(4), np.zeros(4))))
     assert run.outcome is Outcome.COMPLETED
     assert np.abs(run.z[200:]).max() <= 40.0 * np.abs(run.z[0]).max()
     if method == "gauss":  # preserves the quadratic invariant, so decay is exact
@@ -118,7 +118,7 @@ def test_unconditionally_stable(method, step):
 def multipliers_of_one_step(method, step, **options):
     """Eigenvalues of one step of z'' + z = 0."""
     system, table = constant(np.eye(1), np.zeros((1, 1)), np.eye(1))
-    run = integrate(system, table, 0.0, step, 1, method, start="periodic", period_steps=1, **options)
+    run = integrate(Run(system, table, 0.0, step, 1, method, start="periodic", period_steps=1, **options))
     return run.multipliers
 
 
@@ -139,7 +139,7 @@ def test_energy_is_conserved(method):
     root = random.normal(size=(3, 3))
     mass, stiffness = np.diag([1.0, 2.0, 0.5]), root @ root.T + np.eye(3)
     system, table = constant(mass, np.zeros((3, 3)), stiffness)
-    run = integrate(system, table, 0.0, 0.5, 4000, method, start=(np.ones(3), np.zeros(3)))
+    run = integrate(Run(system, table, 0.0, 0.5, 4000, method, start=(np.ones(3), np.zeros(3))))
     energy = np.einsum("ti,ij,tj->t", run.z, stiffness, run.z) + np.einsum("ti,ij,tj->t", run.v, mass, run.v)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-11)
 
@@ -164,8 +164,8 @@ def test_exact_modal_is_exact_for_piecewise_linear_forces():
     """Steps of a knot give what steps a thousand times smaller of the fourth-order method give."""
     system, table = modal()
     start = (np.linspace(-1.0, 1.0, 6), np.linspace(2.0, 3.0, 6))
-    exact = integrate(system, table, 0.0, 0.1, 10, "exact-modal", start=start)
-    fine = integrate(system, table, 0.0, 0.1 / 1000, 10_000, "gauss", start=start, every=1000)
+    exact = integrate(Run(system, table, 0.0, 0.1, 10, "exact-modal", start=start))
+    fine = integrate(Run(system, table, 0.0, 0.1 / 1000, 10_000, "gauss", start=start, every=1000))
     for got, want in ((exact.z, fine.z), (exact.v, fine.v), (exact.a, fine.a)):
         assert np.all(np.abs(got - want) <= 1e-9 * np.abs(want).max(axis=0))
 
@@ -174,7 +174,7 @@ def test_exact_modal_against_the_closed_form_at_huge_steps():
     """Free decay after one step of many periods: the closed forms of each kind of damping."""
     zeta, omega, step = np.array([0.02, 1.0, 3.0]), np.array([50.0, 0.7, 2.0]), 20.0
     system, table = constant(np.eye(3), np.diag(2 * zeta * omega), np.diag(omega**2))
-    run = integrate(system, table, 0.0, step, 1, "exact-modal", start=(np.ones(3), np.zeros(3)))
+    run = integrate(Run(system, table, 0.0, step, 1, "exact-modal", start=(np.ones(3), np.zeros(3))))
     ringing, creep = omega[0] * np.sqrt(1 - zeta[0] ** 2), omega[2] * np.sqrt(zeta[2] ** 2 - 1)
     slow, fast = creep - zeta[2] * omega[2], -creep - zeta[2] * omega[2]
     expected = [
@@ -189,11 +189,11 @@ def test_exact_modal_against_the_closed_form_at_huge_steps():
 def test_exact_modal_refuses_what_is_not_decoupled_or_not_constant():
     case = Manufactured()
     with pytest.raises(UserError, match="M couples its coordinates"):
-        integrate(case.system, case.table, 0.0, 0.1, 3, "exact-modal")
+        integrate(Run(case.system, case.table, 0.0, 0.1, 3, "exact-modal"))
     one = np.eye(1)
     system = affine(1, 0, {"M": [one, None], "C": [None, None], "K": [one, one]}, np.zeros((1, 2)))
     with pytest.raises(UserError, match="the matrices change in time"):
-        integrate(system, lambda t: np.stack((np.ones_like(t), t), axis=1), 0.0, 0.1, 3, "exact-modal")
+        integrate(Run(system, lambda t: np.stack((np.ones_like(t), t), axis=1), 0.0, 0.1, 3, "exact-modal"))
 
 
 def test_wide_band_gauss_matches_scipy_in_a_chain():
@@ -202,6 +202,6 @@ def test_wide_band_gauss_matches_scipy_in_a_chain():
     chain = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     system = affine(n, 1, {"M": [np.eye(n)], "C": [0.01 * chain], "K": [chain]}, np.ones((n, 1)))
     table = lambda times: np.ones((times.size, 1))  # noqa: E731
-    run = integrate(system, table, 0.0, 0.05, 100, "gauss")
-    other = integrate(system, table, 0.0, 1.0, 5, "scipy")
+    run = integrate(Run(system, table, 0.0, 0.05, 100, "gauss"))
+    other = integrate(Run(system, table, 0.0, 1.0, 5, "scipy"))
     np.testing.assert_allclose(run.z[::20], other.z, atol=1e-6 * np.abs(other.z).max())

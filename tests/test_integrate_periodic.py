@@ -11,7 +11,7 @@ from kaneflex.integrate import periodic
 from kaneflex.integrate.methods import METHODS, tableau
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.periodic import _verdict
-from kaneflex.integrate.run import cycle_map, integrate
+from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
@@ -38,14 +38,14 @@ def coupled():
 def test_periodic_start_repeats_itself_and_equals_a_long_transient(method):
     system, table = coupled()
     steps = 200
-    run = integrate(system, table, 0.3, CYCLE / steps, 2 * steps, method, start="periodic", period_steps=steps)
+    run = integrate(Run(system, table, 0.3, CYCLE / steps, 2 * steps, method, start="periodic", period_steps=steps))
     assert run.outcome is Outcome.COMPLETED
     for motion in (run.z, run.v, run.a):
         scale = np.abs(motion).max()
         np.testing.assert_allclose(motion[steps], motion[0], rtol=0, atol=1e-10 * scale)
         np.testing.assert_allclose(motion[-1], motion[0], rtol=0, atol=1e-10 * scale)
     cycles = 120
-    long = integrate(system, table, 0.3, CYCLE / steps, cycles * steps, method, period_steps=steps)
+    long = integrate(Run(system, table, 0.3, CYCLE / steps, cycles * steps, method, period_steps=steps))
     last = long.z[(cycles - 1) * steps :]
     np.testing.assert_allclose(last, run.z[: steps + 1], rtol=0, atol=1e-9 * np.abs(run.z).max())
 
@@ -56,10 +56,10 @@ def test_stretches_side_by_side_are_the_cycle_in_one_piece(method, steps, every,
     system, table = coupled()
     arguments = (system, table, 0.3, CYCLE / steps, 2 * steps + 3, method)
     options = {"start": "periodic", "period_steps": steps, "every": every}
-    cut = integrate(*arguments, **options)
+    cut = integrate(Run(*arguments, **options))
     monodromy = cycle_map(system, table, 0.3, CYCLE, steps, method).monodromy
     monkeypatch.setattr(periodic, "_MOST_NUMBERS", 0)
-    whole = integrate(*arguments, **options)
+    whole = integrate(Run(*arguments, **options))
     exact = cycle_map(system, table, 0.3, CYCLE, steps, method).monodromy
     np.testing.assert_allclose(monodromy, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
     np.testing.assert_allclose(cut.times, whole.times, rtol=1e-15)
@@ -70,8 +70,8 @@ def test_stretches_side_by_side_are_the_cycle_in_one_piece(method, steps, every,
 def test_what_goes_wrong_in_a_stretch_is_told_by_the_cycle_in_one_piece():
     """M vanishes at the middle of the cycle, where the fifth of eight stretches begins."""
     system, _ = coupled()
-    run = integrate(
-        system, lambda t: np.stack([(t != 0.5) * 1.0] * 3, axis=1), 0.0, 0.125, 8, start="periodic", period_steps=8
+    run = integrate(Run(
+        system, lambda t: np.stack([(t != 0.5) * 1.0] * 3, axis=1), 0.0, 0.125, 8, start="periodic", period_steps=8)
     )
     assert run.outcome is Outcome.SINGULAR and run.message.endswith("at t = 0.375 s, in the first cycle")
 
@@ -79,7 +79,7 @@ def test_what_goes_wrong_in_a_stretch_is_told_by_the_cycle_in_one_piece():
 def test_multipliers_are_those_of_the_damping():
     """Liouville: their product is exp of minus the integral of the trace of M^-1 C; largest first."""
     system, table = parametric(1.3, 0.4, rate=0.05)
-    run = integrate(system, table, 0.0, CYCLE / 400, 1, "gauss", start="periodic", period_steps=400)
+    run = integrate(Run(system, table, 0.0, CYCLE / 400, 1, "gauss", start="periodic", period_steps=400))
     assert run.multipliers.shape == (2,)
     assert np.prod(run.multipliers).real == pytest.approx(np.exp(-0.05 * CYCLE), rel=1e-7)
     assert abs(run.multipliers[0]) >= abs(run.multipliers[1])
@@ -102,7 +102,7 @@ def test_mathieu_boundaries(q, multiplier, a):
 
     def trace(value):
         system, table = parametric(value / 4.0, -q / 2.0)
-        run = integrate(system, table, 0.0, CYCLE / 4000, 1, "gauss", start="periodic", period_steps=4000)
+        run = integrate(Run(system, table, 0.0, CYCLE / 4000, 1, "gauss", start="periodic", period_steps=4000))
         return run.multipliers.sum().real
 
     assert trace(a) == pytest.approx(2.0 * multiplier, abs=1e-7)
@@ -112,7 +112,7 @@ def test_mathieu_boundaries(q, multiplier, a):
 
 def test_parametric_instability_is_named_with_its_multiplier():
     system, table = parametric(0.25, 0.2, rate=0.01, force=1.0)
-    run = integrate(system, table, 0.0, CYCLE / 200, 200, "gauss", start="periodic", period_steps=200)
+    run = integrate(Run(system, table, 0.0, CYCLE / 200, 200, "gauss", start="periodic", period_steps=200))
     assert run.outcome is Outcome.UNSTABLE
     assert run.times.size == 0 and run.z.shape == (0, 1)
     assert abs(run.multipliers[0]) > 1.3 and f"{abs(run.multipliers[0]):.9g}" in run.message
@@ -123,14 +123,14 @@ def test_a_free_body_has_no_periodic_state(method):
     """Two masses and a spring between them: a double multiplier 1, which rounding splits."""
     mass, stiffness = np.array([[1.3, 0.1], [0.1, 1.1]]), 1e6 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     system, table = constant(mass, np.zeros((2, 2)), stiffness, np.ones(2))
-    run = integrate(system, table, 0.0, 2e-5, 1000, method, start="periodic", period_steps=1000)
+    run = integrate(Run(system, table, 0.0, 2e-5, 1000, method, start="periodic", period_steps=1000))
     assert run.outcome is Outcome.NO_PERIODIC_STATE
     assert "no periodic state" in run.message and run.z.size == 0
 
 
 def test_an_undamped_periodic_motion_is_called_neutral():
     system, table = parametric(0.6, 0.0, force=1.0)
-    run = integrate(system, table, 0.0, CYCLE / 300, 300, "gauss", start="periodic", period_steps=300)
+    run = integrate(Run(system, table, 0.0, CYCLE / 300, 300, "gauss", start="periodic", period_steps=300))
     assert run.outcome is Outcome.COMPLETED and "neutrally stable" in run.message
     # z'' + 0.6 z = sin t has the periodic solution sin t / (0.6 - 1)
     np.testing.assert_allclose(run.z[:, 0], np.sin(run.times) / -0.4, atol=1e-6)
@@ -138,7 +138,7 @@ def test_an_undamped_periodic_motion_is_called_neutral():
 
 def test_exact_modal_periodic():
     system, table = constant(np.eye(2), np.diag([0.2, 3.0]), np.diag([9.0, 50.0]), np.array([1.0, 2.0]))
-    run = integrate(system, table, 0.0, 0.1, 20, "exact-modal", start="periodic", period_steps=20)
+    run = integrate(Run(system, table, 0.0, 0.1, 20, "exact-modal", start="periodic", period_steps=20))
     np.testing.assert_allclose(run.z, np.tile([1.0 / 9.0, 2.0 / 50.0], (21, 1)), rtol=1e-12)
     assert np.abs(run.v).max() < 1e-13 and np.abs(run.a).max() < 1e-12
 
@@ -147,7 +147,7 @@ def test_exact_modal_periodic():
 def test_growth_stops_the_run_at_a_stated_time(method):
     """Negative damping: z grows as exp(5 t); the run must end before it overflows, with finite numbers."""
     system, table = constant(np.eye(1), np.full((1, 1), -10.0), np.full((1, 1), 100.0))
-    run = integrate(system, table, 0.0, 0.01, 100_000, method, start=(np.ones(1), np.zeros(1)))
+    run = integrate(Run(system, table, 0.0, 0.01, 100_000, method, start=(np.ones(1), np.zeros(1))))
     assert run.outcome is Outcome.UNSTABLE
     assert np.isfinite(run.z).all() and np.isfinite(run.v).all() and np.isfinite(run.a).all()
     assert run.times.size == run.z.shape[0] < 100_000
@@ -177,7 +177,7 @@ def test_singular_step_is_named_with_its_time(method):
     def table(times):
         return np.stack((np.ones_like(times), np.where(times > 4.05, vanishing(method), 0.0)), axis=1)
 
-    run = integrate(system, table, 0.0, 1.0, 20, method)
+    run = integrate(Run(system, table, 0.0, 1.0, 20, method))
     assert run.outcome is Outcome.SINGULAR
     assert "at t = 4 s, step 4 of 20" in run.message
     assert run.times[-1] < 5.0
@@ -187,7 +187,7 @@ def test_singular_step_is_named_with_its_time(method):
 def test_singular_mass_is_named_at_the_start(method):
     system, table = constant(np.diag([1.0, 0.0]), np.zeros((2, 2)), np.eye(2))
     for start in ("zero", "periodic"):
-        run = integrate(system, table, 0.5, 0.1, 5, method, start=start, period_steps=5)
+        run = integrate(Run(system, table, 0.5, 0.1, 5, method, start=start, period_steps=5))
         assert run.outcome is Outcome.SINGULAR and "M is singular" in run.message and run.z.size == 0
 
 
@@ -199,8 +199,8 @@ def test_a_cycle_is_asked_for_once_and_every_thins_the_output():
         asked.append(times.size)
         return table(times)
 
-    full = integrate(system, table, 0.0, CYCLE / 90, 450, "newmark", period_steps=90)
-    thin = integrate(system, counting, 0.0, CYCLE / 90, 450, "newmark", period_steps=90, every=7)
+    full = integrate(Run(system, table, 0.0, CYCLE / 90, 450, "newmark", period_steps=90))
+    thin = integrate(Run(system, counting, 0.0, CYCLE / 90, 450, "newmark", period_steps=90, every=7))
     assert asked == [1, 90]
     np.testing.assert_array_equal(thin.z, full.z[::7])
     np.testing.assert_array_equal(thin.a, full.a[::7])
@@ -212,10 +212,10 @@ def test_pieces_change_nothing(method, monkeypatch):
     """A run in many calls of the compiled loop equals the run in one, with a cycle and without."""
     system, table = coupled()
     progress = []
-    whole = integrate(system, table, 0.0, CYCLE / 60, 300, method, every=3)
+    whole = integrate(Run(system, table, 0.0, CYCLE / 60, 300, method, every=3))
     monkeypatch.setattr("kaneflex.integrate.stepping._WORK_OF_A_CALL", 5e3)
-    pieces = integrate(system, table, 0.0, CYCLE / 60, 300, method, every=3, progress=progress.append)
-    cycled = integrate(system, table, 0.0, CYCLE / 60, 300, method, every=3, period_steps=60)
+    pieces = integrate(Run(system, table, 0.0, CYCLE / 60, 300, method, every=3), progress=progress.append)
+    cycled = integrate(Run(system, table, 0.0, CYCLE / 60, 300, method, every=3, period_steps=60))
     np.testing.assert_array_equal(pieces.z, whole.z)
     np.testing.assert_allclose(cycled.z, whole.z, rtol=0, atol=1e-12 * np.abs(whole.z).max())
     assert len(progress) > 5 and progress[-1] == 1.0 and np.all(np.diff(progress) > 0.0)
@@ -229,7 +229,7 @@ def test_a_run_can_be_interrupted(monkeypatch):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        integrate(system, table, 0.0, 0.01, 10**9, "newmark", every=10**6, progress=interrupt)
+        integrate(Run(system, table, 0.0, 0.01, 10**9, "newmark", every=10**6), progress=interrupt)
 
 
 @pytest.mark.parametrize(
@@ -253,7 +253,7 @@ def test_arguments_that_cannot_be_used(arguments, said):
     system, table = coupled()
     given = {"t0": 0.0, "step": 0.1, "n_steps": 10, **arguments}
     with pytest.raises(UserError, match=said):
-        integrate(system, table, **given)
+        integrate(Run(system, table, **given))
 
 
 def test_a_table_with_nan_is_refused_with_the_time():
@@ -265,7 +265,7 @@ def test_a_table_with_nan_is_refused_with_the_time():
         return rows
 
     with pytest.raises(UserError, match=r"scalar 1 of the motion = .*not a finite number at t = 0.6 s"):
-        integrate(system, broken, 0.0, 0.1, 10, "newmark")
+        integrate(Run(system, broken, 0.0, 0.1, 10, "newmark"))
 
 
 def test_shapes_are_checked():
@@ -273,7 +273,7 @@ def test_shapes_are_checked():
         affine(2, 2, {"M": [], "C": [], "K": []}, np.zeros((2, 1)))
     system, _ = coupled()
     with pytest.raises(ValueError, match=r"the table has shape \(10, 2\)"):
-        integrate(system, lambda t: np.ones((10, 2)), 0.0, 0.1, 10)
+        integrate(Run(system, lambda t: np.ones((10, 2)), 0.0, 0.1, 10))
 
 
 def test_import_leaves_scipy_integrate_alone():

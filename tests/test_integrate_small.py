@@ -5,8 +5,7 @@ import pytest
 from integrate_cases import affine
 
 from kaneflex.integrate import dense, matrices, steppers
-from kaneflex.integrate.methods import METHODS
-from kaneflex.integrate.run import set_up
+from kaneflex.integrate.run import Run, set_up
 from kaneflex.integrate.stepping import State, Stored
 
 STEPS, EVERY, ENOUGH = 21, 3, 1e300
@@ -27,8 +26,8 @@ def table(times):
 
 def run_by(loop, system, method, columns=3, bound=ENOUGH, period=5):
     """Status, states and what was stored, after two calls, the second of which begins within eight steps."""
-    setup = set_up(system, table, 0.3, 0.05, METHODS[method], None, 0.6)
-    scalars, *_ = setup.feed.piece(0, period)
+    setup = set_up(Run(system, table, 0.3, 0.05, STEPS, method, rho_infinity=0.6))
+    scalars, *_ = setup.stream.piece(0, period)
     random = np.random.default_rng(0)
     state = State(*(random.normal(size=(columns, system.n)) for _ in State._fields))
     load = np.linspace(0.0, 1.0, columns)[::-1].copy()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from integrate_cases import affine, constant, parametric
 
-from kaneflex.integrate.batch import Run, integrate_together
+from kaneflex.integrate.batch import integrate_batch
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.support.errors import UserError
 
 COMPILED = ("newmark", "generalised-alpha", "gauss", "radau")
@@ -39,7 +39,7 @@ def case(seed: int, **changes: object) -> Run:
 
 
 def alone(run: Run):
-    return integrate(**vars(run))
+    return integrate(run)
 
 
 def assert_same(run: Run, found, tolerance: float = 1e-9) -> None:
@@ -59,7 +59,7 @@ def assert_same(run: Run, found, tolerance: float = 1e-9) -> None:
 @pytest.mark.parametrize("more", [{}, {"n_steps": 2 * STEPS + 3, "every": 4}], ids=["a cycle", "cycles"])
 def test_periodic_motions_side_by_side_are_those_alone(method, more):
     runs = [case(seed, method=method, **more) for seed in range(11)]
-    found = integrate_together(runs)
+    found = integrate_batch(runs)
     assert len({found[k].z[0, 0] for k in range(11)}) == 11
     for run, trajectory in zip(runs, found, strict=True):
         assert_same(run, trajectory)
@@ -73,22 +73,22 @@ def test_motions_from_given_states_are_those_alone(method, period_steps, monkeyp
     more = {"method": method, "period_steps": period_steps, "n_steps": 100, "every": 3}
     runs = [case(seed, start=(random.normal(size=3), random.normal(size=3)), **more) for seed in range(4)]
     runs.append(case(4, start="zero", **more))
-    for run, trajectory in zip(runs, integrate_together(runs), strict=True):
+    for run, trajectory in zip(runs, integrate_batch(runs), strict=True):
         assert_same(run, trajectory)
 
 
 def test_what_goes_beside_a_run_changes_no_bit_of_it():
     runs = [case(seed) for seed in range(10)]
-    together = integrate_together(runs)
+    together = integrate_batch(runs)
     for some in (runs[:1], runs[3:8], runs[::-1]):
-        for run, trajectory in zip(some, integrate_together(some), strict=True):
+        for run, trajectory in zip(some, integrate_batch(some), strict=True):
             for name in "zva":
                 np.testing.assert_array_equal(getattr(trajectory, name), getattr(together[runs.index(run)], name))
 
 
 def test_generalised_alpha_takes_another_damping_in_each_lane():
     runs = [case(1, method="generalised-alpha", rho_infinity=rho) for rho in (0.1, 0.5, 0.9)]
-    for run, trajectory in zip(runs, integrate_together(runs), strict=True):
+    for run, trajectory in zip(runs, integrate_batch(runs), strict=True):
         assert_same(run, trajectory)
 
 
@@ -100,7 +100,7 @@ def with_mathieu(modulation: float) -> Run:
 def test_an_unstable_run_is_left_to_itself_and_the_others_go_on():
     runs = [with_mathieu(modulation) for modulation in (0.01, 0.9, 0.02)]
     assert [alone(run).outcome for run in runs] == [Outcome.COMPLETED, Outcome.UNSTABLE, Outcome.COMPLETED]
-    first, second, third = integrate_together(runs)
+    first, second, third = integrate_batch(runs)
     assert second is None
     assert_same(runs[0], first)
     assert_same(runs[2], third)
@@ -114,7 +114,7 @@ def test_a_run_that_breaks_off_disturbs_no_other(method):
     runs = [Run(system, table, 0.0, 0.01, 400, method) for system in (calm, growing, massless, calm)]
     outcomes = [alone(run).outcome for run in runs]
     assert outcomes == [Outcome.COMPLETED, Outcome.UNSTABLE, Outcome.SINGULAR, Outcome.COMPLETED]
-    found = integrate_together(runs)
+    found = integrate_batch(runs)
     assert found[1] is None and found[2] is None
     assert_same(runs[0], found[0])
     np.testing.assert_array_equal(found[0].z, found[3].z)
@@ -128,7 +128,7 @@ def test_a_table_that_ends_and_arguments_of_no_use_are_left_to_integrate():
 
     runs = [good, replace(good, table=lost), replace(good, step=-1.0), replace(good, start=(np.zeros(9), np.zeros(9)))]
     runs += [replace(good, method="exact-modal"), replace(good, method="scipy")]
-    found = integrate_together(runs)
+    found = integrate_batch(runs)
     assert [trajectory is None for trajectory in found] == [False, True, True, True, True, True]
     assert_same(good, found[0])
     with pytest.raises(UserError, match="not a finite number"):
@@ -139,7 +139,7 @@ def test_runs_of_other_lengths_methods_and_sizes_share_no_lanes_and_are_all_inte
     one, table = constant(np.eye(1), 0.1 * np.eye(1), np.eye(1), [1.0])
     runs = [case(0), case(1, method="newmark"), case(2, n_steps=2 * STEPS), case(3, start="zero")]
     runs.append(Run(one, table, 0.0, 0.1, STEPS, "gauss"))
-    for run, trajectory in zip(runs, integrate_together(runs), strict=True):
+    for run, trajectory in zip(runs, integrate_batch(runs), strict=True):
         assert_same(run, trajectory)
 
 
@@ -148,5 +148,5 @@ def test_a_long_run_and_one_of_many_coordinates_are_left_to_integrate():
     system, table = constant(np.eye(n), 0.1 * np.eye(n), np.diag(np.arange(1.0, n + 1.0)), np.ones(n))
     wide = Run(system, table, 0.0, 0.1, STEPS, "newmark", "periodic", STEPS)
     long = case(1, start="zero", period_steps=None, n_steps=10**6)
-    found = integrate_together([wide, long, replace(wide, start="zero"), replace(long, n_steps=10)])
+    found = integrate_batch([wide, long, replace(wide, start="zero"), replace(long, n_steps=10)])
     assert [trajectory is None for trajectory in found] == [True, True, False, False]

@@ -6,9 +6,8 @@ from integrate_cases import affine
 from runs import model
 
 from kaneflex.integrate import banded, stepping
-from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import cycle_map, integrate, set_up
+from kaneflex.integrate.run import Run, cycle_map, integrate, set_up
 
 ALWAYS, NEVER = 1, 10**9
 METHODS = ("newmark", "generalised-alpha")
@@ -63,7 +62,7 @@ def test_the_same_steps(monkeypatch, method, n, half_bandwidth):
     start = tuple(np.random.default_rng(n).normal(size=(2, n)))
     options = {"start": start, "period_steps": 13, "every": 3}
     found, expected = both(
-        monkeypatch, lambda: integrate(system, scalars, 0.0, 2.0 * np.pi / 13, 40, method, **options)
+        monkeypatch, lambda: integrate(Run(system, scalars, 0.0, 2.0 * np.pi / 13, 40, method, **options))
     )
     assert len(found.times) == 14
     agree(found, expected)
@@ -73,7 +72,7 @@ def test_the_engine(monkeypatch):
     """A step takes 55 periods of the fastest vibration, and rounding grows by that, squared."""
     engine = model("engine", "rod.elements=16")
     found, expected = both(
-        monkeypatch, lambda: integrate(engine.system, engine.scalars, 0.0, engine.step, 720, "generalised-alpha")
+        monkeypatch, lambda: integrate(Run(engine.system, engine.scalars, 0.0, engine.step, 720, "generalised-alpha"))
     )
     agree(found, expected, within=1e-8)
 
@@ -100,7 +99,7 @@ def test_a_vanishing_pivot_is_singular(monkeypatch, row):
     def scalars(times):
         return np.stack((np.ones_like(times), np.where(times > 0.95, 1.0, 0.5)), axis=1)
 
-    found, expected = both(monkeypatch, lambda: integrate(system, scalars, 0.0, step, 20))
+    found, expected = both(monkeypatch, lambda: integrate(Run(system, scalars, 0.0, step, 20)))
     assert found.outcome is Outcome.SINGULAR
     assert found.message == expected.message
     agree(found, expected)
@@ -108,7 +107,8 @@ def test_a_vanishing_pivot_is_singular(monkeypatch, row):
 
 def test_a_runaway_is_stopped(monkeypatch):
     falling = affine(30, 0, {"M": [np.eye(30)], "C": [None], "K": [-1e4 * np.eye(30)]}, np.ones((30, 1)))
-    found, expected = both(monkeypatch, lambda: integrate(falling, lambda times: table(times)[:, :1], 0.0, 0.01, 5000))
+    run = Run(falling, lambda times: table(times)[:, :1], 0.0, 0.01, 5000)
+    found, expected = both(monkeypatch, lambda: integrate(run))
     assert found.outcome is Outcome.UNSTABLE
     assert found.message == expected.message
     agree(found, expected)
@@ -120,9 +120,9 @@ def test_a_runaway_is_stopped(monkeypatch):
 )
 def test_who_takes_the_loop_for_chains(monkeypatch, n, half_bandwidth, method, own):
     taken = []
-    loop = banded.newmark_chain
-    monkeypatch.setattr(banded, "newmark_chain", lambda *args: taken.append(args) or loop(*args))
-    integrate(*banded_system(n, half_bandwidth), 0.0, 0.1, 2, method)
+    loop = banded.newmark_banded
+    monkeypatch.setattr(banded, "newmark_banded", lambda *args: taken.append(args) or loop(*args))
+    integrate(Run(*banded_system(n, half_bandwidth), 0.0, 0.1, 2, method))
     assert bool(taken) == own
 
 
@@ -130,6 +130,5 @@ def test_many_scalars_with_few_rows_each_go_faster_in_the_loop_for_any_matrices(
     """As those of open chains of links: runs of eight rows would hold zeros mostly."""
     own = [np.diag(np.arange(60) // 3 == k).astype(float) for k in range(20)]
     system = affine(60, 5, {"M": own, "C": own, "K": own}, np.ones((60, 20)))
-    newmark = method_named("newmark")
-    setup = set_up(system, lambda times: np.ones((len(times), 20)), 0.0, 0.1, newmark, None, 0.8)
-    assert setup.chain is None
+    setup = set_up(Run(system, lambda times: np.ones((len(times), 20)), 0.0, 0.1, 1, "newmark"))
+    assert setup.banded is None

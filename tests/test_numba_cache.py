@@ -57,9 +57,10 @@ def test_a_writable_folder_is_left_to_numba(tmp_path):
 MOTION = """
 import numpy as np
 from integrate_cases import affine
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import Run, integrate
 system = affine(1, 0, {"M": [np.eye(1)], "C": [np.eye(1)], "K": [np.eye(1)]}, np.ones((1, 1)))
-print(integrate(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD, start=(np.ones(1), np.ones(1))).v[-1, 0])
+run = Run(system, lambda t: np.ones((len(t), 1)), 0.0, 0.1, 1, METHOD, start=(np.ones(1), np.ones(1)))
+print(integrate(run).v[-1, 0])
 """
 
 

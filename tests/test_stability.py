@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
-from kaneflex.integrate.run import cycle_map, integrate
+from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.response.buckling import buckling
 from kaneflex.response.campbell import freeze
 from kaneflex.response.loss_of_stiffness import lost_stiffness
@@ -155,7 +155,7 @@ def test_a_run_with_too_long_steps_grows_as_its_multiplier_says():
     period, steps = loaded.scene.period, 90
     cycle = cycle_map(loaded.system, loaded.scalars, 0.0, period, steps, "newmark")
     radius = abs(np.linalg.eigvals(cycle.monodromy)).max()
-    run = integrate(loaded.system, loaded.scalars, 0.0, period / steps, 40 * steps, "newmark", period_steps=steps)
+    run = integrate(Run(loaded.system, loaded.scalars, 0.0, period / steps, 40 * steps, "newmark", period_steps=steps))
     sizes = abs(run.z[::steps]).max(axis=1)
     assert radius > 2 and np.log(sizes[40] / sizes[20]) / 20 == pytest.approx(np.log(radius), rel=1e-2)
 

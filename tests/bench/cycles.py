@@ -10,14 +10,14 @@ import numpy as np
 
 from bench.interleave import interleave
 from bench.rows import Row, Target
-from kaneflex.integrate.batch import Run, integrate_together
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.batch import integrate_batch
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import run_of
 
 ABOUT = """*A cycle*: the periodic motion at one of 64 speeds on one core, systems and tables of the motion being there:
-by `integrate` one after the other, or by `integrate_together` in eight lanes; the ratio is to the same method alone.
+by `integrate` one after the other, or by `integrate_batch` in eight lanes; the ratio is to the same method alone.
 *A step* is one in a lane without what finds the periodic state. The error is the root mean square of the difference of
 the rod's first bending mode to 16 times as many steps by `gauss`, relative to its own: the largest at four speeds."""
 SPEEDS, STEPS, FINER = 64, 720, 16
@@ -58,8 +58,8 @@ def error_of(runs: Sequence[Run], exact: Sequence[Run]) -> float:
     """As ABOUT says."""
     found = []
     for run, model in list(zip(runs, exact, strict=True))[:: SPEEDS // 4]:
-        z = integrate(**vars(run)).z
-        finer = integrate(**vars(with_steps(model, FINER * STEPS, "gauss"))).z[::FINER]
+        z = integrate(run).z
+        finer = integrate(with_steps(model, FINER * STEPS, "gauss")).z[::FINER]
         found.append(np.linalg.norm((z - finer)[:, BENDING]) / np.linalg.norm(finer[:, BENDING]))
     return float(max(found))
 
@@ -72,14 +72,14 @@ def race_of(method: str, runs: Sequence[Run], error: float) -> Iterator[Row]:
     ValueError
         If a motion is not what it is alone: its time says nothing.
     """
-    for run, found in zip(runs, integrate_together(runs), strict=True):
-        alone = integrate(**vars(run)).z
+    for run, found in zip(runs, integrate_batch(runs), strict=True):
+        alone = integrate(run).z
         if found is None or not (abs(found.z - alone) <= _AGREEMENT * abs(alone).max()).all():
             raise ValueError(f"{method}, step {run.step}: in lanes it is not what it is alone")
     from_rest = [replace(run, start="zero") for run in runs]
     timed = {
-        f"{method}, alone": seconds_a_run(runs, lambda runs: [integrate(**vars(run)) for run in runs]),
-        f"{method}, lanes": seconds_a_run(runs, integrate_together),
+        f"{method}, alone": seconds_a_run(runs, lambda runs: [integrate(run) for run in runs]),
+        f"{method}, lanes": seconds_a_run(runs, integrate_batch),
         f"{method}, lanes, steps alone": lambda: seconds_a_step(from_rest),
     }
     race = interleave(timed, ROUNDS, BUDGET)
@@ -101,4 +101,4 @@ def seconds_a_run(runs: Sequence[Run], solve: Callable[[Sequence[Run]], object])
 
 def seconds_a_step(runs: Sequence[Run]) -> float:
     """Of a lane, by the median of all runs."""
-    return 1e-9 * float(np.median([found.ns_per_step for found in integrate_together(runs)]))
+    return 1e-9 * float(np.median([found.ns_per_step for found in integrate_batch(runs)]))

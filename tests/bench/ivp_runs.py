@@ -17,7 +17,7 @@ from bench.interleave import interleave
 from bench.rows import Row, Target
 from kaneflex.derive.generate import derive_equations
 from kaneflex.integrate.outcome import Trajectory
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
@@ -58,8 +58,8 @@ class Case:
     def by_steps(self, method: str, steps: int) -> Trajectory:
         model = self.model
         step, cycle = model.options.duration / steps, steps if self.start == "periodic" else None
-        return integrate(
-            model.system, model.scalars, 0.0, step, steps, method, start=self.start, period_steps=cycle
+        return integrate(Run(
+            model.system, model.scalars, 0.0, step, steps, method, start=self.start, period_steps=cycle)
         )
 
     def by_scipy(self, slope: Slope, method: str, tolerance: float) -> OptimizeResult:

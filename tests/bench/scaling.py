@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.linalg import solve_banded
 from bench.interleave import interleave
 from bench.ivp_runs import SETTINGS, Case, seconds
 from bench.rows import Row, Target
-from kaneflex.integrate.run import integrate
+from kaneflex.integrate.run import Run, integrate
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
@@ -62,9 +63,9 @@ def steps_of(task: str, model: Model, target: Target | None, banded: bool = Fals
     """A step by each method, and a banded solve."""
     n, band = model.system.n, model.system.half_bandwidth
     steps = int(np.clip(WORK / n, 32, model.options.steps))
+    run = Run(model.system, model.scalars, 0.0, model.step, steps)
     timed: dict[str, Callable[[], float]] = {
-        name: lambda name=name: 1e-9 * integrate(model.system, model.scalars, 0.0, model.step, steps, name).ns_per_step
-        for name in METHODS
+        name: lambda name=name: 1e-9 * integrate(replace(run, method=name)).ns_per_step for name in METHODS
     }
     if banded:
         timed["scipy's solve_banded"] = lambda: banded_solve(n, band)
@@ -104,8 +105,8 @@ def many_cycles() -> Iterator[Row]:
 
     def elapsed() -> float:
         started = time.perf_counter()
-        integrate(
-            model.system, model.scalars, 0.0, model.step, total, "exact-modal", period_steps=STEPS_A_CYCLE, every=total
+        integrate(Run(
+            model.system, model.scalars, 0.0, model.step, total, "exact-modal", period_steps=STEPS_A_CYCLE, every=total)
         )
         return time.perf_counter() - started
 

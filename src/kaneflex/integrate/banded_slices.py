@@ -24,14 +24,14 @@ class Runs(NamedTuple):
     values: np.ndarray  # shape (runs, NODES)
 
 
-class Chain(NamedTuple):
+class BandedSystem(NamedTuple):
     """A system of narrow band, n unknowns in so many slices, for one method with one step.
 
     A vector of it has its unknowns at ``r * stride + MARGIN + a``; the rest of its `width` is zero.
 
     effective: M + c C + k K, a group for each (slice, r, d); what: scalars
     sizes: absolute values of what is added up in its diagonal, a group for each (slice, r); what: scalars
-    unbalanced: F, -C and -K, a group for each (slice, r), in pairs; what: where the number's partners start in the
+    residual: F, -C and -K, a group for each (slice, r), in pairs; what: where the number's partners start in the
         vector of `loads`, `speeds` and `displacements`
     loads, speeds, displacements: what that vector holds, rows (scalar, first number of the source, runs, first number
         there): scalar times load, times v, times z
@@ -44,7 +44,7 @@ class Chain(NamedTuple):
     width: np.uint64
     effective: Runs
     sizes: Runs
-    unbalanced: Runs
+    residual: Runs
     loads: np.ndarray
     speeds: np.ndarray
     displacements: np.ndarray
@@ -53,7 +53,7 @@ class Chain(NamedTuple):
     @property
     def numbers(self) -> int:
         """In all its runs, zeros that fill them up included: its work."""
-        return self.effective.values.size + self.unbalanced.values.size + int(self.products)
+        return self.effective.values.size + self.residual.values.size + int(self.products)
 
 
 class _Entries(NamedTuple):
@@ -65,18 +65,18 @@ class _Entries(NamedTuple):
     value: np.ndarray
 
 
-def chain_of(system: AffineSystem, c_weight: float, k_weight: float) -> Chain:
+def banded_system(system: AffineSystem, c_weight: float, k_weight: float) -> BandedSystem:
     """The system, of a half bandwidth up to BAND, and M + c_weight C + k_weight K."""
     mass, damping, stiffness = (_entries(system, name) for name in "MCK")
     slices = -(-system.n // ROWS)
     stride = slices * NODES + 2 * MARGIN
     summed = ((mass, 1.0), (damping, c_weight), (stiffness, k_weight))
-    unbalanced, multiplied, products = _unbalanced(system, damping, stiffness, slices, stride)
-    return Chain(
+    residual, multiplied, products = _residual(system, damping, stiffness, slices, stride)
+    return BandedSystem(
         *(np.uint64(each) for each in (system.n, slices, stride, PER_NODE * stride + MARGIN)),
         _effective(summed, slices),
         _sizes(summed, slices),
-        unbalanced,
+        residual,
         *multiplied,
         np.uint64(products),
     )
@@ -103,7 +103,7 @@ def _sizes(summed: tuple[tuple[_Entries, float], ...], slices: int) -> Runs:
     return _runs(slices * PER_NODE, i // ROWS * PER_NODE + i % PER_NODE, scalar, i, value)
 
 
-def _unbalanced(
+def _residual(
     system: AffineSystem, damping: _Entries, stiffness: _Entries, slices: int, stride: int
 ) -> tuple[Runs, list[np.ndarray], int]:
     """Runs of F, -C and -K, what they are multiplied by, and how many numbers that is."""

@@ -3,37 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.integrate.batch_lanes import Abreast, Systems
-from kaneflex.integrate.coefficient_stream import Table
+from kaneflex.integrate.batch_lanes import BatchStream, Systems
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import Beginning, Cycle, can_be_cut, settled, states_of, unit_states, vectors_of
-from kaneflex.integrate.run import Start, check_arguments, given_state, set_up
+from kaneflex.integrate.periodic import (
+    Beginning,
+    Cycle,
+    can_be_cut,
+    periodic_beginning,
+    states_of,
+    unit_states,
+    vectors_of,
+)
+from kaneflex.integrate.run import Run, check_arguments, given_state, set_up
 from kaneflex.integrate.stepping import Advance, Setup, State, Stored, advance
-from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """What is integrated, from where and how far: arguments of `integrate`, by their names."""
-
-    system: AffineSystem
-    table: Table
-    t0: float
-    step: float
-    n_steps: int
-    method: str
-    start: Start = "zero"
-    period_steps: int | None = None
-    every: int = 1
-    rho_infinity: float = 0.8
-
 
 Ready = tuple[Run, Setup]
 
@@ -43,7 +31,7 @@ _MOST_WORK = 3e7
 """Multiplications of a run: some 10 ms. A longer one would gain little, and lose much where lanes stay empty."""
 
 
-def integrate_together(runs: Sequence[Run]) -> list[Trajectory | None]:
+def integrate_batch(runs: Sequence[Run]) -> list[Trajectory | None]:
     """Integrate runs side by side, LANES at a time: what `integrate` gives of each, to rounding.
 
     Runs share the lanes where they have as many coordinates, the same method, as many steps and the same kind of start.
@@ -71,13 +59,13 @@ def _set_up(run: Run) -> Setup | None:
         method = method_named(run.method)
         if not method.lanes:
             return None
-        check_arguments(run.method, run.step, run.n_steps, run.start, run.period_steps, run.every)
-        setup = set_up(run.system, run.table, run.t0, run.step, method, run.period_steps, run.rho_infinity)
-        given_state(run.system, run.start)
+        check_arguments(run)
+        setup = set_up(run)
+        given_state(run)
         if not _fits(run, len(method.nodes)) or (run.start == "periodic" and not can_be_cut(setup, run.period_steps)):
             return None
         if run.period_steps is not None:
-            setup.feed.cycle()
+            setup.stream.cycle()
     except UserError:
         return None
     return setup
@@ -112,56 +100,56 @@ def _in_lanes(group: Sequence[Ready]) -> Setup:
     systems = Systems(tuple(setup.system for setup in setups))
     coefficients = np.stack([setup.coefficients for setup in setups], axis=-1)
     scales = tuple(np.array(scale) for scale in zip(*(setup.scales for setup in setups), strict=True))
-    feed = Abreast(tuple(setup.feed for setup in setups))
-    return Setup(systems, setups[0].method, feed, coefficients, scales)
+    stream = BatchStream(tuple(setup.stream for setup in setups))
+    return Setup(systems, setups[0].method, stream, coefficients, scales)
 
 
 def _periodic(group: Sequence[Ready]) -> list[Trajectory | None] | None:
     """None in the place of a run without a periodic state that attracts; in place of all where one breaks off."""
     run, lanes = group[0][0], _in_lanes(group)
-    state, load = unit_states(lanes, LANES)
-    if not lanes.consistent(state, load):
+    state, load_factor = unit_states(lanes, LANES)
+    if not lanes.consistent(state, load_factor):
         return None
-    came = advance(lanes, state, load, run.period_steps, run.period_steps + 1, Stored.of(state, 1), False, None)
-    if came.outcome is not Outcome.COMPLETED:
+    advanced = advance(lanes, state, load_factor, run.period_steps, run.period_steps + 1, Stored.of(state, 1), False)
+    if advanced.outcome is not Outcome.COMPLETED:
         return None
     ends = vectors_of(lanes, state)
     beginnings = []
     for lane, (_, setup) in enumerate(group):
         over = Cycle(ends[:-1, :, lane].T.copy(), ends[-1, :, lane].copy(), Outcome.COMPLETED, "")
-        beginnings.append(settled(over, setup, run.period_steps))
+        beginnings.append(periodic_beginning(over, setup, run.period_steps))
     none = states_of(group[0][1], np.zeros((1, ends.shape[1])))
     states = [none if beginning.state is None else beginning.state for beginning in beginnings]
     state = State(*(np.stack(parts, axis=-1) for parts in zip(*states, strict=True)))
     if not lanes.consistent(state, np.ones(1)):
         return None
     stored = Stored.of(state, run.period_steps + 1)
-    came = advance(lanes, state, np.ones(1), run.period_steps, 1, stored, False, None)
+    advanced = advance(lanes, state, np.ones(1), run.period_steps, 1, stored, False)
     steps = run.every * np.arange(run.n_steps // run.every + 1)
-    rows = (steps - 1) % run.period_steps + 1  # ends of steps, as `Stretches.joined` has them
-    return _told(group, beginnings, came, stored, rows)
+    rows = (steps - 1) % run.period_steps + 1  # ends of steps, as `TimeSegments.joined` has them
+    return _trajectories(group, beginnings, advanced, stored, rows)
 
 
 def _from_given(group: Sequence[Ready]) -> list[Trajectory | None] | None:
     """None where one of them does not complete."""
     run, lanes = group[0][0], _in_lanes(group)
     state = State(*(np.zeros((1, lanes.system.n, LANES)) for _ in State._fields))
-    for lane, (each, setup) in enumerate(group):
-        state.z[0, :, lane], state.v[0, :, lane] = given_state(setup.system, each.start)
+    for lane, (each, _) in enumerate(group):
+        state.z[0, :, lane], state.v[0, :, lane] = given_state(each)
     if not lanes.consistent(state, np.ones(1)):
         return None
     state.a[:] = state.q
     stored = Stored.of(state, run.n_steps // run.every + 1)
-    came = advance(lanes, state, np.ones(1), run.n_steps, run.every, stored, True, None)
+    advanced = advance(lanes, state, np.ones(1), run.n_steps, run.every, stored, True)
     begun = Beginning(None, None, Outcome.COMPLETED, "")
-    return _told(group, [begun] * LANES, came, stored, np.arange(len(stored.z)))
+    return _trajectories(group, [begun] * LANES, advanced, stored, np.arange(len(stored.z)))
 
 
-def _told(
-    group: Sequence[Ready], beginnings: Sequence[Beginning], came: Advance, stored: Stored, rows: np.ndarray
+def _trajectories(
+    group: Sequence[Ready], beginnings: Sequence[Beginning], advanced: Advance, stored: Stored, rows: np.ndarray
 ) -> list[Trajectory | None] | None:
     """The stored rows of every lane; None where one of them broke off."""
-    if came.outcome is not Outcome.COMPLETED:
+    if advanced.outcome is not Outcome.COMPLETED:
         return None
     found: list[Trajectory | None] = []
     for lane, ((run, _), begun) in enumerate(zip(group, beginnings, strict=True)):
@@ -171,6 +159,6 @@ def _told(
         times = run.t0 + run.step * (run.every * np.arange(len(rows)))
         message = "; ".join(filter(None, (Outcome.COMPLETED.value, begun.message)))
         motion = (each[rows, :, lane] for each in stored)
-        ended = (Outcome.COMPLETED, message, begun.multipliers, came.ns_per_step / LANES)
+        ended = (Outcome.COMPLETED, message, begun.multipliers, advanced.ns_per_step / LANES)
         found.append(Trajectory(times, *motion, *ended))
     return found

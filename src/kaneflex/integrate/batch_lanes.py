@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.coefficient_stream import LARGEST_PIECE, Feed
+from kaneflex.integrate.coefficient_stream import LARGEST_PIECE, CoefficientStream
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.system import AffineSystem, Packed, pack
 
@@ -41,35 +41,35 @@ class Systems:
 
 
 @dataclass(frozen=True, eq=False)
-class Abreast:
-    """Rows of the tables of LANES runs, one in each lane: their feed. All have as many steps, and in a cycle, too."""
+class BatchStream:
+    """Rows of the tables of LANES runs, one in each lane: their stream. All have as many steps, and in a cycle, too."""
 
-    feeds: tuple[Feed, ...]
+    streams: tuple[CoefficientStream, ...]
 
     @cached_property
     def step(self) -> np.ndarray:
         """Their steps in s, shape (LANES,)."""
-        return np.array([feed.step for feed in self.feeds])
+        return np.array([stream.step for stream in self.streams])
 
     def first_row(self) -> np.ndarray:
         """Scalars at the start of every run, shape (n_scalars, LANES); zeros where a run has fewer."""
-        return _beside([feed.first_row()[None] for feed in self.feeds])[0]
+        return _lane_table([stream.first_row()[None] for stream in self.streams])[0]
 
     @cached_property
     def _cycle(self) -> np.ndarray:
-        return _beside([feed.cycle()[1:] for feed in self.feeds])
+        return _lane_table([stream.cycle()[1:] for stream in self.streams])
 
     def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
-        """The table for at most `n_steps` steps after step `done` of every run, as :meth:`Feed.piece`."""
-        first = self.feeds[0]
+        """The table for at most `n_steps` steps after step `done` of every run, as :meth:`CoefficientStream.piece`."""
+        first = self.streams[0]
         if first.period_steps is not None:
             return self._cycle, first.period_steps, done % first.period_steps, n_steps
-        most = LARGEST_PIECE // (LANES * len(first.nodes) * max(feed.n_scalars for feed in self.feeds))
+        most = LARGEST_PIECE // (LANES * len(first.nodes) * max(stream.n_scalars for stream in self.streams))
         steps = max(1, min(n_steps, most))
-        return _beside([feed.rows(done, steps)[1:] for feed in self.feeds]), steps, 0, steps
+        return _lane_table([stream.rows(done, steps)[1:] for stream in self.streams]), steps, 0, steps
 
 
-def _beside(tables: list[np.ndarray]) -> np.ndarray:
+def _lane_table(tables: list[np.ndarray]) -> np.ndarray:
     """One table of all lanes, shape (rows, n_scalars, LANES)."""
     table = np.zeros((len(tables[0]), max(rows.shape[1] for rows in tables), LANES))
     for lane, rows in enumerate(tables):

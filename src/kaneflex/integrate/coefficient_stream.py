@@ -16,7 +16,7 @@ LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without
 
 
 @dataclass
-class Feed:
+class CoefficientStream:
     """Rows of the table for the steps of one run.
 
     nodes: of the method, where a step reads the table

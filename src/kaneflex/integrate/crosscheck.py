@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from kaneflex.integrate.coefficient_stream import Feed
+from kaneflex.integrate.coefficient_stream import CoefficientStream
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
@@ -17,23 +17,23 @@ _METHODS = ("DOP853", "Radau", "LSODA", "RK45", "BDF")
 
 def solve_ivp_run(
     system: AffineSystem,
-    feed: Feed,
+    stream: CoefficientStream,
     n_steps: int,
     every: int,
     start: tuple[np.ndarray, np.ndarray],
     scipy_method: str,
 ) -> Trajectory:
-    """Integrate with steps chosen by scipy's method and report at every `every`-th step of the feed."""
+    """Integrate with steps chosen by scipy's method and report at every `every`-th step of the stream."""
     from scipy.integrate import solve_ivp  # 0.7 s: only where it is used
 
     if scipy_method not in _METHODS:
         cure = f"Use one of {', '.join(_METHODS)}"
         raise UserError("scipy_method", scipy_method, "unknown to solve_ivp", cure)
     n = system.n
-    times = feed.t0 + feed.step * (every * np.arange(n_steps // every + 1))
+    times = stream.t0 + stream.step * (every * np.arange(n_steps // every + 1))
 
     def accelerations(t: float, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-        row = feed.row(t)
+        row = stream.row(t)
         mass, damping, stiffness, force = (system.dense(name, row) for name in ("M", "C", "K", "F"))
         return np.linalg.solve(mass, force - damping @ v - stiffness @ z)
 

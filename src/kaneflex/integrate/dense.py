@@ -9,7 +9,7 @@ from numba import njit
 
 from kaneflex.integrate import inverse, lanes, matrices
 from kaneflex.integrate.inverse import invert
-from kaneflex.integrate.lanes import FASTMATH, LANES, at, put, put_run, run_at, size, total
+from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, lane_sum, load, load_run, store, store_run
 from kaneflex.integrate.matrices import (
     COMPLETED,
     ONE,
@@ -19,14 +19,15 @@ from kaneflex.integrate.matrices import (
     ZERO,
     affine_sum,
     compiled,
+    empty_lanes,
     hand_over,
-    room,
     rows_read,
     weights,
 )
 from kaneflex.integrate.system import Packed
 from kaneflex.support.fingerprint import made_of
 
+# Compiled in one piece, as the loops of `steppers` are: what is left of a step here is less work than a call.
 _WIDTH = np.uint64(LANES)
 
 
@@ -38,19 +39,19 @@ def _columns(order, packed, scalars, block, c_weight, k_weight, sums, columns, s
     affine_sum(packed, scalars, block, sums, ZERO)
     for i in range(n):
         for j in range(layout.first[i]):  # beyond the band: the last inverse is still there
-            put(columns, _WIDTH * j + i, 0.0)
+            store(columns, _WIDTH * j + i, 0.0)
         for j in range(layout.last[i], n):
-            put(columns, _WIDTH * j + i, 0.0)
+            store(columns, _WIDTH * j + i, 0.0)
         for j in range(layout.first[i], layout.last[i]):
             m = layout.base[i] + j
-            c, k, slot = at(sums, n_slots + m), at(sums, n_slots + n_slots + m), _WIDTH * j + i
-            put(columns, slot, at(sums, m) + c_weight * c + k_weight * k)
-            put(columns, _WIDTH * n + slot, c)
-            put(columns, _WIDTH * (n + n) + slot, k)
-        put(columns, _WIDTH * THREE * n + i, at(sums, THREE * n_slots + i))
+            c, k, slot = load(sums, n_slots + m), load(sums, n_slots + n_slots + m), _WIDTH * j + i
+            store(columns, slot, load(sums, m) + c_weight * c + k_weight * k)
+            store(columns, _WIDTH * n + slot, c)
+            store(columns, _WIDTH * (n + n) + slot, k)
+        store(columns, _WIDTH * THREE * n + i, load(sums, THREE * n_slots + i))
         m = layout.base[i] + i
-        c, k = at(sums, n_slots + m), at(sums, n_slots + n_slots + m)
-        put(scale, i, size(at(sums, m)) + size(c_weight * c) + size(k_weight * k))
+        c, k = load(sums, n_slots + m), load(sums, n_slots + n_slots + m)
+        store(scale, i, absolute(load(sums, m)) + absolute(c_weight * c) + absolute(k_weight * k))
     invert(order, columns, scale, good)
 
 
@@ -71,14 +72,16 @@ def _wide(part):
 
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 @made_of(inverse.__file__, lanes.__file__, matrices.__file__)
-def _newmark(order, packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def _newmark(
+    order, packed, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
+):
     n, n_columns = np.uint64(len(order)), state[0].shape[0]
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
-    sums, scale, good = room(THREE * packed.layout.n_slots + n), room(n), room(1)
+    sums, scale, good = empty_lanes(THREE * packed.layout.n_slots + n), empty_lanes(n), empty_lanes(1)
     columns = np.zeros((_WIDTH * (THREE * n + ONE), LANES))  # zeros where there is no coordinate
     z, v, a, q = _wide(state[0]), _wide(state[1]), _wide(state[2]), _wide(state[3])
-    unbalanced = np.zeros((1, LANES))
-    columns_at, good_at = rows_read(z, columns), rows_read(z, good)
+    residual = np.zeros((1, LANES))
+    column_rows, good_rows = rows_read(z, columns), rows_read(z, good)
     due = every - done % every
     out = done // every + 1
     taken, status = n_steps, COMPLETED
@@ -86,34 +89,34 @@ def _newmark(order, packed, scalars, period, position, n_steps, coefficients, lo
         row = position % LANES
         if row == 0 or count == 0:
             _columns(order, packed, scalars, position // LANES, c_weight, k_weight, sums, columns, scale, good)
-            hand_over(columns, columns_at)
-            hand_over(good, good_at)
-        if not good_at[row, 0] > 0.0:
+            hand_over(columns, column_rows)
+            hand_over(good, good_rows)
+        if not good_rows[row, 0] > 0.0:
             taken, status = count, SINGULAR
             break
         for column in range(n_columns):
             here = (column, 0)
-            before, speed = run_at(a, here), run_at(v, here)
-            known = from_q * run_at(q, here) + from_a * before
-            displaced = run_at(z, here) + step * speed + z_start * before + z_known * known
+            before, speed = load_run(a, here), load_run(v, here)
+            known = from_q * load_run(q, here) + from_a * before
+            displaced = load_run(z, here) + step * speed + z_start * before + z_known * known
             speed += v_start * before + v_known * known
-            put_run(z, here, displaced)
-            put_run(v, here, speed)
-            force = load[column] * run_at(columns_at, (row, _WIDTH * THREE * n))
+            store_run(z, here, displaced)
+            store_run(v, here, speed)
+            force = load_factor[column] * load_run(column_rows, (row, _WIDTH * THREE * n))
             reaction = 0.0 * force
             for j in range(n):
-                force -= at(v, (column, j)) * run_at(columns_at, (row, _WIDTH * (n + j)))
-                reaction += at(z, (column, j)) * run_at(columns_at, (row, _WIDTH * (n + n + j)))
-            put_run(unbalanced, (0, 0), force - reaction)
+                force -= load(v, (column, j)) * load_run(column_rows, (row, _WIDTH * (n + j)))
+                reaction += load(z, (column, j)) * load_run(column_rows, (row, _WIDTH * (n + n + j)))
+            store_run(residual, (0, 0), force - reaction)
             found = 0.0 * force
             for j in range(n):
-                found += at(unbalanced, (0, j)) * run_at(columns_at, (row, _WIDTH * j))
+                found += load(residual, (0, j)) * load_run(column_rows, (row, _WIDTH * j))
             displaced += k_weight * found
-            put_run(z, here, displaced)
-            put_run(v, here, speed + c_weight * found)
-            put_run(a, here, known + kappa * found)
-            put_run(q, here, found)
-            if not total(displaced * displaced) < bound:
+            store_run(z, here, displaced)
+            store_run(v, here, speed + c_weight * found)
+            store_run(a, here, known + kappa * found)
+            store_run(q, here, found)
+            if not lane_sum(displaced * displaced) < bound:
                 taken, status = count + 1, UNBOUNDED
                 break
         if status != COMPLETED:

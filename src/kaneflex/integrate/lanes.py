@@ -1,6 +1,6 @@
 """LANES numbers in one vector register: what compiled code reads, writes and calculates with eight at a time.
 
-`at` and `put` serve arrays of plain numbers, too, so that the same loops compile for both. numba's types and LLVM's
+`load` and `store` serve arrays of plain numbers, too, so that the same loops compile for both. numba's types and LLVM's
 instructions stay in this file.
 """
 
@@ -33,7 +33,7 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, VECTOR)
 
 
-def _spread(context, builder, kind, value):
+def _broadcast(context, builder, kind, value):
     """A number in every lane."""
     if kind == _lanes:
         return value
@@ -52,7 +52,7 @@ def _make_operator(function, instruction):
             return signature(_lanes, *args) if _lanes in args and known else None
 
     def lower(context, builder, sig, args):
-        spread = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
+        spread = (_broadcast(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
         return getattr(builder, instruction)(*spread, flags=sorted(FASTMATH))
 
     for kinds in ((_Lanes, _Lanes), (_Lanes, types.Number), (types.Number, _Lanes)):
@@ -85,7 +85,7 @@ def address(context, builder, kinds, array, place):
 
 
 @intrinsic
-def at(typing, array, place):
+def load(typing, array, place):
     """``array[place]``, of arrays with one axis more the lanes there."""
 
     def lower(context, builder, sig, args):
@@ -95,14 +95,14 @@ def at(typing, array, place):
 
 
 @intrinsic
-def put(typing, array, place, value):
+def store(typing, array, place, value):
     """``array[place] = value``; a number goes into every lane."""
 
     def lower(context, builder, sig, args):
         *where, number = args
         *kinds, kind = sig.args
         if _has_lanes(*kinds):
-            number = _spread(context, builder, kind, number)
+            number = _broadcast(context, builder, kind, number)
         else:
             number = context.cast(builder, number, kind, types.float64)
         builder.store(number, address(context, builder, kinds, *where), align=8)
@@ -112,7 +112,7 @@ def put(typing, array, place, value):
 
 
 @intrinsic
-def run_at(typing, array, start):
+def load_run(typing, array, start):
     """LANES numbers of a contiguous array from a place on: an index, or (row, index)."""
 
     def lower(context, builder, sig, args):
@@ -123,14 +123,14 @@ def run_at(typing, array, start):
 
 
 @intrinsic
-def put_run(typing, array, start, value):
+def store_run(typing, array, start, value):
     """``array[start : start + LANES] = value``, where `start` may be (row, index)."""
 
     def lower(context, builder, sig, args):
         *where, number = args
         *kinds, kind = sig.args
         place = address(context, builder, kinds, *where)
-        number = _spread(context, builder, kind, number)
+        number = _broadcast(context, builder, kind, number)
         builder.store(number, builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
         return context.get_dummy_value()
 
@@ -138,7 +138,7 @@ def put_run(typing, array, start, value):
 
 
 @intrinsic
-def total(typing, lanes):
+def lane_sum(typing, lanes):
     """The sum over the lanes."""
 
     def lower(context, builder, sig, args):
@@ -151,7 +151,7 @@ def total(typing, lanes):
 
 
 @intrinsic
-def size(typing, number):
+def absolute(typing, number):
     """The absolute value, in each lane."""
 
     def lower(context, builder, sig, args):
@@ -169,7 +169,7 @@ def less(typing, small, large):
     def lower(context, builder, sig, args):
         if sig.return_type == types.boolean:
             return builder.fcmp_ordered("<", *args)
-        pair = (_spread(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
+        pair = (_broadcast(context, builder, kind, value) for kind, value in zip(sig.args, args, strict=True))
         return builder.uitofp(builder.fcmp_ordered("<", *pair), VECTOR)
 
     return (_lanes if _lanes in (small, large) else types.boolean)(small, large), lower
@@ -190,7 +190,7 @@ def everywhere(typing, true):
 
 
 @intrinsic
-def turn(typing, lanes, start, rows, place):
+def transpose(typing, lanes, start, rows, place):
     """Square of an array (slots, LANES), transposed, to a place of an array (LANES, slots): three rounds of swaps."""
 
     def lower(context, builder, sig, args):

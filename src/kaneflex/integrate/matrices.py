@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numba.extending import overload
 
-from kaneflex.integrate.lanes import FASTMATH, LANES, at, less, put, size, turn
+from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, less, load, store, transpose
 
 # Indices are unsigned throughout: with signed ones numba must test each for a negative value, which counts
 # from the end, and nothing is vectorised. Mixed with a signed number an unsigned one would become a float.
@@ -17,12 +17,13 @@ SMALLEST_PIVOT = 1e-14  # relative to what was added up to it: less is rounding
 
 # Nothing but compiled code calls them: without a way in from Python they compile in half the time.
 compiled = njit(error_model="numpy", fastmath=FASTMATH, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-# A call costs as much as a small solve: numba hands over seven words an array.
+# Compiled into the loop that calls them: a call costs as much as a small solve, for numba hands over seven words an
+# array. That is why they take what they read one by one, however many: a tuple of it would be made at each step.
 inlined = njit(inline="always", error_model="numpy", fastmath=FASTMATH)
 
 
 @compiled
-def room(n):
+def empty_lanes(n):
     """An array of at least n times LANES numbers: whole squares of them, so that they can be transposed."""
     return np.empty(((np.intp(n) + LANES - 1) // LANES * LANES, LANES))
 
@@ -42,7 +43,7 @@ def _place_of(z, position):
 
 
 def rows_read(z, lanes):
-    """What steps read of the array (slots, LANES): it, as (1, slots, LANES), or room for its transpose."""
+    """What steps read of the array (slots, LANES): it, as (1, slots, LANES), or empty_lanes for its transpose."""
 
 
 @overload(rows_read)
@@ -63,7 +64,7 @@ def _handed_over(lanes, rows):
 
     def turned(lanes, rows):
         for block in range(rows.shape[1] // LANES):
-            turn(lanes, block * LANES, rows, block * LANES)
+            transpose(lanes, block * LANES, rows, block * LANES)
 
     return turned
 
@@ -76,28 +77,31 @@ def affine_sum(packed, scalars, row, sums, begin):
     """
     quads, runs, data = packed.quads, packed.runs, packed.data
     for i in range(THREE * packed.layout.n_slots + packed.layout.n):
-        put(sums, begin + i, 0.0)
+        store(sums, begin + i, 0.0)
     for k in range(runs.shape[0]):
-        scalar = at(scalars, (row, runs[k, 0]))
+        scalar = load(scalars, (row, runs[k, 0]))
         start = begin + runs[k, 1]
         offset = runs[k, 3]
         for i in range(runs[k, 2]):
-            put(sums, start + i, at(sums, start + i) + scalar * at(data, offset + i))
+            store(sums, start + i, load(sums, start + i) + scalar * load(data, offset + i))
     for k in range(quads.shape[0]):
-        one, two = at(scalars, (row, quads[k, 0])), at(scalars, (row, quads[k, 1]))
-        three, four = at(scalars, (row, quads[k, 2])), at(scalars, (row, quads[k, 3]))
+        one, two = load(scalars, (row, quads[k, 0])), load(scalars, (row, quads[k, 1]))
+        three, four = load(scalars, (row, quads[k, 2])), load(scalars, (row, quads[k, 3]))
         start = begin + quads[k, 4]
         for i in range(quads[k, 5]):
             number = quads[k, 6] + FOUR * i
-            more = three * at(data, number + TWO) + four * at(data, number + THREE)
-            before = at(sums, start + i) + one * at(data, number) + two * at(data, number + ONE)
-            put(sums, start + i, before + more)
+            more = three * load(data, number + TWO) + four * load(data, number + THREE)
+            before = load(sums, start + i) + one * load(data, number) + two * load(data, number + ONE)
+            store(sums, start + i, before + more)
 
 
 @inlined
 def weights(c):
     """Those of `kaneflex.integrate.methods.newmark_weights`, in their order."""
-    return at(c, 0), at(c, 1), at(c, 2), at(c, 3), at(c, 4), at(c, 5), at(c, 6), at(c, 7), at(c, 8), at(c, 9)
+    return (
+        load(c, 0), load(c, 1), load(c, 2), load(c, 3), load(c, 4),
+        load(c, 5), load(c, 6), load(c, 7), load(c, 8), load(c, 9),
+    )  # fmt: skip
 
 
 @compiled
@@ -109,20 +113,20 @@ def factor(layout, lu, scale, good):
     """
     base = layout.base
     last = layout.last
-    regular = less(-1.0, at(scale, 0))
+    regular = less(-1.0, load(scale, 0))
     for k in range(layout.n):
         row_k = base[k]
-        pivot = at(lu, row_k + k)
-        regular *= less(SMALLEST_PIVOT * at(scale, k), size(pivot))
+        pivot = load(lu, row_k + k)
+        regular *= less(SMALLEST_PIVOT * load(scale, k), absolute(pivot))
         reciprocal = 1.0 / pivot
-        put(lu, row_k + k, reciprocal)
+        store(lu, row_k + k, reciprocal)
         for i in range(k + ONE, last[k]):
             row_i = base[i]
-            share = at(lu, row_i + k) * reciprocal
-            put(lu, row_i + k, share)
+            share = load(lu, row_i + k) * reciprocal
+            store(lu, row_i + k, share)
             for j in range(k + ONE, last[k]):
-                put(lu, row_i + j, at(lu, row_i + j) - share * at(lu, row_k + j))
-    put(good, 0, regular)
+                store(lu, row_i + j, load(lu, row_i + j) - share * load(lu, row_k + j))
+    store(good, 0, regular)
 
 
 @inlined
@@ -133,27 +137,27 @@ def solve(layout, lu, row, x, column):
     last = layout.last
     n = layout.n
     for j in range(n):
-        known = at(x, (column, j))
+        known = load(x, (column, j))
         for i in range(j + ONE, last[j]):
-            put(x, (column, i), at(x, (column, i)) - at(lu, (row, base[i] + j)) * known)
+            store(x, (column, i), load(x, (column, i)) - load(lu, (row, base[i] + j)) * known)
     for back in range(n):
         j = n - ONE - back
-        known = at(x, (column, j)) * at(lu, (row, base[j] + j))
-        put(x, (column, j), known)
+        known = load(x, (column, j)) * load(lu, (row, base[j] + j))
+        store(x, (column, j), known)
         for i in range(first[j], j):
-            put(x, (column, i), at(x, (column, i)) - at(lu, (row, base[i] + j)) * known)
+            store(x, (column, i), load(x, (column, i)) - load(lu, (row, base[i] + j)) * known)
 
 
 @inlined
-def unbalanced(layout, sums, row, begin, load, z, z_row, v, column, i):
+def residual(layout, sums, row, begin, load_factor, z, z_row, v, column, i):
     """Row i of F - C v - K z, of the sums from `begin` on."""
     c_row = begin + layout.n_slots + layout.base[i]
     k_row = c_row + layout.n_slots
-    force = load * at(sums, (row, begin + THREE * layout.n_slots + i))
+    force = load_factor * load(sums, (row, begin + THREE * layout.n_slots + i))
     reaction = 0.0 * force  # two sums, for an addition waits for the one before it
     for j in range(layout.first[i], layout.last[i]):
-        force -= at(sums, (row, c_row + j)) * at(v, (column, j))
-        reaction += at(sums, (row, k_row + j)) * at(z, (z_row, j))
+        force -= load(sums, (row, c_row + j)) * load(v, (column, j))
+        reaction += load(sums, (row, k_row + j)) * load(z, (z_row, j))
     return force - reaction
 
 
@@ -163,15 +167,15 @@ def mass_matrices(packed, scalars, row, sums, begin, mass, scale, good):
     layout = packed.layout
     affine_sum(packed, scalars, row, sums, begin)
     for i in range(layout.n_slots):
-        put(mass, i, at(sums, begin + i))
+        store(mass, i, load(sums, begin + i))
     for i in range(layout.n):
-        put(scale, i, size(at(sums, begin + layout.base[i] + i)))
+        store(scale, i, absolute(load(sums, begin + layout.base[i] + i)))
     factor(layout, mass, scale, good)
 
 
 @inlined
-def true_accelerations(layout, sums, mass, row, begin, load, z, v, q, column):
+def true_accelerations(layout, sums, mass, row, begin, load_factor, z, v, q, column):
     """q from M q = F - C v - K z, of the sums from `begin` on."""
     for i in range(layout.n):
-        put(q, (column, i), unbalanced(layout, sums, row, begin, load[column], z, column, v, column, i))
+        store(q, (column, i), residual(layout, sums, row, begin, load_factor[column], z, column, v, column, i))
     solve(layout, mass, row, q, column)

@@ -19,7 +19,7 @@ class Method:
     order: of convergence in the step; None where the method chooses its steps itself
     description: one line for people, with the source
     nodes: where a step reads the table, in steps from its start; the end of the step comes on top
-    carried: vectors that go from step to step: 2 for z and v, 3 with the method's own accelerations
+    state_vectors: vectors that go from step to step: 2 for z and v, 3 with the method's own accelerations
     stepper: name of its compiled loop in `kaneflex.integrate.steppers`; None where there is none
     coefficients: of (system, first row of the table, step, rho_infinity), what that loop takes
     still: of those coefficients, the ones of a step of no length: z and v stay, the true accelerations are found
@@ -31,7 +31,7 @@ class Method:
     order: int | None
     description: str
     nodes: tuple[float, ...]
-    carried: int
+    state_vectors: int
     stepper: str | None
     coefficients: Callable[[AffineSystem, np.ndarray, float, float], object] | None
     still: Callable[[object], object] | None

@@ -9,11 +9,11 @@ import numpy as np
 
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
-from kaneflex.integrate.time_segments import Stretches
+from kaneflex.integrate.stepping import Setup, State, Stored, advance
+from kaneflex.integrate.time_segments import TimeSegments
 
-Maps = tuple[Stretches, np.ndarray, np.ndarray]
-"""The stretches of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""
+Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
+"""The segments of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""
 
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
@@ -26,140 +26,140 @@ class Beginning:
     """State at the start of a run, but for its accelerations (None where there is none), the Floquet multipliers, and
     what to say.
 
-    stretches: of a periodic motion, if its cycle was cut
+    segments: of a periodic motion, if its cycle was cut
     """
 
     state: State | None
     multipliers: np.ndarray | None
     outcome: Outcome
     message: str
-    stretches: Maps | None = None
+    segments: Maps | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
     """Monodromy matrix of a cycle, what the loads add to a state in it (None where it broke off), and what to say.
 
-    stretches: where the cycle was cut
+    segments: where the cycle was cut
     """
 
     monodromy: np.ndarray | None
     forced: np.ndarray | None
     outcome: Outcome
     message: str
-    stretches: Maps | None = None
+    segments: Maps | None = None
 
 
-def periodic_state(setup: Setup, period_steps: int, progress: Progress | None) -> Beginning:
+def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     """Solve (I - Phi) x = b: Phi, the monodromy matrix, moves a state over a cycle; zero moves to b.
 
     x is the state in the units of `Setup.scales`, with the method's own accelerations where it carries them: what is
     found then repeats itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest
     modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
     """
-    return settled(over_a_cycle(setup, period_steps, progress), setup, period_steps)
+    return periodic_beginning(over_a_cycle(setup, period_steps), setup, period_steps)
 
 
-def settled(over: Cycle, setup: Setup, period_steps: int) -> Beginning:
+def periodic_beginning(cycle: Cycle, setup: Setup, period_steps: int) -> Beginning:
     """The periodic state by what a cycle makes of every unit state, as :func:`periodic_state` has it."""
-    if over.outcome is not Outcome.COMPLETED:
-        return Beginning(None, None, over.outcome, over.message)
-    multipliers = leading(np.linalg.eigvals(over.monodromy), setup.system.n)
+    if cycle.outcome is not Outcome.COMPLETED:
+        return Beginning(None, None, cycle.outcome, cycle.message)
+    multipliers = leading(np.linalg.eigvals(cycle.monodromy), setup.system.n)
     outcome, message = _verdict(multipliers, _blur(setup, period_steps))
     if outcome is not Outcome.COMPLETED:
         return Beginning(None, multipliers, outcome, message)
-    x = np.linalg.solve(np.eye(len(over.forced)) - over.monodromy, over.forced)
-    return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, over.stretches)
+    x = np.linalg.solve(np.eye(len(cycle.forced)) - cycle.monodromy, cycle.forced)
+    return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, cycle.segments)
 
 
-def over_a_cycle(setup: Setup, period_steps: int, progress: Progress | None) -> Cycle:
+def over_a_cycle(setup: Setup, period_steps: int) -> Cycle:
     """Where a cycle moves every unit state, and zero; all share one factorisation a step.
 
-    Stretches of the cycle go side by side where they can, and their matrices are multiplied. What goes wrong in one of
+    Segments of the cycle go side by side where they can, and their matrices are multiplied. What goes wrong in one of
     them is left to the cycle in one piece, which says when.
     """
     if can_be_cut(setup, period_steps):
-        stretches = Stretches(setup.feed.cycle(), len(setup.method.nodes), setup.feed.step)
-        maps = _over_stretches(replace(setup, feed=stretches), progress)
+        segments = TimeSegments(setup.stream.cycle(), len(setup.method.nodes), setup.stream.step)
+        maps = _segment_maps(replace(setup, stream=segments))
         if maps is not None:
             monodromy, forced = reduce(_after, zip(*maps, strict=True))
-            return Cycle(monodromy, forced, Outcome.COMPLETED, "", (stretches, *maps))
-    state, load = unit_states(setup)
-    if not setup.consistent(state, load):
+            return Cycle(monodromy, forced, Outcome.COMPLETED, "", (segments, *maps))
+    state, load_factor = unit_states(setup)
+    if not setup.consistent(state, load_factor):
         outcome = Outcome.SINGULAR
         return Cycle(None, None, outcome, f"{outcome.value}: M is singular at the start of the cycle")
-    came = advance(setup, state, load, period_steps, period_steps + 1, Stored.of(state, 1), False, progress)
-    if came.outcome is not Outcome.COMPLETED:
-        at = setup.feed.t0 + came.steps * setup.feed.step
-        message = f"{came.outcome.value}, at t = {at:.9g} s, in the first cycle"
-        return Cycle(None, None, came.outcome, message)
+    advanced = advance(setup, state, load_factor, period_steps, period_steps + 1, Stored.of(state, 1), False)
+    if advanced.outcome is not Outcome.COMPLETED:
+        at = setup.stream.t0 + advanced.steps * setup.stream.step
+        message = f"{advanced.outcome.value}, at t = {at:.9g} s, in the first cycle"
+        return Cycle(None, None, advanced.outcome, message)
     ends = vectors_of(setup, state)
-    return Cycle(ends[:-1].T, ends[-1], came.outcome, "")
+    return Cycle(ends[:-1].T, ends[-1], advanced.outcome, "")
 
 
-def repeated(setup: Setup, beginning: Beginning, progress: Progress | None) -> tuple[Stored, float] | None:
-    """One cycle of a periodic motion by its stretches, side by side: rows 0 to period_steps - 1, and ns per step.
+def repeated(setup: Setup, beginning: Beginning) -> tuple[Stored, float] | None:
+    """One cycle of a periodic motion by its segments, side by side: rows 0 to period_steps - 1, and ns per step.
 
-    None where the cycle was not cut, or a stretch goes wrong.
+    None where the cycle was not cut, or a segment goes wrong.
     """
-    if beginning.stretches is None:
+    if beginning.segments is None:
         return None
-    stretches, moved, forced = beginning.stretches
+    segments, moved, forced = beginning.segments
     x = [vectors_of(setup, beginning.state)[0]]
     for lane in range(LANES - 1):
         x.append(moved[lane] @ x[-1] + forced[lane])
-    lanes = replace(setup, feed=stretches)
+    lanes = replace(setup, stream=segments)
     state = states_of(setup, np.stack(x, axis=-1)[None])
     if not lanes.consistent(state, np.ones(1)):
         return None
-    stored = Stored.of(state, stretches.most + 1)
-    came = advance(lanes, state, np.ones(1), stretches.most, 1, stored, False, progress)
-    if came.outcome is not Outcome.COMPLETED:
+    stored = Stored.of(state, segments.most + 1)
+    advanced = advance(lanes, state, np.ones(1), segments.most, 1, stored, False)
+    if advanced.outcome is not Outcome.COMPLETED:
         return None
-    return Stored(*map(stretches.joined, stored)), came.ns_per_step * stretches.most / stretches.period_steps
+    return Stored(*map(segments.joined, stored)), advanced.ns_per_step * segments.most / segments.period_steps
 
 
-def _over_stretches(lanes: Setup, progress: Progress | None) -> tuple[np.ndarray, np.ndarray] | None:
-    """What every stretch makes of a state, shapes (LANES, size, size) and (LANES, size); None where one goes wrong."""
-    stretches = lanes.feed
-    state, load = unit_states(lanes, LANES)
-    if not lanes.consistent(state, load):
+def _segment_maps(lanes: Setup) -> tuple[np.ndarray, np.ndarray] | None:
+    """What every segment makes of a state, shapes (LANES, size, size) and (LANES, size); None where one goes wrong."""
+    segments = lanes.stream
+    state, load_factor = unit_states(lanes, LANES)
+    if not lanes.consistent(state, load_factor):
         return None
     ends = None
-    for steps in (stretches.least, stretches.most - stretches.least):
+    for steps in (segments.least, segments.most - segments.least):
         if steps:
-            done = 0 if ends is None else stretches.least
-            came = advance(lanes, state, load, steps, stretches.most + 1, Stored.of(state, 1), False, progress, done)
-            if came.outcome is not Outcome.COMPLETED:
+            done = 0 if ends is None else segments.least
+            advanced = advance(lanes, state, load_factor, steps, segments.most + 1, Stored.of(state, 1), False, done)
+            if advanced.outcome is not Outcome.COMPLETED:
                 return None
             now = vectors_of(lanes, state)
-            ends = now if ends is None else np.where(np.arange(LANES) < stretches.longer, now, ends)
+            ends = now if ends is None else np.where(np.arange(LANES) < segments.longer, now, ends)
     return ends[:-1].transpose(2, 1, 0), ends[-1].T
 
 
 def _after(first: tuple[np.ndarray, np.ndarray], then: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Two stretches, each x -> A x + b, one after the other."""
+    """Two segments, each x -> A x + b, one after the other."""
     return then[0] @ first[0], then[0] @ first[1] + then[1]
 
 
 def can_be_cut(setup: Setup, period_steps: int) -> bool:
     """Whether the method goes in lanes, there is a step for each, and all unit states of all lanes fit the memory.
 
-    Where steps are many times longer than the fastest vibrations, the stretches' matrices hold little but rounding.
+    Where steps are many times longer than the fastest vibrations, the segments' matrices hold little but rounding.
     """
     numbers = 2 * len(State._fields) * setup.system.n**2 * LANES
     fits = setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
-    return fits and setup.feed.step <= _LONGEST_STEP * setup.scales[1]
+    return fits and setup.stream.step <= _LONGEST_STEP * setup.scales[1]
 
 
 def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:
-    """A column for each unit state x, free of loads, and one from zero that is loaded; factors on the load."""
+    """A column for each unit state x, free of loads, and one from zero that is loaded; factors on the load_factor."""
     size = setup.system.n * len(setup.scales)
     x = np.zeros((size + 1, size))
     x[:size] = np.eye(size)
-    load = np.zeros(size + 1)
-    load[size] = 1.0
-    return states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load
+    load_factor = np.zeros(size + 1)
+    load_factor[size] = 1.0
+    return states_of(setup, np.broadcast_to(x.reshape(*x.shape, *(1 for _ in lanes)), (*x.shape, *lanes))), load_factor
 
 
 def leading(multipliers: np.ndarray, n: int) -> np.ndarray:
@@ -188,7 +188,7 @@ def _blur(setup: Setup, period_steps: int) -> float:
     A step of h multiplies a vibration of frequency omega by a number of modulus one, which balances terms in
     (omega h)^2: where a step is thousands of periods long, little of that balance is left.
     """
-    fastest = (setup.feed.step / setup.scales[1]) ** 2
+    fastest = (setup.stream.step / setup.scales[1]) ** 2
     return float(period_steps * np.finfo(float).eps * fastest)
 
 
@@ -196,21 +196,21 @@ def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
     closest = multipliers[np.argmin(np.abs(multipliers - 1.0))]
     if abs(closest - 1.0) < _NEAR_ONE:
         outcome, cure = Outcome.NO_PERIODIC_STATE, "give a start state, or damp or hold the free motion"
-        return outcome, f"{outcome.value}: {_said(closest)}; {cure}"
+        return outcome, f"{outcome.value}: {_multiplier_text(closest)}; {cure}"
     largest = multipliers[0]
     if 1.0 + _UNSTABLE < abs(largest) < 1.0 + blur:
         outcome, cure = Outcome.NO_PERIODIC_STATE, "take integrator generalised-alpha, preset quasistatic or more steps"
-        reason = f"{_said(largest)}, to the rounding of steps that are far longer than the fastest periods"
+        reason = f"{_multiplier_text(largest)}, to the rounding of steps that are far longer than the fastest periods"
         return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:
         outcome = Outcome.UNSTABLE
         modulus = f" of modulus {abs(largest):.9g}" if largest.imag else ""
-        multiplier = f"Floquet multiplier {_said(largest)}{modulus}"
+        multiplier = f"Floquet multiplier {_multiplier_text(largest)}{modulus}"
         return outcome, f"{outcome.value}: {multiplier} exceeds one"
     if abs(largest) > 1.0 - _UNSTABLE:
         return Outcome.COMPLETED, "neutrally stable: the slowest disturbance neither grows nor dies in these steps"
     return Outcome.COMPLETED, ""
 
 
-def _said(multiplier: complex) -> str:
+def _multiplier_text(multiplier: complex) -> str:
     return f"{multiplier.real:.9g}{multiplier.imag:+.9g}i" if multiplier.imag else f"{multiplier.real:.9g}"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from kaneflex.integrate.coefficient_stream import Feed, Table
+from kaneflex.integrate.coefficient_stream import CoefficientStream, Table
 from kaneflex.integrate.crosscheck import solve_ivp_run
-from kaneflex.integrate.methods import Method, method_named
+from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state, repeated
@@ -21,28 +21,13 @@ from kaneflex.support.errors import UserError
 Start = str | tuple[np.ndarray, np.ndarray]
 
 
-def integrate(
-    system: AffineSystem,
-    table: Table,
-    t0: float,
-    step: float,
-    n_steps: int,
-    method: str = "newmark",
-    *,
-    start: Start = "zero",
-    period_steps: int | None = None,
-    every: int = 1,
-    rho_infinity: float = 0.8,
-    scipy_method: str = "DOP853",
-    progress: Progress | None = None,
-) -> Trajectory:
-    """Integrate M z'' + C z' + K z = F from `t0` over `n_steps` steps.
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What is integrated, from where, how far and how.
 
-    Parameters
-    ----------
     table: scalars of the motion, shape (n_times, n_scalars), at an array of times in s; asked once for a
         cycle if `period_steps` is given, else for one piece of the run after the other.
-    step: in s. n_steps: at least 1.
+    t0, step: in s. n_steps: at least 1.
     method: a name in `methods.METHODS`.
     start: "zero", a pair (z, v) of arrays of shape (n,), or "periodic": the motion that repeats itself after
         `period_steps` steps, from one cycle of every unit state (2 n + 1 columns that share one
@@ -51,27 +36,46 @@ def integrate(
     every: store one step in so many, the first one included.
     rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
     scipy_method: of solve_ivp, for the method "scipy".
+    """
+
+    system: AffineSystem
+    table: Table
+    t0: float
+    step: float
+    n_steps: int
+    method: str = "newmark"
+    start: Start = "zero"
+    period_steps: int | None = None
+    every: int = 1
+    rho_infinity: float = 0.8
+    scipy_method: str = "DOP853"
+
+
+def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
+    """Integrate M z'' + C z' + K z = F.
+
     progress: called with the finished share of the work, first of the periodic start, then of the run.
 
     A run that grows beyond all bounds or meets a singular step stops there with a named outcome; so does a
     periodic start without a periodic state, or with one that repels its neighbours. Raises UserError for
     arguments that can't be used, and for a table that holds a number that is not finite.
     """
-    chosen = method_named(method)
-    check_arguments(chosen.name, step, n_steps, start, period_steps, every)
+    chosen = method_named(run.method)
+    check_arguments(run)
+    system = run.system
     if chosen.coefficients is None:
-        feed = Feed(table, system.n_scalars, t0, step, chosen.nodes, period_steps)
-        return solve_ivp_run(system, feed, n_steps, every, given_state(system, start), scipy_method)
-    setup = set_up(system, table, t0, step, chosen, period_steps, rho_infinity)
-    if start == "periodic":
-        found = _of_whom(periodic_state(setup, period_steps, progress), system, table, t0, step, method, period_steps)
+        stream = CoefficientStream(run.table, system.n_scalars, run.t0, run.step, chosen.nodes, run.period_steps)
+        return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method)
+    setup = set_up(run, progress)
+    if run.start == "periodic":
+        found = _naming_the_steps(periodic_state(setup, run.period_steps), run)
     else:
-        found = _started(setup, *given_state(system, start))
+        found = _started(setup, *given_state(run))
     if found.state is None:
         empty = np.zeros((0, system.n))
         ended = (found.outcome, found.message, found.multipliers)
         return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
-    return _run(setup, found, n_steps, every, progress)
+    return _run(setup, found, run.n_steps, run.every)
 
 
 def cycle_map(
@@ -80,45 +84,44 @@ def cycle_map(
 ) -> Cycle:  # fmt: skip
     """What `steps` steps of a method over one period [s] make of every state: its discrete monodromy matrix.
 
-    Arguments otherwise as `integrate` takes them; not for the method "scipy". Raises UserError as it does.
+    Arguments otherwise as `Run` has them; not for the method "scipy". Raises UserError as `integrate` does.
     """
-    chosen = method_named(method)
-    check_arguments(chosen.name, period / steps, steps, "periodic", steps, 1)
-    return over_a_cycle(set_up(system, table, t0, period / steps, chosen, steps, rho_infinity), steps, None)
+    cycle = (system, table, t0, period / steps, steps, method, "periodic", steps)
+    run = Run(*cycle, rho_infinity=rho_infinity)
+    check_arguments(run)
+    return over_a_cycle(set_up(run), steps)
 
 
-def _of_whom(
-    found: Beginning, system: AffineSystem, table: Table, t0: float, step: float, method: str, steps: int
-) -> Beginning:  # fmt: skip
+def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
     """What a growing cycle says where it is the steps that grow, not the machine: in as many of radau nothing does."""
-    if found.outcome is not Outcome.UNSTABLE or method == "radau" or found.multipliers is None:
+    if found.outcome is not Outcome.UNSTABLE or run.method == "radau" or found.multipliers is None:
         return found
-    own = cycle_map(system, table, t0, step * steps, steps)
+    own = cycle_map(run.system, run.table, run.t0, run.step * run.period_steps, run.period_steps)
     if own.monodromy is None or abs(np.linalg.eigvals(own.monodromy)).max() > 1.0:
         return found
+    growth = abs(found.multipliers[0])
     message = (
-        f"unstable steps: those of {method} let a disturbance grow by {abs(found.multipliers[0]):.4g} in a cycle, the "
+        f"unstable steps: those of {run.method} let a disturbance grow by {growth:.4g} in a cycle, the "
         "machine does not; take integrator radau, or more steps"
     )
     return replace(found, message=message)
 
 
-def set_up(
-    system: AffineSystem, table: Table, t0: float, step: float, method: Method, period_steps: int | None,
-    rho_infinity: float,
-) -> Setup:  # fmt: skip
+def set_up(run: Run, progress: Progress | None = None) -> Setup:
     """What a run of a method with fixed steps reads; raises UserError as `integrate` does."""
+    method, system = method_named(run.method), run.system
     if method.lanes:
         read, constant = partial(one_after_the_other, nodes=len(method.nodes)), None
     else:
         read, constant = partial(forces, system), constants(system)
-    feed = Feed(table, system.n_scalars, t0, step, method.nodes, period_steps, read, constant)
-    row = feed.first_row()
-    coefficients = np.array(method.coefficients(system, row, step, rho_infinity))
-    return Setup(system, method, feed, coefficients, _scales(system, row, step, method.carried))
+    times = (run.t0, run.step, method.nodes, run.period_steps)
+    stream = CoefficientStream(run.table, system.n_scalars, *times, read, constant)
+    row = stream.first_row()
+    coefficients = np.array(method.coefficients(system, row, run.step, run.rho_infinity))
+    return Setup(system, method, stream, coefficients, _scales(system, row, run.step, method.state_vectors), progress)
 
 
-def _scales(system: AffineSystem, row: np.ndarray, step: float, carried: int) -> tuple[float, ...]:
+def _scales(system: AffineSystem, row: np.ndarray, step: float, state_vectors: int) -> tuple[float, ...]:
     """Powers of a time: a step, or the fastest vibration's 1 / omega where a step takes longer.
 
     Products of a cycle's matrices would lose what is small beside velocities times a long step.
@@ -128,7 +131,7 @@ def _scales(system: AffineSystem, row: np.ndarray, step: float, carried: int) ->
         squares = np.abs((system.K @ row)[diagonal] / (system.M @ row)[diagonal])
     fastest = np.sqrt(squares[np.isfinite(squares)].max(initial=0.0))
     time = step if fastest * step <= 1.0 else 1.0 / fastest
-    return (1.0, time, time * time)[:carried]
+    return (1.0, time, time * time)[:state_vectors]
 
 
 def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
@@ -136,16 +139,16 @@ def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
     state.z[0], state.v[0] = z, v
     if not setup.consistent(state, np.ones(1)):
         outcome = Outcome.SINGULAR
-        return Beginning(None, None, outcome, f"{outcome.value}: M is singular at t = {setup.feed.t0:.9g} s")
+        return Beginning(None, None, outcome, f"{outcome.value}: M is singular at t = {setup.stream.t0:.9g} s")
     state.a[:] = state.q
     return Beginning(state, None, Outcome.COMPLETED, "")
 
 
-def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int, progress: Progress | None) -> Trajectory:
+def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajectory:
     message = "; ".join(filter(None, (Outcome.COMPLETED.value, beginning.message)))
-    t0, step = setup.feed.t0, setup.feed.step
+    t0, step = setup.stream.t0, setup.stream.step
     rows = n_steps // every + 1
-    cycle = repeated(setup, beginning, progress)
+    cycle = repeated(setup, beginning)
     if cycle is not None:
         motion, ns_per_step = cycle
         steps = every * np.arange(rows)
@@ -154,38 +157,39 @@ def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int, progress:
     state = beginning.state
     setup.consistent(state, np.ones(1))
     stored = Stored.of(state, rows)
-    came = advance(setup, state, np.ones(1), n_steps, every, stored, True, progress)
-    if came.outcome is not Outcome.COMPLETED:
-        at = t0 + came.steps * step
-        message = f"{came.outcome.value}, at t = {at:.9g} s, step {came.steps} of {n_steps}"
+    advanced = advance(setup, state, np.ones(1), n_steps, every, stored, True)
+    if advanced.outcome is not Outcome.COMPLETED:
+        at = t0 + advanced.steps * step
+        message = f"{advanced.outcome.value}, at t = {at:.9g} s, step {advanced.steps} of {n_steps}"
         # the step that failed is not shown, nor what is not a number before it
-        rows = max(came.steps - 1, 0) // every + 1
+        rows = max(advanced.steps - 1, 0) // every + 1
         rows = int(np.logical_and.accumulate(np.isfinite(np.hstack(stored)[:rows]).all(axis=1)).sum())
     times = t0 + step * (every * np.arange(rows))
-    ended = (came.outcome, message, beginning.multipliers)
-    return Trajectory(times, *(out[:rows] for out in stored), *ended, came.ns_per_step)
+    ended = (advanced.outcome, message, beginning.multipliers)
+    return Trajectory(times, *(out[:rows] for out in stored), *ended, advanced.ns_per_step)
 
 
-def given_state(system: AffineSystem, start: Start) -> tuple[np.ndarray, np.ndarray]:
-    if isinstance(start, str):
-        return np.zeros(system.n), np.zeros(system.n)
-    z, v = (np.asarray(part, dtype=float) for part in start)
+def given_state(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    n = run.system.n
+    if isinstance(run.start, str):
+        return np.zeros(n), np.zeros(n)
+    z, v = (np.asarray(part, dtype=float) for part in run.start)
     for name, part in (("z", z), ("v", v)):
-        if part.shape != (system.n,) or not np.isfinite(part).all():
-            reason = f"must be {system.n} finite numbers"
-            raise UserError(f"start {name}", part, reason, "Give one number for each coordinate")
+        if part.shape != (n,) or not np.isfinite(part).all():
+            raise UserError(f"start {name}", part, f"must be {n} finite numbers", "Give one number for each coordinate")
     return z, v
 
 
-def check_arguments(method: str, step: float, n_steps: int, start: Start, period_steps: int | None, every: int) -> None:
+def check_arguments(run: Run) -> None:
+    step, start = run.step, run.start
     if not (np.isfinite(step) and step > 0.0):
         raise UserError("step", step, "a step must be a positive time", "Give it in s")
-    for name, value in (("steps", n_steps), ("every", every), ("period_steps", period_steps)):
+    for name, value in (("steps", run.n_steps), ("every", run.every), ("period_steps", run.period_steps)):
         if value is not None and value < 1:
             raise UserError(name, value, "there must be at least one step", "Give a whole number from 1 on")
     if isinstance(start, str) and start not in ("zero", "periodic"):
         raise UserError("start", start, "there is no such start", "Give zero, periodic or a state")
-    if start == "periodic" and period_steps is None:
+    if start == "periodic" and run.period_steps is None:
         raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
-    if start == "periodic" and method == "scipy":
+    if start == "periodic" and run.method == "scipy":
         raise UserError("start", start, "scipy finds no cycle", "Start from a state that radau found")

@@ -1,4 +1,4 @@
-"""The compiled loops. One specialisation of each serves every scene, a second one eight stretches of time at once.
+"""The compiled loops. One specialisation of each serves every scene, a second one eight segments of time at once.
 
 Their parts are in `kaneflex.integrate.matrices` and `kaneflex.integrate.lanes`. Newmark's steps one after the other go
 faster in loops for small systems and for long chains: `kaneflex.integrate.dense`, `kaneflex.integrate.banded`.
@@ -11,7 +11,7 @@ period        steps in the table; it is read again from its start after the last
 position      steps already taken in this table
 n_steps       steps to take
 coefficients  numbers of the method, see `kaneflex.integrate.methods`
-load          shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
+load_factor   shape (columns,): factor on F for each column (1 for a motion, 0 for a free one)
 state         z, v, a, q, each of shape (columns, n): displacements, velocities, the method's own and the true
               accelerations; overwritten. Several columns share one factorisation a step.
 done, every   steps taken before this call; the first column is stored after every `every` steps
@@ -20,8 +20,8 @@ stored        z, v, true accelerations, each of shape (rows, n): row k belongs t
 
 They return the number of completed steps and a status.
 
-Lanes. Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `at`
-and written by `put`. So the table of `newmark` and `collocation` has the shape (blocks * nodes, n_scalars, LANES):
+Lanes. Matrices are added up and factorised for LANES steps at once, a number of each in one register, read by `load`
+and written by `store`. So the table of `newmark` and `collocation` has the shape (blocks * nodes, n_scalars, LANES):
 step LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
 themselves follow one another. Where `state` and `stored` have an axis of LANES more, each lane is a motion of its own,
 takes the step of its lane in every block, and all go side by side; they stop where any lane would. So do motions of
@@ -32,7 +32,7 @@ import numpy as np
 from numba import njit
 
 from kaneflex.integrate import lanes, matrices
-from kaneflex.integrate.lanes import FASTMATH, LANES, at, everywhere, less, put, size
+from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, everywhere, less, load, store
 from kaneflex.integrate.matrices import (
     COMPLETED,
     ONE,
@@ -43,32 +43,34 @@ from kaneflex.integrate.matrices import (
     ZERO,
     affine_sum,
     compiled,
+    empty_lanes,
     factor,
     hand_over,
     inlined,
     mass_matrices,
-    room,
+    residual,
     rows_read,
     solve,
     step_place,
     true_accelerations,
-    unbalanced,
     weights,
 )  # fmt: skip
 from kaneflex.support.fingerprint import made_of
 
+# Compiled in one piece, with as many lines and parameters as a step needs: a step in a function of its own would be
+# called once a step, which costs as much as a small solve.
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
 @inlined
-def _store(stored, out, z, v, q):
+def _store_row(stored, out, z, v, q):
     """Row `out` of what is kept: the first column."""
     out_z, out_v, out_a = stored
     for i in range(z.shape[1]):
-        put(out_z, (out, i), at(z, (0, i)))
-        put(out_v, (out, i), at(v, (0, i)))
-        put(out_a, (out, i), at(q, (0, i)))
+        store(out_z, (out, i), load(z, (0, i)))
+        store(out_v, (out, i), load(v, (0, i)))
+        store(out_a, (out, i), load(q, (0, i)))
 
 
 @compiled
@@ -78,18 +80,18 @@ def _newmark_matrices(packed, scalars, row, c_weight, k_weight, sums, lu, scale,
     n_slots = layout.n_slots
     affine_sum(packed, scalars, row, sums, ZERO)
     for i in range(n_slots):
-        stiffness = at(sums, n_slots + n_slots + i)
-        put(lu, i, at(sums, i) + c_weight * at(sums, n_slots + i) + k_weight * stiffness)
+        stiffness = load(sums, n_slots + n_slots + i)
+        store(lu, i, load(sums, i) + c_weight * load(sums, n_slots + i) + k_weight * stiffness)
     for i in range(layout.n):
         m = layout.base[i] + i
-        c_part, k_part = c_weight * at(sums, n_slots + m), k_weight * at(sums, n_slots + n_slots + m)
-        put(scale, i, size(at(sums, m)) + size(c_part) + size(k_part))
+        c_part, k_part = c_weight * load(sums, n_slots + m), k_weight * load(sums, n_slots + n_slots + m)
+        store(scale, i, absolute(load(sums, m)) + absolute(c_part) + absolute(k_part))
     factor(layout, lu, scale, good)
 
 
 @_cached
 @_made_of_parts
-def newmark(packed, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def newmark(packed, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored):
     """Newmark's family with weighted accelerations, unknown: the true acceleration q at the end of the step.
 
     With p = (alpha_f q_0 - alpha_m a_0) / (1 - alpha_m), known, and kappa = (1 - alpha_f) / (1 - alpha_m):
@@ -105,38 +107,39 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load, stat
     layout, (z, v, a, q) = packed.layout, state
     n, n_slots = layout.n, layout.n_slots
     step, from_q, from_a, kappa, c_weight, k_weight, v_start, v_known, z_start, z_known = weights(coefficients)
-    sums, lu, scale, good = room(THREE * n_slots + n), room(n_slots), room(n), room(1)
-    sums_at, lu_at, good_at = rows_read(z, sums), rows_read(z, lu), rows_read(z, good)
+    sums, lu, scale, good = empty_lanes(THREE * n_slots + n), empty_lanes(n_slots), empty_lanes(n), empty_lanes(1)
+    sums_rows, lu_rows, good_rows = rows_read(z, sums), rows_read(z, lu), rows_read(z, good)
     due = every - done % every
     out = done // every + 1
     for count in range(n_steps):
         block, row = step_place(z, position)
         if row == 0 or count == 0:
             _newmark_matrices(packed, scalars, block, c_weight, k_weight, sums, lu, scale, good)
-            hand_over(sums, sums_at)
-            hand_over(lu, lu_at)
-            hand_over(good, good_at)
-        if not everywhere(less(0.0, at(good_at, (row, 0)))):
+            hand_over(sums, sums_rows)
+            hand_over(lu, lu_rows)
+            hand_over(good, good_rows)
+        if not everywhere(less(0.0, load(good_rows, (row, 0)))):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for i in range(n):
                 here = (column, i)
-                before, speed = at(a, here), at(v, here)
-                known = from_q * at(q, here) + from_a * before
-                put(z, here, at(z, here) + step * speed + z_start * before + z_known * known)
-                put(v, here, speed + v_start * before + v_known * known)
-                put(a, here, known)
+                before, speed = load(a, here), load(v, here)
+                known = from_q * load(q, here) + from_a * before
+                store(z, here, load(z, here) + step * speed + z_start * before + z_known * known)
+                store(v, here, speed + v_start * before + v_known * known)
+                store(a, here, known)
             for i in range(n):
-                put(q, (column, i), unbalanced(layout, sums_at, row, ZERO, load[column], z, column, v, column, i))
-            solve(layout, lu_at, row, q, column)
-            squares = 0.0 * at(z, (column, 0))
+                rest = residual(layout, sums_rows, row, ZERO, load_factor[column], z, column, v, column, i)
+                store(q, (column, i), rest)
+            solve(layout, lu_rows, row, q, column)
+            squares = 0.0 * load(z, (column, 0))
             for i in range(n):
                 here = (column, i)
-                found = at(q, here)
-                moved = at(z, here) + k_weight * found
-                put(z, here, moved)
-                put(v, here, at(v, here) + c_weight * found)
-                put(a, here, at(a, here) + kappa * found)
+                found = load(q, here)
+                moved = load(z, here) + k_weight * found
+                store(z, here, moved)
+                store(v, here, load(v, here) + c_weight * found)
+                store(a, here, load(a, here) + kappa * found)
                 squares += moved * moved
             if not everywhere(less(squares, bound)):
                 return count + 1, UNBOUNDED
@@ -146,7 +149,7 @@ def newmark(packed, scalars, period, position, n_steps, coefficients, load, stat
         due -= 1
         if due == 0:
             due = every
-            _store(stored, out, z, v, q)
+            _store_row(stored, out, z, v, q)
             out += 1
     return n_steps, COMPLETED
 
@@ -166,26 +169,27 @@ def _stage_matrices(packed, stages, order, scalars, row, coefficients, sums, mat
         for j in range(layout.first[i], layout.last[i]):
             for s in range(count):
                 m = s * apart + base + j
-                c, k = at(sums, m + n_slots), at(sums, m + n_slots + n_slots)
+                c, k = load(sums, m + n_slots), load(sums, m + n_slots + n_slots)
                 slot = stages.base[count * i + s] + count * j
                 for r in range(count):
                     place = s * count + r
-                    both = at(coefficients, a_weights + place) * c + at(coefficients, e_weights + place) * k
-                    put(matrix, slot + r, both)
-                put(matrix, slot + s, at(matrix, slot + s) + at(sums, m))
+                    both = load(coefficients, a_weights + place) * c + load(coefficients, e_weights + place) * k
+                    store(matrix, slot + r, both)
+                store(matrix, slot + s, load(matrix, slot + s) + load(sums, m))
         for s in range(count):
             m, place = s * apart + base + i, s * count + s
-            c, k = at(sums, m + n_slots), at(sums, m + n_slots + n_slots)
-            parts = size(at(coefficients, a_weights + place) * c) + size(at(coefficients, e_weights + place) * k)
-            put(scale, count * i + s, parts + size(at(sums, m)))
+            c, k = load(sums, m + n_slots), load(sums, m + n_slots + n_slots)
+            c, k = load(coefficients, a_weights + place) * c, load(coefficients, e_weights + place) * k
+            store(scale, count * i + s, absolute(c) + absolute(k) + absolute(load(sums, m)))
     factor(stages, matrix, scale, good)
 
 
 @_cached
 @_made_of_parts
 def collocation(
-    packed, stages, order, scalars, period, position, n_steps, coefficients, load, state, done, every, bound, stored
-):
+    packed, stages, order, scalars, period, position, n_steps, coefficients, load_factor, state, done, every, bound,
+    stored,
+):  # fmt: skip
     """Implicit Runge-Kutta methods of two or three stages, that many numbers in `order`, of which none matters.
 
     Unknowns are the accelerations x_s in M_s x_s + C_s v_s + K_s z_s = F_s at t + c_s h, with the tableau's a_sr and
@@ -204,13 +208,14 @@ def collocation(
     layout, (z, v, _, q) = packed.layout, state
     n, n_slots, count_s = layout.n, layout.n_slots, np.uint64(len(order))
     apart = THREE * n_slots + n
-    step = at(coefficients, 0)
+    step = load(coefficients, 0)
     v_weights = ONE + count_s + count_s * count_s + count_s * count_s
     z_weights = v_weights + count_s
-    sums, matrix, scale, good = room(THREE * apart), room(stages.n_slots), room(count_s * n), room(1)
-    mass, good_mass = room(n_slots), room(1)
-    sums_at, matrix_at, good_at = rows_read(z, sums), rows_read(z, matrix), rows_read(z, good)
-    mass_at, good_mass_at = rows_read(z, mass), rows_read(z, good_mass)
+    sums, matrix = empty_lanes(THREE * apart), empty_lanes(stages.n_slots)
+    scale, good = empty_lanes(count_s * n), empty_lanes(1)
+    mass, good_mass = empty_lanes(n_slots), empty_lanes(1)
+    sums_rows, matrix_rows, good_rows = rows_read(z, sums), rows_read(z, matrix), rows_read(z, good)
+    mass_rows, good_mass_rows = rows_read(z, mass), rows_read(z, good_mass)
     at_stage, x = np.empty((1, *z.shape[1:])), np.empty((1, len(order) * z.shape[1], *z.shape[2:]))
     due = every - done % every
     out = done // every + 1
@@ -218,37 +223,37 @@ def collocation(
         block, row = step_place(z, position)
         if row == 0 or count == 0:
             _stage_matrices(packed, stages, order, scalars, 3 * block, coefficients, sums, matrix, scale, good)
-            if count_s == TWO and due <= good_at.shape[0]:
+            if count_s == TWO and due <= good_rows.shape[0]:
                 mass_matrices(packed, scalars, 3 * block + 2, sums, TWO * apart, mass, scale, good_mass)
-                hand_over(mass, mass_at)
-                hand_over(good_mass, good_mass_at)
-            hand_over(sums, sums_at)
-            hand_over(matrix, matrix_at)
-            hand_over(good, good_at)
-        if not everywhere(less(0.0, at(good_at, (row, 0)))):
+                hand_over(mass, mass_rows)
+                hand_over(good_mass, good_mass_rows)
+            hand_over(sums, sums_rows)
+            hand_over(matrix, matrix_rows)
+            hand_over(good, good_rows)
+        if not everywhere(less(0.0, load(good_rows, (row, 0)))):
             return count, SINGULAR
         for column in range(z.shape[0]):
             for s in range(count_s):
-                ahead = at(coefficients, ONE + s)
+                ahead = load(coefficients, ONE + s)
                 for i in range(n):
-                    put(at_stage, (0, i), at(z, (column, i)) + ahead * at(v, (column, i)))
+                    store(at_stage, (0, i), load(z, (column, i)) + ahead * load(v, (column, i)))
                 for i in range(n):
-                    rest = unbalanced(layout, sums_at, row, s * apart, load[column], at_stage, 0, v, column, i)
-                    put(x, (0, count_s * i + s), rest)
-            solve(stages, matrix_at, row, x, 0)
-            squares = 0.0 * at(z, (column, 0))
+                    rest = residual(layout, sums_rows, row, s * apart, load_factor[column], at_stage, 0, v, column, i)
+                    store(x, (0, count_s * i + s), rest)
+            solve(stages, matrix_rows, row, x, 0)
+            squares = 0.0 * load(z, (column, 0))
             for i in range(n):
                 here = (column, i)
                 faster = 0.0 * squares
-                moved = step * at(v, here)
+                moved = step * load(v, here)
                 for s in range(count_s):
-                    found = at(x, (0, count_s * i + s))
-                    faster += at(coefficients, v_weights + s) * found
-                    moved += at(coefficients, z_weights + s) * found
-                moved += at(z, here)
-                put(z, here, moved)
-                put(v, here, at(v, here) + faster)
-                put(q, here, at(x, (0, count_s * i + count_s - ONE)))
+                    found = load(x, (0, count_s * i + s))
+                    faster += load(coefficients, v_weights + s) * found
+                    moved += load(coefficients, z_weights + s) * found
+                moved += load(z, here)
+                store(z, here, moved)
+                store(v, here, load(v, here) + faster)
+                store(q, here, load(x, (0, count_s * i + count_s - ONE)))
                 squares += moved * moved
             if not everywhere(less(squares, bound)):
                 return count + 1, UNBOUNDED
@@ -259,10 +264,10 @@ def collocation(
         if due == 0:
             due = every
             if count_s == TWO:
-                if not everywhere(less(0.0, at(good_mass_at, (row, 0)))):
+                if not everywhere(less(0.0, load(good_mass_rows, (row, 0)))):
                     return count, SINGULAR
-                true_accelerations(layout, sums_at, mass_at, row, TWO * apart, load, z, v, q, 0)
-            _store(stored, out, z, v, q)
+                true_accelerations(layout, sums_rows, mass_rows, row, TWO * apart, load_factor, z, v, q, 0)
+            _store_row(stored, out, z, v, q)
             out += 1
     return n_steps, COMPLETED
 
@@ -278,15 +283,17 @@ def _gathered(part, column, block):
 
 @compiled
 def _scattered(numbers, lanes, part, row, block):
-    """The inverse of `_gathered`; `lanes` is room for it."""
-    put(lanes, 0, numbers)
+    """The inverse of `_gathered`; `lanes` is empty_lanes for it."""
+    store(lanes, 0, numbers)
     for i in range(min(LANES, part.shape[1] - block * LANES)):
         part[row, block * LANES + i] = lanes[0, i]
 
 
 @_cached
 @_made_of_parts
-def exact_modal(packed, forces, period, position, n_steps, coefficients, load, state, done, every, bound, stored):
+def exact_modal(
+    packed, forces, period, position, n_steps, coefficients, load_factor, state, done, every, bound, stored
+):
     """Decoupled modes m z'' + c z' + k z = F, the paper's eq. (143) and damping; exact for F linear in t.
 
     LANES modes are in a register for the whole run. coefficients, forces: shapes (11, blocks, LANES) and (period + 1,
@@ -297,24 +304,24 @@ def exact_modal(packed, forces, period, position, n_steps, coefficients, load, s
     status = COMPLETED
     for block in range(forces.shape[1]):
         z_z, z_v, z_0, z_1 = (
-            at(coefficients, (0, block)), at(coefficients, (1, block)), at(coefficients, (2, block)),
-            at(coefficients, (3, block)),
+            load(coefficients, (0, block)), load(coefficients, (1, block)), load(coefficients, (2, block)),
+            load(coefficients, (3, block)),
         )  # fmt: skip
         v_z, v_v, v_0, v_1 = (
-            at(coefficients, (4, block)), at(coefficients, (5, block)), at(coefficients, (6, block)),
-            at(coefficients, (7, block)),
+            load(coefficients, (4, block)), load(coefficients, (5, block)), load(coefficients, (6, block)),
+            load(coefficients, (7, block)),
         )  # fmt: skip
         mobility, rate, square = (
-            at(coefficients, (8, block)), at(coefficients, (9, block)), at(coefficients, (10, block))
+            load(coefficients, (8, block)), load(coefficients, (9, block)), load(coefficients, (10, block))
         )  # fmt: skip
         for column in range(z.shape[0]):
             lanes = _gathered(v, column, block)
-            moved, speed = at(_gathered(z, column, block), 0), at(lanes, 0)
+            moved, speed = load(_gathered(z, column, block), 0), load(lanes, 0)
             place, due, out = position, every - done % every, done // every + 1
-            before = load[column] * at(forces, (place, block))
+            before = load_factor[column] * load(forces, (place, block))
             for count in range(n_steps):
                 place += 1
-                now = load[column] * at(forces, (place, block))
+                now = load_factor[column] * load(forces, (place, block))
                 here = z_z * moved + z_v * speed + (z_0 * before + z_1 * now)
                 speed = v_z * moved + v_v * speed + (v_0 * before + v_1 * now)
                 moved, before = here, now

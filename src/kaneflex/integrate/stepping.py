@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.integrate import banded, dense, matrices, steppers
-from kaneflex.integrate.banded_slices import Chain, chain_of
-from kaneflex.integrate.batch_lanes import Abreast, Systems
-from kaneflex.integrate.coefficient_stream import Feed
+from kaneflex.integrate.banded_slices import BandedSystem, banded_system
+from kaneflex.integrate.batch_lanes import BatchStream, Systems
+from kaneflex.integrate.coefficient_stream import CoefficientStream
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
-from kaneflex.integrate.time_segments import Stretches
+from kaneflex.integrate.time_segments import TimeSegments
 
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""
@@ -69,7 +69,7 @@ class Stored(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """How far the compiled loop came, how it ended, and the nanoseconds a step took in it."""
+    """How far the compiled loop advanced, how it ended, and the nanoseconds a step took in it."""
 
     steps: int
     outcome: Outcome
@@ -82,21 +82,23 @@ class Setup:
 
     coefficients: numbers of the method, of systems in lanes with an axis of LANES more
     scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
+    progress: see :data:`Progress`
     """
 
     system: AffineSystem | Systems
     method: Method
-    feed: Feed | Stretches | Abreast
+    stream: CoefficientStream | TimeSegments | BatchStream
     coefficients: np.ndarray
     scales: tuple[float | np.ndarray, ...]
+    progress: Progress | None = None
 
     @cached_property
-    def chain(self) -> Chain | None:
+    def banded(self) -> BandedSystem | None:
         """What the loop for long chains reads of the system; None where that loop does not take it, or not faster."""
         if self.method.stepper != "newmark" or self.system.n < _LONG or self.system.half_bandwidth > banded.BAND:
             return None
-        chain = chain_of(self.system, *self.coefficients[4:6])
-        return chain if chain.numbers < _FULL * self.system.packed.data.size else None
+        found = banded_system(self.system, *self.coefficients[4:6])
+        return found if found.numbers < _FULL * self.system.packed.data.size else None
 
     @property
     def stages(self) -> Layout:
@@ -108,26 +110,27 @@ class Setup:
         one_after_the_other = state.z.ndim == 2
         if one_after_the_other and self.method.stepper == "newmark" and self.system.n <= LANES:
             return partial(dense.newmark, self.system.packed)
-        if one_after_the_other and self.chain is not None:
+        if one_after_the_other and self.banded is not None:
             own = coefficients is self.coefficients
-            return partial(banded.newmark_chain, self.chain if own else chain_of(self.system, *coefficients[4:6]))
+            system = self.banded if own else banded_system(self.system, *coefficients[4:6])
+            return partial(banded.newmark_banded, system)
         loop = partial(getattr(steppers, self.method.stepper), self.system.packed)
         return partial(loop, self.stages, (1.0,) * self.method.stages) if self.method.stages else loop
 
-    def consistent(self, state: State, load: np.ndarray) -> bool:
+    def consistent(self, state: State, load_factor: np.ndarray) -> bool:
         """Fill `state.q` with the true accelerations at the start; False where M is singular there.
 
         They are the method's own, too, if it carries none of its own. A step of no length finds them, of as many
         columns as the method's steps read: no other loop has to be compiled.
         """
-        row, method = self.feed.first_row(), self.method
+        row, method = self.stream.first_row(), self.method
         if method.lanes:
             every_lane = row if row.ndim == 2 else row[:, None]
             scalars = np.array(np.broadcast_to(every_lane, (len(method.nodes), len(row), LANES)), order="C")
         else:
-            scalars = self.feed.read(np.array((row, row)))
+            scalars = self.stream.read(np.array((row, row)))
         still = method.still(self.coefficients)
-        rest = (still, load, state, 0, 1, np.inf, Stored.of(state, 2))
+        rest = (still, load_factor, state, 0, 1, np.inf, Stored.of(state, 2))
         _, status = self.loop(state, still)(scalars, 1, 0, 1, *rest)
         return status != matrices.SINGULAR
 
@@ -141,12 +144,12 @@ class Setup:
 
 
 def advance(
-    setup: Setup, state: State, load: np.ndarray, n_steps: int, every: int, stored: Stored, bounded: bool,
-    progress: Progress | None, begin: int = 0,
+    setup: Setup, state: State, load_factor: np.ndarray, n_steps: int, every: int, stored: Stored, bounded: bool,
+    begin: int = 0,
 ) -> Advance:  # fmt: skip
     """Take `n_steps` steps after step `begin` with all columns of `state`, in place; store the first one in `stored`.
 
-    load: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
+    load_factor: shape (columns,), factor on F. bounded: stop where z is beyond what the forces could cause on free
     masses; else only where its square is no longer a number.
     """
     loop = setup.loop(state, setup.coefficients)
@@ -155,10 +158,10 @@ def advance(
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
     end = begin + n_steps
     while done < end and outcome is Outcome.COMPLETED:
-        scalars, period, position, steps = setup.feed.piece(done, min(most, end - done))
+        scalars, period, position, steps = setup.stream.piece(done, min(most, end - done))
         limit = bound.square(scalars) if bound else _LARGEST**2
         at = (scalars, period, position)
-        rest = (setup.coefficients, load, state, done, every, limit, stored)
+        rest = (setup.coefficients, load_factor, state, done, every, limit, stored)
         if done == begin:
             loop(*at, 0, *rest)  # compiles, outside the clock
         started = time.perf_counter()
@@ -166,8 +169,8 @@ def advance(
         spent += time.perf_counter() - started
         done += taken
         outcome = _OUTCOMES[status]
-        if progress:
-            progress((done - begin) / n_steps)
+        if setup.progress:
+            setup.progress((done - begin) / n_steps)
     return Advance(done, outcome, 1e9 * spent / max(done - begin, 1))
 
 
@@ -180,7 +183,7 @@ class _Bound:
 
     def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
         self._setup = setup
-        self._duration = n_steps * setup.feed.step
+        self._duration = n_steps * setup.stream.step
         self._free = np.abs(state.z).max(axis=(0, 1)) + self._duration * np.abs(state.v).max(axis=(0, 1))
         self._acceleration = 0.0
         self._seen: np.ndarray | None = None

@@ -1,4 +1,4 @@
-"""Tables of the motion laid out in lanes: for steps that follow one another, and for stretches of a cycle."""
+"""Tables of the motion laid out in lanes: for steps that follow one another, and for segments of a cycle."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def one_after_the_other(rows: np.ndarray, nodes: int) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
-    """A cycle cut into stretches of time that are integrated side by side, one in each lane: their feed.
+class TimeSegments:
+    """A cycle cut into segments of time that are integrated side by side, one in each lane: their stream.
 
-    The first `longer` stretches have one step more than the others.
+    The first `longer` segments have one step more than the others.
 
     rows: shape (period_steps * nodes + 1, n_scalars), of the whole cycle
     """
@@ -45,7 +45,7 @@ class Stretches:
 
     @property
     def least(self) -> int:
-        """Steps of a shorter stretch."""
+        """Steps of a shorter segment."""
         return self.period_steps // LANES
 
     @property
@@ -54,12 +54,12 @@ class Stretches:
 
     @property
     def most(self) -> int:
-        """Steps of a longer stretch, if there is one; a shorter one then has a step beyond its end."""
+        """Steps of a longer segment, if there is one; a shorter one then has a step beyond its end."""
         return self.least + (self.longer > 0)
 
     @cached_property
     def counts(self) -> np.ndarray:
-        """Steps of each stretch, shape (LANES,)."""
+        """Steps of each segment, shape (LANES,)."""
         return self.least + (np.arange(LANES) < self.longer)
 
     @cached_property
@@ -69,22 +69,22 @@ class Stretches:
 
     @cached_property
     def scalars(self) -> np.ndarray:
-        """The table of all stretches, shape (most * nodes, n_scalars, LANES)."""
+        """The table of all segments, shape (most * nodes, n_scalars, LANES)."""
         steps = np.add.outer(np.arange(self.most), self.starts) % self.period_steps
         return in_lanes(self.rows, self.nodes, steps)
 
     def first_row(self) -> np.ndarray:
-        """Scalars at the start of every stretch, shape (n_scalars, LANES)."""
+        """Scalars at the start of every segment, shape (n_scalars, LANES)."""
         return self.rows[self.nodes * self.starts].T
 
     def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
-        """The table for `n_steps` steps after step `done` of every stretch, as :meth:`Feed.piece`."""
+        """The table for `n_steps` steps after step `done` of every segment, as :meth:`CoefficientStream.piece`."""
         return self.scalars, self.most, done, n_steps
 
     def joined(self, stored: np.ndarray) -> np.ndarray:
-        """Rows of the whole cycle, shape (period_steps, n), from those of its stretches, (most + 1, n, LANES).
+        """Rows of the whole cycle, shape (period_steps, n), from those of its segments, (most + 1, n, LANES).
 
-        All are the ends of steps. What begins a stretch was found by products of the stretches' matrices: its
+        All are the ends of steps. What begins a segment was found by products of the segments' matrices: its
         accelerations, what is left of loads and stiffness, would be those of their rounding.
         """
         ends = np.concatenate([stored[1 : count + 1, :, lane] for lane, count in enumerate(self.counts)])

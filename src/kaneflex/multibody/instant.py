@@ -72,6 +72,7 @@ def saddle(M, G, n, m, out):
             out[j, n + i] = -G[i, j]
 
 
+# Compiled: the module's kernels, then the state, an array each, as the kernels themselves take them.
 @njit(cache=True, **OPTIONS)
 def settle(equations, constraints, p, t, q, v, a, multipliers, passes, drift):
     """Project q and v onto the constraints (least change by mass), then accelerations and multipliers there.

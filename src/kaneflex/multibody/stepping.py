@@ -61,6 +61,8 @@ _DEFECTS = np.array([[1.0, -1.0 - _BEYOND, _BEYOND, 0.0], [0.0, _BEYOND, -1.0 - 
 """Of a at a step's start, its stages and its end: by what start and end differ from the line through the stages."""
 
 
+# Compiled in one piece: a step works on some twenty arrays that are made once a run. A function for a part of it would
+# take nearly all of them, and numba hands over seven words an array.
 @njit(cache=True, **OPTIONS)
 @_made_of_parts
 def integrate(

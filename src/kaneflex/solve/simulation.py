@@ -19,7 +19,7 @@ from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError, ValidityWarning
 
 if TYPE_CHECKING:
-    from kaneflex.integrate.batch import Run
+    from kaneflex.integrate.run import Run
     from kaneflex.solve.coupled_state import State
 
 Progress = Callable[[float], None]
@@ -146,16 +146,16 @@ def _completed(times: np.ndarray, z: np.ndarray, v: np.ndarray, a: np.ndarray, n
 def _integrated(model: Model, progress: Progress | None) -> Trajectory:
     from kaneflex.integrate.run import integrate
 
-    return integrate(**vars(run_of(model)), progress=progress)
+    return integrate(run_of(model), progress)
 
 
 def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
     """What :func:`simulate` gives of each model, to rounding, their equations integrated side by side.
 
     None stands for a model that is to be simulated by itself: nothing of it is integrated in lanes, or its run does not
-    complete. See :func:`kaneflex.integrate.batch.integrate_together`.
+    complete. See :func:`kaneflex.integrate.batch.integrate_batch`.
     """
-    from kaneflex.integrate.batch import integrate_together
+    from kaneflex.integrate.batch import integrate_batch
 
     found: list[Solution | None] = [None] * len(models)
     started = time.perf_counter()
@@ -164,7 +164,7 @@ def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
         if _METHODS.get(model.options.dynamics) is _integrated:
             with suppress(SceneError):  # simulate raises it, too
                 runs[k] = run_of(model)
-    trajectories = integrate_together(list(runs.values()))
+    trajectories = integrate_batch(list(runs.values()))
     seconds = (time.perf_counter() - started) / max(len(runs), 1)
     for k, trajectory in zip(runs, trajectories, strict=True):
         if trajectory is not None:
@@ -180,7 +180,7 @@ def run_of(model: Model) -> Run:
     SceneError
         If a periodic start is asked for and the motion or a load does not repeat itself.
     """
-    from kaneflex.integrate.batch import Run
+    from kaneflex.integrate.run import Run
 
     options = model.options
     start: object = options.start

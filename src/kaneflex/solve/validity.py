@@ -215,7 +215,7 @@ def _in_half_steps(solution: Solution) -> Solution:
     model = solution.model
     halved = replace(model, options=replace(model.options, steps=2 * model.options.steps))
     try:
-        found = integrate(**vars(replace(run_of(halved), every=2 * storing(model))))
+        found = integrate(replace(run_of(halved), every=2 * storing(model)))
     except UserError:
         return solution
     return replace(solution, trajectory=found) if found.outcome is Outcome.COMPLETED else solution
