@@ -16,10 +16,11 @@ import time
 from pathlib import Path
 
 from kaneflex.scene import Scene, read_scene, with_settings
-from kaneflex.study.trade.candidates import Candidate, ladder, neutral, neutral_settings
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import differences, worst
+from kaneflex.study.runs import Runs
+from kaneflex.study.trade.candidates import ladder, neutral, neutral_settings
 from kaneflex.study.trade.choice import choose
-from kaneflex.study.trade.cost import timed_in_turns, timed_run
-from kaneflex.study.trade.errors import differences, worst
 from kaneflex.study.trade.record import Choice
 from kaneflex.study.trade.reference import find_reference
 from kaneflex.support.atomic_output import write_text
@@ -88,22 +89,23 @@ def _beside_brute_force(
     case: str, scene: Scene, sensors: tuple[str, ...], choices: dict[float, Choice]
 ) -> dict[float, str]:
     basis = neutral(scene)
-    reference = find_reference(basis, sensors, min(choices))
+    runs = Runs(basis)
+    reference = find_reference(runs, sensors, min(choices))
     laid = len(neutral_settings(scene))
-    chosen = {tolerance: Candidate(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
+    chosen = {tolerance: Variant(found.model, tuple(found.settings[laid:])) for tolerance, found in choices.items()}
     until = time.perf_counter() + SECONDS / 2
-    errors, scenes, unseen = {}, {}, {}
+    errors, unseen = {}, {}
     for candidate in dict.fromkeys((*chosen.values(), *ladder(basis))):
         if time.perf_counter() > until and candidate not in chosen.values():
             print(f"  no time for {candidate.name}", file=sys.stderr)
             continue
         try:
-            curves, _ = timed_run(candidate.of(basis))
+            curves = runs.run(candidate).curves
         except SceneError:
             continue
         errors[candidate] = differences(basis, sensors, candidate.name, curves, reference.curves, reference.period)
-        scenes[candidate], unseen[candidate] = candidate.of(basis), curves.unseen
-    repeats = timed_in_turns(scenes, time.perf_counter() + SECONDS / 2, lambda stage: None)
+        unseen[candidate] = curves.unseen
+    repeats = runs.repeats(list(errors), time.perf_counter() + SECONDS / 2)
     total = {each: sorted(timing.total for timing in found)[len(found) // 2] for each, found in repeats.items()}
     rows = {}
     for tolerance, candidate in chosen.items():

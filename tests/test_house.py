@@ -99,7 +99,7 @@ def test_a_run_pays_for_nothing_that_it_does_not_need(tmp_path):
     """A run of the engine, results written, leaves out what other scenes, commands and files need."""
     scipy = [f"scipy.{name}" for name in ("optimize", "special", "stats", "sparse.csgraph", "sparse.linalg")]
     others = ("pandas", "dask", "distributed", "zarr", "exudyn")
-    others += ("kaneflex.multibody.stepping", "kaneflex.plots", "kaneflex.study.plan", "kaneflex.study.run")
+    others += ("kaneflex.multibody.stepping", "kaneflex.plots", "kaneflex.study.plan", "kaneflex.study.records")
     code = f"""
 import sys
 from kaneflex.cli import main

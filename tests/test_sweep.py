@@ -15,7 +15,7 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.points import points_of
-from kaneflex.study.run import Record, solve_points
+from kaneflex.study.records import Record, solve_points
 from kaneflex.study.study import Study
 from kaneflex.study.sweep import Progress, in_this_process, sweep
 from kaneflex.support.errors import OutputError, SceneError
@@ -131,7 +131,7 @@ def test_an_unexpected_error_is_recorded_too(tmp_path, monkeypatch):
     def broken(model):
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr("kaneflex.solve.simulation.solve", broken)
+    monkeypatch.setattr("kaneflex.solve.variants.solve", broken)
     record = next(solve_points(plan_of(tmp_path), [0]))
     assert (record.outcome, record.reason) == ("failed", "ZeroDivisionError: of all things")
 

@@ -10,7 +10,7 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate, simulate_together
 from kaneflex.study.plan import Plan, make_plan
-from kaneflex.study.run import Record, solve_points
+from kaneflex.study.records import Record, solve_points
 
 STUDY = """
 scene = "engine"
@@ -111,7 +111,7 @@ def test_what_breaks_the_lanes_is_left_to_each_point_by_itself(solved, monkeypat
     def broken(models):
         raise MemoryError
 
-    monkeypatch.setattr("kaneflex.solve.simulation.simulate_together", broken)
+    monkeypatch.setattr("kaneflex.solve.variants.simulate_together", broken)
     for record in solve_points(plan, range(2)):
         for name, statistics in record.statistics.items():
             assert statistics == pytest.approx(whole[record.point].statistics[name], rel=1e-6, abs=1e-12)

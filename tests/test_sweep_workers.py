@@ -17,7 +17,7 @@ from kaneflex.study import chunks, processes
 from kaneflex.study.chunks import DIED, Lost, Queue, first_of_each_kind, in_chunks
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.processes import Processes, in_processes
-from kaneflex.study.run import Record
+from kaneflex.study.records import Record
 from kaneflex.study.sweep import sweep
 
 STUDY = """

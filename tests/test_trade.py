@@ -9,9 +9,11 @@ from command_line import cli, refused
 
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.curves import Curves
-from kaneflex.study.trade.candidates import Candidate, ladder, neutral, neutral_settings, terms_of
-from kaneflex.study.trade.cost import Timing, cost
-from kaneflex.study.trade.errors import differences
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import differences
+from kaneflex.study.runs import Runs, Timing
+from kaneflex.study.trade.candidates import ladder, neutral, neutral_settings, terms_of
+from kaneflex.study.trade.cost import cost
 from kaneflex.study.trade.ranking import Trade, trade
 from kaneflex.study.trade.reference import _coupled_levels, find_reference
 from kaneflex.support.errors import SceneError
@@ -23,7 +25,7 @@ TRIED = (
 BEARING = "main_bearing_force_x"
 
 
-def tried(scene, *names) -> list[Candidate]:
+def tried(scene, *names) -> list[Variant]:
     by_name = {candidate.name: candidate for candidate in ladder(neutral(scene))}
     return [by_name[name] for name in names]
 
@@ -100,16 +102,16 @@ def test_preset_coupled_is_refined_by_modes_with_the_elements_to_carry_them():
     """The crank of two elements has three fixed-interface modes and no more."""
     levels = _coupled_levels(neutral(read_scene("engine-elastic-crank")))
     expected = ((3, "1e-08"), (5, "1e-09"), (7, "1e-09"))
-    assert [name for name, _ in levels] == [f"coupled, {n} modes a link, tolerance {t}" for n, t in expected]
-    elements = [[s.rpartition("=")[2] for s in settings if s.startswith("bodies.crank")] for _, settings in levels]
+    assert [level.name for level in levels] == [f"coupled, {n} modes a link, tolerance {t}" for n, t in expected]
+    elements = [[s.rpartition("=")[2] for s in each.settings if s.startswith("bodies.crank")] for each in levels]
     assert elements == [[], ["5"], ["8"]]
 
 
 def test_a_reference_that_does_not_converge_is_refused():
     """The slider-crank's rod rings in tension, undamped: its peaks depend on the steps."""
-    scene = neutral(read_scene("slider-crank-150"))
+    runs = Runs(neutral(read_scene("slider-crank-150")))
     with pytest.raises(SceneError, match=r"still changes rod_force by .* against it. (Ask .* refine|Refine)"):
-        find_reference(scene, ["mid_transverse", "rod_force"], 1e-4)
+        find_reference(runs, ["mid_transverse", "rod_force"], 1e-4)
 
 
 def test_errors_are_taken_at_the_instants_of_both_over_the_models_last_cycle():

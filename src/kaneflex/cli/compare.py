@@ -11,7 +11,8 @@ from kaneflex.cli.scene import SceneArguments, Target, gathered
 from kaneflex.support.output_folders import file_stem
 
 if TYPE_CHECKING:
-    from kaneflex.study.comparison import Comparison, Difference
+    from kaneflex.study.comparison import Comparison
+    from kaneflex.study.differences import Difference
 
 
 @click.command()

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from kaneflex.scene import Scene
-from kaneflex.study.comparison import Difference
+from kaneflex.study.differences import Difference
 from kaneflex.study.trade.ranking import Ranked, Trade, trade
 from kaneflex.study.trade.terms import Effect, Terms, terms
 from kaneflex.support.output_folders import whole_folder, writing
@@ -95,7 +95,7 @@ def as_data(found: Trade, settings: Sequence[str]) -> dict[str, object]:
         "tolerance": found.tolerance,
         "reference": {
             "name": reference.name,
-            "settings": list(reference.settings),
+            "settings": list(reference.model.settings),
             "refinement": dict(reference.refinement),
             "coupling": dict(reference.coupling),
             "note": reference.note,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from kaneflex.cli.scene import Target
 from kaneflex.scene import with_settings
 from kaneflex.solve.curves import FINE_ENOUGH, Resolution
-from kaneflex.study.comparison import Difference
+from kaneflex.study.differences import Difference
 from kaneflex.support.output_folders import whole_folder, writing
 from kaneflex.support.terminal import Waiting
 

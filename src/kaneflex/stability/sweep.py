@@ -10,8 +10,8 @@ import numpy as np
 
 from kaneflex.multibody.model import Model
 from kaneflex.response.campbell import FEW_INSTANTS, freeze
-from kaneflex.scene import Scene, with_settings
-from kaneflex.solve.loading import load
+from kaneflex.scene import Scene
+from kaneflex.solve.variants import Variants
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers
 from kaneflex.support.errors import SceneError
 
@@ -123,15 +123,10 @@ def sweep(
     SceneError
         If the first drive has no constant speed, or the scene can't be judged at one of them.
     """
-    drive = check_sweep(scene)
-
-    def loaded(speed: float, like: Model | None = None) -> Model:
-        return load(with_settings(scene, [f"drives.{drive}.speed={float(speed)!r}"]), like=like)
-
-    first = loaded(speeds[0])
+    drive, variants = check_sweep(scene), Variants(scene)
 
     def at(speed: float) -> tuple[Model, Multipliers]:
-        model = loaded(speed, first)
+        model = variants.load([f"drives.{drive}.speed={float(speed)!r}"])
         return model, floquet_multipliers(model)
 
     found: dict[float, tuple[Multipliers, np.ndarray]] = {}

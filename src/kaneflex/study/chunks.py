@@ -8,7 +8,7 @@ from typing import Protocol
 
 from kaneflex.study.plan import Plan, names_file
 from kaneflex.study.points import Point
-from kaneflex.study.run import FAILED, Record, solve_points
+from kaneflex.study.records import FAILED, Record, solve_points
 from kaneflex.study.study import number_and_unit
 
 SECONDS = 1.0

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import entry_points
@@ -13,55 +12,21 @@ import numpy as np
 
 from kaneflex.scene.parts import PRESETS
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
-from kaneflex.support.errors import SceneError, StoppedEarly, nearest
+from kaneflex.study.differences import Difference, difference
+from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.labelled import Labelled
 
 if TYPE_CHECKING:
     import xarray
 
     from kaneflex.scene import Scene
-    from kaneflex.solve.solution import Solution
+    from kaneflex.solve.loading import Progress
 
 PRESETS_COMPARED = ("linear", "stiffened", "coupled")
 """From the plainest to the most complete: the last is what the others are measured against."""
 PEERS = "kaneflex.peers"
 """Entry points by which other programs that scenes can be built in are plugged in: name -> module with ``check(scene)``
 and ``solve(scene, resolution, progress) -> Curves``."""
-Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Difference:
-    """One sensor of one model beside the reference, in SI.
-
-    Attributes
-    ----------
-    sensor, model, unit : str
-    peak, reference_peak : float
-        Largest absolute values of the two.
-    peak_difference : float
-        Largest absolute difference at any instant.
-    rms_difference : float
-        Root of the mean square of the difference over time, by the trapezoidal rule.
-    """
-
-    sensor: str
-    model: str
-    unit: str
-    peak: float
-    reference_peak: float
-    peak_difference: float
-    rms_difference: float
-
-    @property
-    def peak_share(self) -> float | None:
-        """The largest difference as a share of the reference's peak; None where that is zero."""
-        return self.peak_difference / self.reference_peak if self.reference_peak else None
-
-    @property
-    def rms_share(self) -> float | None:
-        """The rms difference as a share of the reference's peak; None where that is zero."""
-        return self.rms_difference / self.reference_peak if self.reference_peak else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +67,8 @@ class Comparison:
 
     def _difference(self, sensor: str, model: str) -> Difference:
         ours, reference = self.curves[model].values[sensor], self.curves[self.against].values[sensor]
-        gap, t = ours - reference, self.times
-        mean_square = np.trapezoid(gap**2, t) / (t[-1] - t[0])
-        peaks = (float(abs(part).max()) for part in (ours, reference, gap))
-        return Difference(sensor, model, self.scene.sensors[sensor].unit, *peaks, math.sqrt(mean_square))
+        unit, peak = self.scene.sensors[sensor].unit, float(abs(reference).max())
+        return difference(sensor, model, unit, self.times, ours, reference, peak)
 
     @cached_property
     def labelled(self) -> Labelled:
@@ -171,6 +134,9 @@ def compare(
         For a preset that does not exist, a scene without sensors or that the other program can't build, a reference
         that did not run, or where fewer than two ran.
     """
+    from kaneflex.solve.variants import Variant
+    from kaneflex.study.runs import Runs
+
     if presets is None:
         presets = PRESETS_COMPARED if peer is None else (scene.solve.preset,)
     check_request(scene, presets, against, () if peer is None else (peer,))
@@ -179,9 +145,10 @@ def compare(
         program.check(scene)
     found: dict[str, Curves] = {}
     left_out: dict[str, str] = {}
+    runs = Runs(scene, progress)
     for preset in presets:
         try:
-            found[preset] = _run(scene, preset, progress)
+            found[preset] = runs.run(Variant(preset, (f"solve.preset={preset}",)), judged=True).curves
         except SceneError as error:
             left_out[preset] = str(error)
     if program is not None:
@@ -208,27 +175,6 @@ def check_request(scene: Scene, presets: Sequence[str], against: str | None, oth
         raise SceneError("--against", against, "not among the models compared", nearest(against, asked))
     if not scene.sensors:
         raise SceneError("sensors", None, "the scene has none: there is nothing to compare", "Give it a sensor")
-
-
-def _run(scene: Scene, preset: str, progress: Progress) -> Curves:
-    from kaneflex.scene import with_settings
-    from kaneflex.solve.loading import load
-    from kaneflex.solve.simulation import solve
-
-    model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
-    progress(f"solving, preset {preset}")
-    solution = solve(model)
-    return replace(curves_of(solution), notes=solution.warnings)
-
-
-def curves_of(solution: Solution) -> Curves:
-    """What a run says of its scene's sensors. Raises StoppedEarly, a SceneError, where it did."""
-    model = solution.model
-    if solution.outcome.name != "COMPLETED":
-        cure = "Compare the others, or shorten solve.duration"
-        raise StoppedEarly("solve.preset", model.options.preset, solution.message.rstrip("."), cure)
-    values = {name: solution.series[name].values for name in model.scene.sensors}
-    return Curves(solution.times, values, {}, tuple(model.warnings), solution.seconds)
 
 
 def side_by_side(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import STATISTICS, Record
+from kaneflex.study.records import STATISTICS, Record
 from kaneflex.study.store import Store
 from kaneflex.study.study import Value, number_and_unit
 from kaneflex.support.labelled import Labelled

@@ -56,16 +56,17 @@ class Plan:
 
     def at(self, index: int) -> Scene:
         """The scene at a point. Raises SceneError for values that the scene can't have."""
-        return with_settings(self.scene, [setting(path, value) for path, value in self.points[index].items()])
+        return with_settings(self.scene, self.settings(index))
+
+    def settings(self, index: int) -> list[str]:
+        """What makes the scene that of a point, as path=value."""
+        return [setting(path, value) for path, value in self.points[index].items()]
 
     @cached_property
     def digest(self) -> str:
-        """Sixteen hexadecimal digits of all that the results depend on, kaneflex's own sources included."""
-        contents = {path: hashlib.sha256(data).hexdigest() for path, data in self.files.items()}
-        about = [sources_digest(), self.scene.raw, list(self.points.values()), self.series, contents]
-        if self.sensitivities:
-            about += [self.sensitivities, self.frozen]
-        return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
+        """Of all that the results depend on."""
+        kept = (self.series, self.sensitivities, self.frozen)
+        return digest(self.scene, self.files, list(self.points.values()), kept)
 
 
 def make_plan(path: Path) -> Plan:
@@ -90,6 +91,13 @@ def make_plan(path: Path) -> Plan:
             raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
     kept = (study.series, _files(scene, points), study.sensitivities, study.basis == "frozen")
     return Plan(scene, dict(enumerate(points)), *kept)
+
+
+def digest(scene: Scene, files: Mapping[str, bytes], *more: object) -> str:
+    """Sixteen hexadecimal digits of a scene, the files that it names, kaneflex's own sources, and what else counts."""
+    contents = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
+    about = [sources_digest(), scene.raw, contents, *more]
+    return hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
 def setting(path: str, value: Value) -> str:

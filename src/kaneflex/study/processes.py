@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import Record, solve_chunk
+from kaneflex.study.records import Record, solve_chunk
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1 for workers, unless they are set already: there is a process for each core."""

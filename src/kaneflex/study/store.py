@@ -14,7 +14,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import Record
+from kaneflex.study.records import Record
 from kaneflex.support.atomic_output import write_text
 from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import writing

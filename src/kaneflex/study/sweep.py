@@ -11,7 +11,7 @@ from pathlib import Path
 
 from kaneflex.study.dataset import write_netcdf
 from kaneflex.study.plan import Plan
-from kaneflex.study.run import COMPLETED, Record, solve_points
+from kaneflex.study.records import COMPLETED, Record, solve_points
 from kaneflex.study.store import RESULT_FILES, Store, alone, open_store
 from kaneflex.study.zarr_store import demand_zarr, write_zarr
 from kaneflex.support.output_folders import writing

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from kaneflex.scene import Scene
-from kaneflex.study.plan import file_places
+from kaneflex.solve.loading import Progress
+from kaneflex.study.plan import digest, file_places
 from kaneflex.study.trade.choice import choose
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.study.trade.record import Choice
-from kaneflex.support.module_cache import cache_folder, keep, sources_digest
-
-Progress = Callable[[str], None]
+from kaneflex.support.module_cache import cache_folder, keep
 
 
 def remembered_choice(
@@ -42,7 +39,6 @@ def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str]) -> Path:
 
     That is every entry of the scene, the contents of its tables, the sensors, the tolerance and kaneflex's own sources.
     """
-    tables = {place: hashlib.sha256(Path(file).read_bytes()).hexdigest() for place, file in file_places(scene).items()}
-    about = [sources_digest(), scene.raw, tables, sorted(sensors), tolerance]
-    digest = hashlib.sha256(json.dumps(about, sort_keys=True, default=str).encode()).hexdigest()[:16]
-    return cache_folder() / "choices" / f"{scene.structure_hash()}-{digest}.json"
+    files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
+    about = digest(scene, files, sorted(sensors), tolerance)
+    return cache_folder() / "choices" / f"{scene.structure_hash()}-{about}.json"

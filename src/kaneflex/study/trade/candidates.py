@@ -1,14 +1,14 @@
-"""The models of a scene that are tried: each is a list of settings over the scene."""
+"""The models of a scene that are tried."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_options
 from kaneflex.scene.parts import TERM_NAMES
+from kaneflex.solve.variants import Variant
 
 _ONE_WAY = ("quasistatic", "linear", "stiffened")
 _ELEMENTS = (1, 2, 4)
@@ -21,18 +21,6 @@ _CHOICES = ("integrator", "modes", "reduction", "terms")
 """Entries of the scene's ``solve`` that choose among models: candidates make these choices anew, as the preset's."""
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A model: its name, and its settings of the form path=value over the neutral scene."""
-
-    name: str
-    settings: tuple[str, ...]
-
-    def of(self, neutral: Scene) -> Scene:
-        """The scene by this model."""
-        return with_settings(neutral, list(self.settings))
-
-
 def neutral_settings(scene: Scene) -> tuple[str, ...]:
     """Settings that take the scene's own choice of a model away. How it starts and how long it runs is none."""
     return tuple(f"solve.{key}=none" for key in _CHOICES if key in scene.raw.get("solve", {}))
@@ -41,6 +29,16 @@ def neutral_settings(scene: Scene) -> tuple[str, ...]:
 def neutral(scene: Scene) -> Scene:
     """The scene with its ``neutral_settings`` and preset ``stiffened`` laid over it."""
     return with_settings(scene, [*neutral_settings(scene), "solve.preset=stiffened"])
+
+
+COUPLED = Variant("coupled", ("solve.preset=coupled",))
+STIFFENED = Variant("stiffened", ("solve.preset=stiffened",))
+
+
+def repeated_cycle(scene: Scene) -> float | None:
+    """The cycle [s] that runs of the scene repeat; None of those that don't repeat themselves."""
+    options = resolve_options(scene)
+    return scene.period if options.cycles and options.start == "periodic" else None
 
 
 def elements_of(scene: Scene) -> dict[str, int]:
@@ -59,26 +57,26 @@ def terms_of(scene: Scene, dynamics: str) -> tuple[str, ...]:
     return tuple(name for name in own if name != "damping" or scene.damping is not None)
 
 
-def ladder(scene: Scene) -> tuple[Candidate, ...]:
+def ladder(scene: Scene) -> tuple[Variant, ...]:
     """Candidates for a neutral scene: the presets first, then fewer elements, modes and steps, integrators, terms."""
     return tuple(dict.fromkeys((*_presets(scene), *_coarser(scene), *_integrators(scene), *_without_terms(scene))))
 
 
-def _presets(scene: Scene) -> Iterator[Candidate]:
+def _presets(scene: Scene) -> Iterator[Variant]:
     for preset in _ONE_WAY if scene.is_frame else ("rigid", *_ONE_WAY):
-        yield Candidate(preset, (f"solve.preset={preset}",))
+        yield Variant(preset, (f"solve.preset={preset}",))
     period = scene.period if scene.solve.duration is None else None
     cycles = None if period is None else max(1, math.ceil(PAPER_DURATION / period - 1e-9))
     whole = () if period is None else (f"solve.duration={cycles * period!r}",)
-    yield Candidate("paper", ("solve.preset=paper", *whole))
-    yield Candidate("coupled", ("solve.preset=coupled",))
+    yield Variant("paper", ("solve.preset=paper", *whole))
+    yield COUPLED
     for loose in _LOOSE:
         if loose > scene.solve.tolerance:
             settings = ("solve.preset=coupled", f"solve.tolerance={loose!r}")
-            yield Candidate(f"coupled, tolerance {loose:.0e}", settings)
+            yield Variant(f"coupled, tolerance {loose:.0e}", settings)
 
 
-def _coarser(scene: Scene) -> Iterator[Candidate]:
+def _coarser(scene: Scene) -> Iterator[Variant]:
     own = set(elements_of(scene).values())
     steps = resolve_options(scene).steps
     for preset in ("quasistatic", "stiffened"):
@@ -88,23 +86,23 @@ def _coarser(scene: Scene) -> Iterator[Candidate]:
             kinds |= {f"{preset}, {n} modes": (f"solve.modes={n}",) for n in _MODES}
         for name, settings in kinds.items():
             if settings:
-                yield Candidate(name, (f"solve.preset={preset}", *settings))
+                yield Variant(name, (f"solve.preset={preset}", *settings))
             for part in _COARSER:
                 fewer = max(1, steps // part)
                 coarse = (f"solve.preset={preset}", *settings, f"solve.steps={fewer}")
-                yield Candidate(f"{name}, {_count(fewer, 'step')}", coarse)
+                yield Variant(f"{name}, {_count(fewer, 'step')}", coarse)
 
 
-def _integrators(scene: Scene) -> Iterator[Candidate]:
+def _integrators(scene: Scene) -> Iterator[Variant]:
     for integrator in ("newmark", "generalised-alpha"):
-        yield Candidate(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
+        yield Variant(f"stiffened, {integrator}", ("solve.preset=stiffened", f"solve.integrator={integrator}"))
 
 
-def _without_terms(scene: Scene) -> Iterator[Candidate]:
+def _without_terms(scene: Scene) -> Iterator[Variant]:
     for preset, dynamics in (("quasistatic", "quasistatic"), ("stiffened", "dynamic")):
         for term in terms_of(scene, dynamics):
             # Stiffened without K_g is preset linear, but for the foreshortening of its displacements.
-            yield Candidate(f"{preset} without {term}", (f"solve.preset={preset}", f"solve.terms.{term}=false"))
+            yield Variant(f"{preset} without {term}", (f"solve.preset={preset}", f"solve.terms.{term}=false"))
 
 
 def _count(number: int, thing: str) -> str:

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
+from kaneflex.solve.loading import Progress
 from kaneflex.solve.quasistatic import LARGEST_DENSE
-from kaneflex.study.comparison import Difference
-from kaneflex.study.trade.candidates import Candidate, elements_of, ladder, neutral, neutral_settings, terms_of
-from kaneflex.study.trade.cost import timed_run
-from kaneflex.study.trade.errors import differences, worst
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.runs import Runs
+from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.indicators import indicators
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError
 
-Progress = Callable[[str], None]
 _DYNAMICS = {"quasistatic": "quasistatic", "stiffened": "dynamic"}
 _FAMILIES = ("rigid", *_DYNAMICS, "coupled")
 """Presets that can be chosen; stiffened without K_g is preset linear, and the paper's is for comparisons."""
@@ -56,8 +56,8 @@ def choose(
     basis = neutral(scene)
     progress("indicators along the rigid motion")
     found = indicators(basis)
-    reference = find_reference(basis, sensors, tolerance, progress)
-    trials = Trials(basis, sensors, tolerance, reference, progress)
+    runs = Runs(basis, progress)
+    trials = Trials(runs, sensors, tolerance, find_reference(runs, sensors, tolerance))
     candidate = cheapest(trials, found)
     candidate, dropped = _without_terms(trials, candidate, found)
     return Choice(
@@ -67,10 +67,10 @@ def choose(
         settings=[*neutral_settings(scene), *candidate.settings],
         dropped=dropped,
         errors={each.sensor: each.peak_share for each in trials.errors[candidate]},
-        reference=reference.name,
-        reference_settings=[*neutral_settings(scene), *reference.settings],
-        reference_note=reference.note,
-        doubt={each.sensor: reference.doubt(each.sensor) for each in trials.errors[candidate]},
+        reference=trials.reference.name,
+        reference_settings=[*neutral_settings(scene), *trials.reference.model.settings],
+        reference_note=trials.reference.note,
+        doubt={each.sensor: trials.reference.doubt(each.sensor) for each in trials.errors[candidate]},
         indicators=found,
         attempts=list(trials.attempts),
         seconds=time.perf_counter() - started,
@@ -80,34 +80,32 @@ def choose(
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Models run against a reference, each once, with a record of what came of it."""
+    """Models held against a reference, with a record of what came of each."""
 
-    scene: Scene
+    runs: Runs
     sensors: tuple[str, ...]
     tolerance: float
     reference: Reference
-    progress: Progress
     attempts: list[Attempt] = field(default_factory=list)
-    errors: dict[Candidate, tuple[Difference, ...]] = field(default_factory=dict)
-    kept: set[Candidate] = field(default_factory=set)
+    errors: dict[Variant, tuple[Difference, ...]] = field(default_factory=dict)
+    kept: set[Variant] = field(default_factory=set)
 
-    def within(self, candidate: Candidate) -> bool:
+    def within(self, candidate: Variant) -> bool:
         """Whether it is within the tolerance, by a run; one that can't be run is not."""
         if candidate not in self.errors:
-            self._run(candidate)
+            self._try(candidate)
         return candidate in self.kept
 
-    def _run(self, candidate: Candidate) -> None:
-        self.progress(f"trying {candidate.name}")
+    def _try(self, candidate: Variant) -> None:
         self.errors[candidate] = ()
         try:
-            curves, _ = timed_run(candidate.of(self.scene))
+            curves = self.runs.run(candidate).curves
         except SceneError as error:
             self.note(candidate.name, str(error))
             return
         reference = self.reference
         found = differences(
-            self.scene, self.sensors, candidate.name, curves, reference.curves, reference.period
+            self.runs.scene, self.sensors, candidate.name, curves, reference.curves, reference.period
         )
         self.errors[candidate] = found
         most, within = worst(found), reference.within(found, self.tolerance, curves.unseen)
@@ -125,36 +123,31 @@ class Trials:
         self.attempts.append(Attempt(model=name, error=None, worst_sensor=None, within=False, reason=reason))
 
 
-def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Candidate:
+def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Variant:
     """The candidate of least expected work that is within the tolerance; the reference itself where none is."""
     work = {}
-    for each in (candidate for candidate in ladder(trials.scene) if _preset(candidate) in _FAMILIES):
+    for each in (candidate for candidate in ladder(trials.runs.scene) if _preset(candidate) in _FAMILIES):
         try:
-            work[each] = expected_work(trials.scene, each)
+            work[each] = expected_work(trials.runs.scene, each)
         except SceneError as error:
             trials.note(each.name, str(error))
     given_up = {preset for preset in _DYNAMICS if _doubtful(trials, preset, found) and _fails(trials, preset, work)}
     for candidate in sorted(work, key=work.__getitem__):
         if not _single_term(candidate) and _preset(candidate) not in given_up and trials.within(candidate):
             return candidate
-    return _reference_itself(trials)
+    trials.within(trials.reference.model)
+    return trials.reference.model
 
 
-def _reference_itself(trials: Trials) -> Candidate:
-    candidate = Candidate(trials.reference.name, trials.reference.settings)
-    trials.within(candidate)
-    return candidate
-
-
-def _preset(candidate: Candidate) -> str:
+def _preset(candidate: Variant) -> str:
     return candidate.settings[0].removeprefix("solve.preset=")
 
 
-def _single_term(candidate: Candidate) -> bool:
+def _single_term(candidate: Variant) -> bool:
     return any(setting.startswith("solve.terms.") for setting in candidate.settings)
 
 
-def _reduced(candidate: Candidate) -> bool:
+def _reduced(candidate: Variant) -> bool:
     return any(setting.startswith("solve.modes=") for setting in candidate.settings)
 
 
@@ -165,13 +158,13 @@ def _fineness(model: Scene) -> tuple[int, int]:
 def _doubtful(trials: Trials, preset: str, found: Mapping[str, float | None]) -> bool:
     inertia = found["dynamics"]
     hopeless = preset == "quasistatic" and (inertia is None or inertia > _HOPELESS * trials.tolerance)
-    return hopeless or trials.reference.settings[0] == "solve.preset=coupled"
+    return hopeless or trials.reference.model.settings[0] == "solve.preset=coupled"
 
 
-def _fails(trials: Trials, preset: str, work: Mapping[Candidate, float]) -> bool:
+def _fails(trials: Trials, preset: str, work: Mapping[Variant, float]) -> bool:
     """Whether the finest model of a preset is out of tolerance: then the coarser ones are not tried."""
     whole = (each for each in work if _preset(each) == preset and not _single_term(each) and not _reduced(each))
-    finest = max(whole, key=lambda each: _fineness(each.of(trials.scene)))
+    finest = max(whole, key=lambda each: _fineness(each.of(trials.runs.scene)))
     if trials.within(finest):
         return False
     trials.note(f"{preset}, coarser", f"{finest.name}, the finest of its preset, is out of tolerance")
@@ -179,26 +172,26 @@ def _fails(trials: Trials, preset: str, work: Mapping[Candidate, float]) -> bool
 
 
 def _without_terms(
-    trials: Trials, candidate: Candidate, found: Mapping[str, float | None]
-) -> tuple[Candidate, list[str]]:
+    trials: Trials, candidate: Variant, found: Mapping[str, float | None]
+) -> tuple[Variant, list[str]]:
     """The candidate without every group of terms that the tolerance can do without, and those groups."""
     dropped: list[str] = []
     dynamics = _DYNAMICS.get(_preset(candidate))
     if dynamics is None:
         return candidate, dropped
-    for term in sorted(terms_of(trials.scene, dynamics), key=lambda name: found.get(name) or 0.0):
+    for term in sorted(terms_of(trials.runs.scene, dynamics), key=lambda name: found.get(name) or 0.0):
         name = f"{candidate.name} without {term}" if not dropped else f"{candidate.name}, {term}"
         if (found.get(term) or 0.0) > _HOPELESS * trials.tolerance:
             trials.note(name, f"the term changes displacements by {100 * found[term]:.2g} %, to first order")
             continue
-        leaner = Candidate(name, (*candidate.settings, f"solve.terms.{term}=false"))
+        leaner = Variant(name, (*candidate.settings, f"solve.terms.{term}=false"))
         if trials.within(leaner):
             candidate = leaner
             dropped.append(term)
     return candidate, dropped
 
 
-def expected_work(scene: Scene, candidate: Candidate) -> float:
+def expected_work(scene: Scene, candidate: Variant) -> float:
     """Wall time of a run [us] as it was on one machine, for an order that is the same everywhere.
 
     Setting up; then by step a dense solve quasi-statically, band matrices dynamically, and reading the sensors, for

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from kaneflex.scene import Scene
 from kaneflex.scene.start import Start
-from kaneflex.solve.curves import Curves
-from kaneflex.study.comparison import Difference
-from kaneflex.study.trade.candidates import Candidate, elements_of, ladder, neutral, neutral_settings
-from kaneflex.study.trade.cost import Cost, Timing, cost, timed_in_turns, timed_run
-from kaneflex.study.trade.errors import differences, worst
+from kaneflex.solve.loading import Progress
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.runs import Run, Runs
+from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings
+from kaneflex.study.trade.cost import Cost, cost
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError, nearest
 
-Progress = Callable[[str], None]
 _FIRST_RUNS = 0.6
 """Share of the budget after which no further candidate is begun: the rest is for repeats."""
 
@@ -27,7 +27,7 @@ _FIRST_RUNS = 0.6
 class Ranked:
     """One candidate: its errors by sensor, its cost, and what comes and goes between two of its steps."""
 
-    candidate: Candidate
+    candidate: Variant
     differences: tuple[Difference, ...]
     cost: Cost
     unseen: tuple[str, ...] = ()
@@ -105,7 +105,7 @@ def trade(
     budget: float = 60.0,
     sensors: Sequence[str] | None = None,
     progress: Progress = lambda stage: None,
-    candidates: Sequence[Candidate] | None = None,
+    candidates: Sequence[Variant] | None = None,
 ) -> Trade:
     """Run a ladder of models on a scene and rank them by error and time.
 
@@ -122,7 +122,7 @@ def trade(
         Those that count; all by default.
     progress : callable
         Called with the name of each stage that can take longer than a moment.
-    candidates : sequence of Candidate, optional
+    candidates : sequence of Variant, optional
         The models to try, by default :func:`kaneflex.study.trade.candidates.ladder`'s.
 
     Raises
@@ -133,22 +133,23 @@ def trade(
     """
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
-    reference = find_reference(basis, sensors, tolerance, progress)
+    runs = Runs(basis, progress)
+    reference = find_reference(runs, sensors, tolerance)
     deadline = time.perf_counter() + budget
     candidates = ladder(basis) if candidates is None else candidates
-    runs, left_out = _first_runs(basis, candidates, time.perf_counter() + _FIRST_RUNS * budget, progress)
-    if not runs:
+    found, left_out = _first_runs(runs, candidates, time.perf_counter() + _FIRST_RUNS * budget)
+    if not found:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise SceneError("--budget", budget, f"no candidate was run ({reasons})", "Give more time")
-    repeats = timed_in_turns({candidate: candidate.of(basis) for candidate in runs}, deadline, progress)
+    repeats = runs.repeats(list(found), deadline)
     ranked = [
         Ranked(
             candidate,
-            differences(basis, sensors, candidate.name, curves, reference.curves, reference.period),
-            cost(first, repeats[candidate]),
-            curves.unseen,
+            differences(basis, sensors, candidate.name, first.curves, reference.curves, reference.period),
+            cost(first.timing, repeats[candidate]),
+            first.curves.unseen,
         )
-        for candidate, (curves, first) in runs.items()
+        for candidate, first in found.items()
     ]
     ranked.sort(key=lambda entry: entry.cost.total)
     return Trade(scene, sensors, tolerance, reference, tuple(ranked), left_out)
@@ -182,16 +183,15 @@ def check_request(scene: Scene, tolerance: float, budget: float, sensors: Sequen
 
 
 def _first_runs(
-    scene: Scene, candidates: Sequence[Candidate], until: float, progress: Progress
-) -> tuple[dict[Candidate, tuple[Curves, Timing]], dict[str, str]]:
-    runs, left_out = {}, {}
+    runs: Runs, candidates: Sequence[Variant], until: float
+) -> tuple[dict[Variant, Run], dict[str, str]]:
+    found, left_out = {}, {}
     for candidate in candidates:
-        if time.perf_counter() > until:
+        if candidate not in runs and time.perf_counter() > until:
             left_out[candidate.name] = "no time left within the budget"
             continue
-        progress(f"running {candidate.name}")
         try:
-            runs[candidate] = timed_run(candidate.of(scene))
+            found[candidate] = runs.run(candidate)
         except SceneError as error:
             left_out[candidate.name] = str(error)
-    return runs, left_out
+    return found, left_out

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from kaneflex.mechanism.floating_frames import modes_of
-from kaneflex.scene import Scene, with_settings
+from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.curves import Curves
-from kaneflex.study.comparison import Difference
-from kaneflex.study.trade.candidates import elements_of
-from kaneflex.study.trade.cost import timed_run
-from kaneflex.study.trade.errors import differences, worst
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.runs import Runs
+from kaneflex.study.trade.candidates import COUPLED, elements_of, repeated_cycle
 from kaneflex.support.errors import SceneError
 
-Progress = Callable[[str], None]
-Levels = list[tuple[str, tuple[str, ...]]]
-"""Names and settings of ever finer models."""
 _FINER = (1, 2, 4)
 """Elements of each link and steps, times the scene's own."""
 _COUPLED_LEVELS = ((1, 0, 1.0), (2, 2, 0.1), (4, 4, 0.1))
@@ -37,10 +34,8 @@ class Reference:
 
     Attributes
     ----------
-    name : str
-        Its preset and how fine it is.
-    settings : tuple of str
-        Over the neutral scene.
+    model : Variant
+        Of the neutral scene.
     curves : Curves
     period : float or None
         Cycle that it repeats [s].
@@ -53,13 +48,17 @@ class Reference:
         What is not known of it: why ``coupled`` can't be run, and what its own run warns of; empty if nothing.
     """
 
-    name: str
-    settings: tuple[str, ...]
+    model: Variant
     curves: Curves
     period: float | None
     refinement: Mapping[str, float]
     coupling: Mapping[str, float]
     note: str = ""
+
+    @property
+    def name(self) -> str:
+        """Its preset and how fine it is."""
+        return self.model.name
 
     def doubt(self, sensor: str) -> float:
         """How far the reference itself may be off, as a share of the sensor's peak."""
@@ -74,9 +73,7 @@ class Reference:
         return bool(found) and close and not unseen
 
 
-def find_reference(
-    scene: Scene, sensors: Sequence[str], tolerance: float, progress: Progress = lambda stage: None
-) -> Reference:
+def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float) -> Reference:
     """Preset ``stiffened``, refined until it stands; ``coupled`` where that changes a sensor by too much.
 
     The change by a refinement is taken at the coarser model's instants. Between them, where the finer one has twice as
@@ -84,8 +81,8 @@ def find_reference(
 
     Parameters
     ----------
-    scene : Scene
-        A neutral one: :func:`kaneflex.study.trade.candidates.neutral`.
+    runs : Runs
+        Of a neutral scene: :func:`kaneflex.study.trade.candidates.neutral`.
     sensors : sequence of str
         Those that count.
     tolerance : float
@@ -98,20 +95,21 @@ def find_reference(
         Where refining still changes a sensor by more than a quarter of the tolerance, or a load comes and goes between
         two steps of the finest model: nothing can be ranked against that.
     """
-    stiffened = _refined(scene, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, progress)
+    scene = runs.scene
+    stiffened = _refined(runs, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH)
     try:
-        progress("solving, preset coupled")
-        coupled, _ = timed_run(with_settings(scene, ["solve.preset=coupled"]))
+        coupled = runs.run(COUPLED).curves
     except SceneError as error:
         unknown = f"preset coupled can't be run: {error}"
         return replace(stiffened, note="; ".join(filter(None, (unknown, stiffened.note))))
     gaps = differences(scene, sensors, "coupled", coupled, stiffened.curves, stiffened.period, between=False)
     if worst(gaps).peak_share <= _KNOWN * tolerance:
         return replace(stiffened, coupling={each.sensor: each.peak_share for each in gaps})
-    return _refined(scene, sensors, tolerance, _coupled_levels(scene), _KNOWN, progress)
+    return _refined(runs, sensors, tolerance, _coupled_levels(scene), _KNOWN)
 
 
-def _stiffened_levels(scene: Scene) -> Levels:
+def _stiffened_levels(scene: Scene) -> list[Variant]:
+    """Ever finer models."""
     steps = resolve_options(scene).steps
     levels = []
     for factor in _FINER:
@@ -119,11 +117,11 @@ def _stiffened_levels(scene: Scene) -> Levels:
         settings = (f"bodies.{name}.beam.elements={count}" for name, count in elements.items())
         counts = ", ".join(map(str, dict.fromkeys(elements.values())))
         name = f"stiffened, {counts} elements, {factor * steps} steps"
-        levels.append((name, ("solve.preset=stiffened", *settings, f"solve.steps={factor * steps}")))
+        levels.append(Variant(name, ("solve.preset=stiffened", *settings, f"solve.steps={factor * steps}")))
     return levels
 
 
-def _coupled_levels(scene: Scene) -> Levels:
+def _coupled_levels(scene: Scene) -> list[Variant]:
     levels = []
     for factor, added, tighter in _COUPLED_LEVELS:
         modes, tolerance = modes_of(scene) + added, tighter * scene.solve.tolerance
@@ -131,26 +129,24 @@ def _coupled_levels(scene: Scene) -> Levels:
         if factor > 1:  # the modes are those of the mesh; one of as many elements as modes has them in any case
             finer = {name: max(factor * count, modes) for name, count in elements_of(scene).items()}
             settings += [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
-        levels.append((f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", tuple(settings)))
+        levels.append(Variant(f"coupled, {modes} modes a link, tolerance {tolerance:.3g}", tuple(settings)))
     return levels
 
 
 def _refined(
-    scene: Scene, sensors: Sequence[str], tolerance: float, levels: Levels, enough: float, progress: Progress
+    runs: Runs, sensors: Sequence[str], tolerance: float, levels: Sequence[Variant], enough: float
 ) -> Reference:
-    options = resolve_options(scene)
-    period = scene.period if options.cycles and options.start == "periodic" else None
+    scene, period = runs.scene, repeated_cycle(runs.scene)
     coarse: Curves | None = None
-    for name, settings in levels:
-        progress(f"the reference: {name}")
-        curves, _ = timed_run(with_settings(scene, list(settings)), judged=True)
+    for model in levels:
+        curves = runs.run(model, judged=True).curves
         if coarse is not None:
             changes = _changes(scene, sensors, coarse, curves, period)
             if max(changes.values()) <= enough * tolerance:
                 break
         coarse = curves
-    _check(scene, name, curves, changes, tolerance)
-    return Reference(name, settings, curves, period, changes, {}, "; ".join(curves.notes))
+    _check(scene, model.name, curves, changes, tolerance)
+    return Reference(model, curves, period, changes, {}, "; ".join(curves.notes))
 
 
 def _changes(

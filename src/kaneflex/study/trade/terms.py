@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from kaneflex.scene import Scene
-from kaneflex.scene.options import resolve_options
-from kaneflex.solve.curves import Curves
-from kaneflex.study.comparison import Difference
-from kaneflex.study.trade.candidates import Candidate, elements_of, neutral, terms_of
-from kaneflex.study.trade.cost import Cost, Timing, cost, timed_in_turns, timed_run
-from kaneflex.study.trade.errors import differences, worst
+from kaneflex.solve.loading import Progress
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.runs import Runs
+from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, repeated_cycle, terms_of
+from kaneflex.study.trade.cost import Cost, cost
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.support.errors import SceneError, StoppedEarly
 
-Progress = Callable[[str], None]
-_FULL = Candidate("stiffened", ("solve.preset=stiffened",))
 _IN_WORDS = {
     "spin": "omega^2", "gyroscopic": "omega", "euler": "epsilon", "geometric": "axial force P",
     "damping": "of the material", "rotary": "inertia of the sections", "shear": "of the sections", "gravity": "weight",
@@ -31,13 +30,13 @@ class Group:
     Attributes
     ----------
     name, meaning : str
-    kept, dropped : Candidate
+    kept, dropped : Variant
     """
 
     name: str
     meaning: str
-    kept: Candidate
-    dropped: Candidate
+    kept: Variant
+    dropped: Variant
 
 
 @dataclass(frozen=True)
@@ -108,25 +107,24 @@ class Terms:
 def groups(scene: Scene) -> tuple[Group, ...]:
     """The groups of a neutral scene: terms, axial deformation, loads, dynamics, two-way coupling."""
 
-    def without(name: str, *settings: str) -> Candidate:
-        return Candidate(f"without {name}", (*_FULL.settings, *settings))
+    def without(name: str, *settings: str) -> Variant:
+        return Variant(f"without {name}", (*STIFFENED.settings, *settings))
 
     found = [
-        Group(term, _IN_WORDS[term], _FULL, without(term, f"solve.terms.{term}=false"))
+        Group(term, _IN_WORDS[term], STIFFENED, without(term, f"solve.terms.{term}=false"))
         for term in terms_of(scene, "dynamic")
     ]
     stretching = [name for name in elements_of(scene) if not scene.bodies[name].beam.axially_rigid]
     if stretching:
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
-        found.append(Group("axial", "stretch of the links", _FULL, without("axial", *rigid)))
+        found.append(Group("axial", "stretch of the links", STIFFENED, without("axial", *rigid)))
     found += [
-        Group(f"load {name}", "all of it", _FULL, without(f"load {name}", f"loads.{name}=none"))
+        Group(f"load {name}", "all of it", STIFFENED, without(f"load {name}", f"loads.{name}=none"))
         for name in scene.loads
     ]
-    still = Candidate("quasistatic", ("solve.preset=quasistatic",))
-    found.append(Group("dynamics", "M z'' and C z', against quasi-statics", _FULL, still))
-    both = Candidate("coupled", ("solve.preset=coupled",))
-    found.append(Group("two-way coupling", "preset coupled, against stiffened", both, _FULL))
+    still = Variant("quasistatic", ("solve.preset=quasistatic",))
+    found.append(Group("dynamics", "M z'' and C z', against quasi-statics", STIFFENED, still))
+    found.append(Group("two-way coupling", "preset coupled, against stiffened", COUPLED, STIFFENED))
     return tuple(found)
 
 
@@ -155,40 +153,32 @@ def terms(
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     chosen = groups(basis) if chosen is None else chosen
-    progress("solving, preset stiffened")
-    runs: dict[Candidate, tuple[Curves, Timing]] = {_FULL: timed_run(_FULL.of(basis))}
-    failed: dict[Candidate, SceneError] = {}
-    models = dict.fromkeys(each for group in chosen for each in (group.kept, group.dropped))
-    for candidate in (each for each in models if each != _FULL):
-        progress(f"running {candidate.name}")
-        try:
-            runs[candidate] = timed_run(candidate.of(basis))
-        except SceneError as error:
-            failed[candidate] = error
-    scenes = {candidate: candidate.of(basis) for candidate in runs}
-    repeats = timed_in_turns(scenes, time.perf_counter() + budget, progress)
-    costs = {candidate: cost(first, repeats[candidate]) for candidate, (_, first) in runs.items()}
+    runs = Runs(basis, progress)
+    runs.run(STIFFENED)
+    for model in (each for group in chosen for each in (group.kept, group.dropped)):
+        with suppress(SceneError):  # it is kept, too
+            runs.run(model)
+    repeats = runs.repeats(list(runs.kept), time.perf_counter() + budget)
+    costs = {model: cost(first.timing, repeats[model]) for model, first in runs.kept.items()}
     effects, left_out = [], {}
     for group in chosen:
-        stopped = failed.get(group.dropped)
+        stopped = runs.failed.get(group.dropped)
         if isinstance(stopped, StoppedEarly):
             effects.append(Effect(group, (), True, None, None, None, str(stopped)))
-        elif group.kept in failed or stopped is not None:
-            left_out[group.name] = str(failed.get(group.kept, stopped))
+        elif group.kept in runs.failed or stopped is not None:
+            left_out[group.name] = str(runs.failed.get(group.kept, stopped))
         else:
-            effects.append(_effect(basis, sensors, tolerance, group, runs, costs))
+            effects.append(_effect(runs, sensors, tolerance, group, costs))
     effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else float("inf")))
-    return Terms(scene, sensors, tolerance, tuple(effects), costs[_FULL], left_out)
+    return Terms(scene, sensors, tolerance, tuple(effects), costs[STIFFENED], left_out)
 
 
 def _effect(
-    scene: Scene, sensors: Sequence[str], tolerance: float, group: Group,
-    runs: Mapping[Candidate, tuple[Curves, Timing]], costs: Mapping[Candidate, Cost],
-) -> Effect:  # fmt: skip
-    options = resolve_options(scene)
-    period = scene.period if options.cycles and options.start == "periodic" else None
+    runs: Runs, sensors: Sequence[str], tolerance: float, group: Group, costs: Mapping[Variant, Cost]
+) -> Effect:
     kept, dropped = costs[group.kept], costs[group.dropped]
-    found = differences(scene, sensors, group.dropped.name, runs[group.dropped][0], runs[group.kept][0], period)
+    curves = (runs.run(model).curves for model in (group.dropped, group.kept))
+    found = differences(runs.scene, sensors, group.dropped.name, *curves, repeated_cycle(runs.scene))
     operations = None
     if kept.operations is not None and dropped.operations is not None:
         operations = kept.operations - dropped.operations

@@ -1,10 +1,11 @@
-"""Points of a sweep: solve them, side by side where they are alike, and what is kept of each."""
+"""Points of a sweep: what is kept of each."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,6 @@ from kaneflex.study.plan import Plan
 from kaneflex.support.errors import UserError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.model import Model
     from kaneflex.solve.solution import Solution
 
 STATISTICS = ("min", "max", "rms", "mean")
@@ -55,10 +55,11 @@ def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
 
     As many as there are lanes are in work at a time. What a record holds does not depend on the points beside it.
     """
-    from kaneflex.integrate.lanes import LANES
+    from kaneflex.solve.variants import Variants
 
-    for first in range(0, len(points), LANES):
-        yield from _solved(plan, points[first : first + LANES])
+    settings = {point: plan.settings(point) for point in points}
+    for point, found in Variants(plan.scene).read(settings, partial(_record, plan)):
+        yield found if isinstance(found, Record) else _failure(point, found)
 
 
 def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
@@ -67,37 +68,10 @@ def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
     return list(solve_points(plan, list(plan.points))), time.perf_counter() - started
 
 
-def _solved(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
-    from kaneflex.solve.loading import load
-    from kaneflex.solve.simulation import simulate_together, solve
-
-    def begin(point: int) -> Model:
-        return load(plan.at(point), like=next(reversed(models.values()), None))
-
-    def finish(point: int, model: Model) -> Record:
-        return _record(plan, point, solutions.get(point) or solve(model))
-
-    models: dict[int, Model] = {}
-    failed: dict[int, Record] = {}
-    for point in points:
-        loaded = _tried(begin, point)
-        (failed if isinstance(loaded, Record) else models)[point] = loaded
-    try:
-        solutions = dict(zip(models, simulate_together(list(models.values())), strict=True))
-    except Exception:  # whatever it is: the point that breaks it says so when it is solved by itself
-        solutions = {}
-    for point in points:
-        yield failed[point] if point in failed else _tried(finish, point, models[point])
-
-
-def _tried(action: Callable[..., Model | Record], point: int, *more: Model) -> Model | Record:
-    """What the action gives of a point, or a record of what went wrong with it."""
-    try:
-        return action(point, *more)
-    except UserError as error:
+def _failure(point: int, error: Exception) -> Record:
+    if isinstance(error, UserError):
         return Record(point, REFUSED, str(error))
-    except Exception as error:  # whatever one point breaks, the others are to be computed
-        return Record(point, FAILED, f"{type(error).__name__}: {error}")
+    return Record(point, FAILED, f"{type(error).__name__}: {error}")
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:

@@ -1,20 +1,66 @@
-"""How far a model's sensors are from a reference's, at the instants of both."""
+"""How far a model's sensors are from a reference's."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.scene import Scene
-from kaneflex.solve.curves import Curves
-from kaneflex.study.comparison import Difference
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
+    from kaneflex.solve.curves import Curves
 
 _NOTHING = 1e-9
 """Share of the largest peak of its unit below which a sensor shows rounding."""
 _CLOSE = 1e-9
 """Share of a run by which the ends of two may differ through rounding."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One sensor of one model beside the reference, in SI.
+
+    Attributes
+    ----------
+    sensor, model, unit : str
+    peak, reference_peak : float
+        Largest absolute values of the two.
+    peak_difference : float
+        Largest absolute difference at any instant.
+    rms_difference : float
+        Root of the mean square of the difference over time, by the trapezoidal rule.
+    """
+
+    sensor: str
+    model: str
+    unit: str
+    peak: float
+    reference_peak: float
+    peak_difference: float
+    rms_difference: float
+
+    @property
+    def peak_share(self) -> float | None:
+        """The largest difference as a share of the reference's peak; None where that is zero."""
+        return self.peak_difference / self.reference_peak if self.reference_peak else None
+
+    @property
+    def rms_share(self) -> float | None:
+        """The rms difference as a share of the reference's peak; None where that is zero."""
+        return self.rms_difference / self.reference_peak if self.reference_peak else None
+
+
+def difference(
+    sensor: str, model: str, unit: str, times: np.ndarray, values: np.ndarray, reference: np.ndarray, peak: float
+) -> Difference:
+    """Of two series over the same instants, (n_times,) each; ``peak`` is the reference's."""
+    gap = values - reference
+    mean_square = np.trapezoid(gap**2, times) / (times[-1] - times[0])
+    own, most = float(abs(values).max()), float(abs(gap).max())
+    return Difference(sensor, model, unit, own, peak, most, math.sqrt(mean_square))
 
 
 def differences(
@@ -46,11 +92,9 @@ def differences(
         unit, peak = scene.sensors[name].unit, float(abs(reference.values[name]).max())
         if peak <= floors[unit]:
             continue
-        y = np.interp(ours, curves.times, curves.values[name])
-        gap = y - np.interp(theirs, reference.times, reference.values[name])
-        mean_square = np.trapezoid(gap**2, ours) / (ours[-1] - ours[0])
-        peaks = (float(abs(y).max()), peak, float(abs(gap).max()))
-        found.append(Difference(name, model, unit, *peaks, math.sqrt(mean_square)))
+        own = np.interp(ours, curves.times, curves.values[name])
+        its = np.interp(theirs, reference.times, reference.values[name])
+        found.append(difference(name, model, unit, ours, own, its, peak))
     return tuple(found)
 
 

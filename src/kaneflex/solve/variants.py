@@ -1,0 +1,83 @@
+"""Many models of one scene: each is the scene with settings over it, loaded like the one before, solved in lanes.
+
+Every study is a question put to these: a sweep reads its points of them, the stability over speeds its models; runs
+whose time counts go one by one, see :mod:`kaneflex.study.runs`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from kaneflex.integrate.lanes import LANES
+from kaneflex.multibody.model import Model
+from kaneflex.scene import Scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate_together, solve
+from kaneflex.solve.solution import Solution
+
+Settings = Sequence[str]
+"""Of the form path=value, laid over a scene."""
+Name = TypeVar("Name", bound=Hashable)
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A model of a scene: its name, and its settings over the scene."""
+
+    name: str
+    settings: tuple[str, ...]
+
+    def of(self, scene: Scene) -> Scene:
+        """The scene by this model."""
+        return with_settings(scene, self.settings)
+
+
+class Variants:
+    """Models of one scene. What one has in common with the one loaded before is taken from that."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._last: Model | None = None
+
+    def load(self, settings: Settings) -> Model:
+        """The model of the scene with these settings; raises what ``load`` and ``with_settings`` raise."""
+        self._last = load(with_settings(self.scene, settings), like=self._last)
+        return self._last
+
+    def read(
+        self, variants: Mapping[Name, Settings], reader: Callable[[Name, Solution], Found]
+    ) -> Iterator[tuple[Name, Found | Exception]]:
+        """What is read of each variant's solution, in their order, or the exception that came instead.
+
+        Those that are alike are integrated side by side, LANES at a time. What is found of one does not depend on the
+        others, whatever goes wrong with them.
+        """
+        names = list(variants)
+        for first in range(0, len(names), LANES):
+            loaded = {name: _tried(self.load, variants[name]) for name in names[first : first + LANES]}
+            models = [model for model in loaded.values() if isinstance(model, Model)]
+            solutions = dict(zip(models, _together(models), strict=True))
+            for name, model in loaded.items():
+                failed = isinstance(model, Exception)
+                yield name, model if failed else _tried(_read, reader, name, model, solutions[model])
+
+
+def _read(reader: Callable[[Name, Solution], Found], name: Name, model: Model, solution: Solution | None) -> Found:
+    return reader(name, solution or solve(model))
+
+
+def _together(models: Sequence[Model]) -> list[Solution | None]:
+    try:
+        return simulate_together(models)
+    except Exception:  # whatever it is: the model that breaks it says so when it is solved by itself
+        return [None] * len(models)
+
+
+def _tried(action: Callable[..., Found], *arguments: object) -> Found | Exception:
+    try:
+        return action(*arguments)
+    except Exception as error:  # whatever one variant breaks, the others are to be computed
+        return error
