@@ -31,9 +31,16 @@ def tried(scene, *names) -> list[Variant]:
 
 
 @pytest.fixture(scope="module")
-def engine() -> Trade:
+def stages() -> list[str]:
+    """What the engine's trade tells of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def engine(stages) -> Trade:
     scene = read_scene("engine")
-    return trade(scene, 0.01, 60.0, [n for n in scene.sensors if n != BEARING], candidates=tried(scene, *TRIED))
+    counting = [n for n in scene.sensors if n != BEARING]
+    return trade(scene, 0.01, 60.0, counting, stages.append, tried(scene, *TRIED))
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +57,12 @@ def test_the_reference_is_known_well_enough_and_coupling_is_not_needed(engine):
     assert found.coupling["crank_pin_force_x"] == pytest.approx(0.00103, abs=0.0001)
     assert found.coupling["mid_axial"] == pytest.approx(0.00094, abs=0.0001)  # its axial modes converge, too
     assert found.doubt("mid_axial") == found.refinement["mid_axial"] + found.coupling["mid_axial"]
+
+
+def test_each_model_is_run_once_before_the_repeats(engine, stages):
+    """That coupled one, too, which has shown the reference that coupling is not needed."""
+    solved = [stage for stage in stages if stage.startswith("solving, ")]
+    assert "solving, coupled" in solved and len(set(solved)) == len(solved) == len(engine.ranked) + 2
 
 
 def test_the_engine_is_answered_quasi_statically_with_the_geometric_stiffness(engine, by_name):

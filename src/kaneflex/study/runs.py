@@ -124,9 +124,6 @@ class Runs:
     kept: dict[Variant, Run] = field(default_factory=dict)
     failed: dict[Variant, SceneError] = field(default_factory=dict)
 
-    def __contains__(self, variant: Variant) -> bool:
-        return variant in self.kept or variant in self.failed
-
     def run(self, variant: Variant, judged: bool = False) -> Run:
         """What came of a variant; raises the SceneError for which it can't be run to its end."""
         if variant in self.failed:
