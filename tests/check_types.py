@@ -14,7 +14,7 @@ BASELINE = {
     "cli": 6,
     "fem": 39,
     "integrate": 90,
-    "mechanism": 43,
+    "mechanism": 34,
     "multibody": 97,
     "peers": 43,
     "plots": 60,

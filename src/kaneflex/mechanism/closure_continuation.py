@@ -109,7 +109,7 @@ class _Sweep:
         sections = []
         for side in guide.sides:
             course = np.zeros((len(self.x), 3)) if side.body == GROUND else self.poses[:, self.bodies.index(side.body)]
-            sections.append(pose_at(*course.T, np.cos, np.sin).section(side.at))
+            sections.append(pose_at(*course.T, cos=np.cos, sin=np.sin).section(side.at))
         return coordinate(guide, *sections)
 
 

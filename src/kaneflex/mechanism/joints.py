@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import Number, Pose, Vector, cross, dot, minus, pose_at
 
 _TINY = 1e-30
@@ -48,7 +49,7 @@ class Constraints:
     ``drives`` has the coordinates of the drives [rad or m].
     """
 
-    def __init__(self, mechanism: Mechanism, drives: Mapping[str, float]):
+    def __init__(self, mechanism: NumericMechanism, drives: Mapping[str, float]):
         self.mechanism, self.drives = mechanism, drives
 
     def driven(self, joints: Sequence[str]) -> list[str]:
@@ -56,7 +57,8 @@ class Constraints:
 
     def residuals(self, poses: Poses, joints: Sequence[str]) -> np.ndarray:
         """One number a constraint: lengths [m] and angles [rad]."""
-        stands, constraints, coordinates = _stands(poses), [], []
+        stands, coordinates = _stands(poses), []
+        constraints: list[float] = []
         for name in joints:
             joint = self.mechanism.joints[name]
             sections = [stands[side.body].section(side.at) for side in joint.sides]
@@ -69,7 +71,8 @@ class Constraints:
         """Derivatives of the residuals by x, y, phi of some bodies, exact: by an imaginary step of each."""
         stands, column = _stands(poses), {name: 3 * k for k, name in enumerate(bodies)}
         nudged = {name: stands[name].nudged(1j * _TINY) for name in bodies}
-        constraints, coordinates = [], []
+        constraints: list[list[float]] = []
+        coordinates: list[list[float]] = []
         for name in joints:
             joint, driven = self.mechanism.joints[name], name in self.drives
             rows = [[0.0] * (3 * len(bodies)) for _ in range(len(joint.rows) + driven)]

@@ -128,7 +128,8 @@ class _Reader:
         return Drive(kind, drive.get("law"))
 
     def load(self, name: str, load: Mapping[str, Any]) -> Load:
-        path, found = f"loads.{name}", {}
+        path = f"loads.{name}"
+        found: dict[str, Any] = {"point": None, "direction": None, "spread": None}
         if "torque_at" not in load:
             found["direction"] = self.vector(load["direction"], f"{path}.direction_", "1")
             if "spread_on" in load:
@@ -138,10 +139,9 @@ class _Reader:
                 found["spread"] = (*ends, *profile)
             else:
                 found["point"] = self.point(load["on"])
-        plain = {key: None for key in ("point", "direction", "spread")} | found
         made = Load(
-            name, plain["point"], plain["direction"], load.get("axes"), load.get("torque_at"),
-            load["kind"], load.get("against"), load.get("law"), plain["spread"],
+            name, found["point"], found["direction"], load.get("axes"), load.get("torque_at"),
+            load["kind"], load.get("against"), load.get("law"), found["spread"],
         )  # fmt: skip
         if load["kind"] == "constant":
             self.numbers(f"{path}.value", made.unit, ANY)

@@ -137,7 +137,7 @@ class Load:
         One that is spread linearly is that of l (2 p_0 + p_1) / 6 and l (p_0 + 2 p_1) / 6 at the body's ends.
         """
         if self.spread is None:
-            return ((self.point, 1),) if self.joint is None else ()
+            return () if self.point is None else ((self.point, 1),)
         start, end, first, last = self.spread
         return (start, end.at[0] * (2 * first + last) / 6), (end, end.at[0] * (first + 2 * last) / 6)
 

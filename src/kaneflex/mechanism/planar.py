@@ -37,7 +37,7 @@ class Pose(NamedTuple):
     y: Number
     c: Number
     s: Number
-    phi: Number | None = None
+    phi: Number = None
 
     def turn(self, vector: Vector) -> Vector:
         """Global components of a vector that is fixed in these axes: R v."""

@@ -72,8 +72,7 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
         If the linkage can't close there, or if the drives leave a body's place open.
     """
     if scene.is_frame:
-        poses = {name: np.array([*body.pose.at, body.pose.angle]) for name, body in scene.bodies.items()}
-        return Placement(poses, {})
+        return Placement({name: np.array(body.pose) for name, body in mechanism_of(scene).bodies.items()}, {})
     drives = {name: coordinate_at(drive, 0.0) for name, drive in scene.drives.items()} | dict(at or {})
     constraints = Constraints(mechanism_of(scene), drives)
     poses: dict[str, np.ndarray] = {GROUND: _GROUND}
@@ -268,9 +267,8 @@ def _nearest(closing: Joint, assemblies: list[dict[str, np.ndarray]], group: tup
 
 def _on_branch(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> bool:
     """Whether a dyad stands on the branch of the joint that closes its loop; true of all that is no dyad."""
-    closing = _closing(joints)
-    side = None if closing is None else _side_of_dyad(placed, poses, group, joints)
-    return side is None or side * closing.branch >= 0.0
+    closing, side = _closing(joints), _side_of_dyad(placed, poses, group, joints)
+    return closing is None or side is None or side * closing.branch >= 0.0
 
 
 def _side_of_dyad(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> float | None:

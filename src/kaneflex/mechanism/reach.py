@@ -79,7 +79,7 @@ def _range(course: np.ndarray) -> str:
 
 
 def _pose(courses: Courses, body: str) -> Pose:
-    return pose_at(*(np.zeros((3, 1)) if body == GROUND else courses[body]), np.cos, np.sin)
+    return pose_at(*(np.zeros((3, 1)) if body == GROUND else courses[body]), cos=np.cos, sin=np.sin)
 
 
 def _meeting(scene: Scene, courses: Courses) -> list[str]:

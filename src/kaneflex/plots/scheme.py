@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.fem.links import mesh
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
@@ -175,9 +176,9 @@ class _Parts:
 
     def _sliding(self, joint: str, text: str, back: bool, dashed: bool) -> None:
         """An arrow along a driven guide, from the point that slides."""
-        first, second = self.scene.joints[joint].addresses
-        start = self.at(second)
-        along = np.array(self.placement.pose(first.body).turn(self.scene.joints[joint].direction))
+        guide = mechanism_of(self.scene).joints[joint]
+        start = self.at(self.scene.joints[joint].addresses[1])
+        along = np.array(self.placement.pose(guide.first.body).turn(guide.direction))
         end = start + (-1.0 if back else 1.0) * 2.0 * _ARC * self.size * along
         self.axes.plot(*np.stack([start, end], axis=-1), color=DRIVE, linestyle="--" if dashed else "-", zorder=4.6)
         self._arrow(end - 1e-3 * (end - start), end, DRIVE)
@@ -274,7 +275,7 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
         if sensor.kind in ("spring_force", "spring_torque"):
             spring = scene.springs[target]
             ends = spring.ends or scene.joints[spring.torsional_at].addresses
-            middle = 0.5 * sum(_at(scene, placement, end) for end in ends)
+            middle = np.mean([_at(scene, placement, end) for end in ends], axis=0)
             found.setdefault(f"spring {target}", (middle, []))[1].append(name)
             continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None

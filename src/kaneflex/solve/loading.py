@@ -100,7 +100,7 @@ def load(
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
         if options.dynamics != "rigid":
             warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
-    check_closure(mechanism_of(scene), motion, scene.period if options.cycles else options.duration)
+    check_closure(mechanism_of(scene), motion, (scene.period if options.cycles else None) or options.duration)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = build_model(scene, options, motion, like=like)
