@@ -49,7 +49,7 @@ def test_spun_up_by_a_torque_it_gains_the_angular_momentum_of_that_torque():
     solution = run("spin-up-torque")
     assert solution.series["hub_speed"].values[-1] == pytest.approx(4.0, rel=1e-3)
     assert solution.series["tip_transverse"].values.min() < -0.5
-    assert solution.coupled.trajectory.energy.drift < 1e-9
+    assert solution.trajectory.energy.drift < 1e-9
 
 
 def test_the_reference_engine():
@@ -69,7 +69,7 @@ def test_the_reference_engine():
 def test_joint_forces_balance_the_piston():
     """m a = gas + wrist force: multipliers against the accelerations and the gas table."""
     solution = run("engine", "solve.preset=coupled")
-    motion = solution.coupled
+    motion = solution.motion
     mass = solution.model.scene.bodies["piston"].mass
     a_x = motion.body("piston")[2][0]
     gap = mass * a_x + solution.rigid["gas"] - motion.reactions["wrist.force_x"]
@@ -83,14 +83,14 @@ def test_an_undamped_pendulum_keeps_its_energy(tolerance):
     solution = run("elastic-pendulum", *settings)
     crossings = np.diff(np.sign(solution.series["angle"].values + np.pi / 2)) != 0
     assert crossings.sum() >= 199
-    assert solution.coupled.trajectory.energy.drift <= 1e-7
+    assert solution.trajectory.energy.drift <= 1e-7
 
 
 def test_its_drift_falls_at_the_order_of_the_integrator():
     """Steps of equal length, no estimate in force: halving them divides the error of the energy by 2^4."""
     drift = [
         run("elastic-pendulum", "solve.tolerance=1e-2", "solve.duration=2 s", f"solve.steps={steps}", "solve.modes=1")
-        .coupled.trajectory.energy.drift
+        .trajectory.energy.drift
         for steps in (400, 800, 1600)
     ]  # fmt: skip
     orders = np.log2(np.array(drift[:-1]) / drift[1:])
@@ -98,7 +98,7 @@ def test_its_drift_falls_at_the_order_of_the_integrator():
 
 
 def test_the_balance_closes_with_damping_and_a_motor():
-    energy = run("four-bar-motor").coupled.trajectory.energy
+    energy = run("four-bar-motor").trajectory.energy
     assert energy.dissipated[-1] > 1e-5 * energy.supplied[-1] > 0
     assert energy.drift < 1e-6
 
@@ -112,7 +112,7 @@ def test_the_engine_turned_by_its_gas_and_motor():
 
 
 def test_an_elastic_double_pendulum_keeps_its_energy_and_its_joints():
-    trajectory = run("elastic-double-pendulum").coupled.trajectory
+    trajectory = run("elastic-double-pendulum").trajectory
     assert trajectory.energy.drift < 1e-6
     assert max(trajectory.drift) < 1e-6
 
@@ -144,14 +144,14 @@ def test_a_pushed_cart_and_its_mast_take_up_the_impulse(tmp_path):
     """Momentum of cart and mast against the integral of the force; the mast's from its nodes by Simpson's rule."""
     (tmp_path / "cart.toml").write_text(CART)
     solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "cart.toml")))
-    motion, mast = solution.coupled, solution.model.links["mast"]
-    v_x = np.array([motion.place("mast", (node, 0.0), k)[1][0] for k, node in enumerate(mast.nodes)])
+    motion, mast = solution.motion, solution.model.links["mast"]
+    v_x = np.array([motion.moving_place("mast", (node, 0.0))[1][0] for node in mast.nodes])
     weights = np.array([1, 4, 2, 4, 2, 4, 1]) / 18
     momentum = 2.0 * motion.body("cart")[1][0] + 7850.0 * 40e-6 * 0.5 * weights @ v_x
     impulse = 3 / 20 * (1 - np.cos(20 * solution.times))
     assert len(mast.nodes) == 7
     assert abs(momentum - impulse).max() < 1e-4 * impulse.max()
-    assert solution.coupled.trajectory.energy.drift < 1e-7
+    assert solution.trajectory.energy.drift < 1e-7
     assert abs(solution.series["tip"].values).max() > 1e-4
     assert solution.series["slide"].values == pytest.approx(motion.body("cart")[0][0], abs=1e-12)
 
@@ -190,13 +190,13 @@ def test_a_spring_and_its_damper_hold_the_cart(tmp_path):
     sensors = 'pull = {spring_force = "back"}\n[solve]'
     (tmp_path / "cart.toml").write_text(CART.replace("[solve]", sensors) + SPRINGS)
     solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "cart.toml")))
-    motion = solution.coupled
+    motion = solution.motion
     slide, speed, accel = (part[0] for part in motion.body("cart"))
     pull = solution.series["pull"].values
     assert pull == pytest.approx(2000 * slide + 4 * speed, abs=1e-9)
     foot = motion.reactions["foot.force_x"]
     assert 2.0 * accel == pytest.approx(3 * np.sin(20 * solution.times) - pull - foot, abs=1e-7)
-    energy = motion.trajectory.energy
+    energy = motion.energy
     assert energy.dissipated[-1] > 1e-3 * energy.strain.max() > 0
     assert energy.drift < 1e-6
 

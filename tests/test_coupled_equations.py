@@ -79,7 +79,7 @@ def engine():
 @pytest.fixture(scope="module")
 def moved(engine):
     """A state of the engine under way: t, q, v, a, multipliers."""
-    found = simulate_coupled(engine).coupled.trajectory
+    found = simulate_coupled(engine).trajectory
     k = 13
     return found.times[k], found.q[k], found.v[k], found.a[k], found.multipliers[k]
 

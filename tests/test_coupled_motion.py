@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from runs import STENCIL, model, run
 
-from kaneflex.multibody.motion import CoupledMotion
+from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.dalembert import Balance, balanced
+from kaneflex.response.sensors import sensor_values
+from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_solution, still_trajectory
 
 
@@ -23,8 +25,8 @@ def test_rates_are_the_derivatives_of_places():
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
     solution = as_solution(given, replace(still_trajectory(given.coupled, 0.0, q), times=times, v=v, a=a), 0.0)
-    motion = solution.coupled
-    found = {"coordinates": solution.coordinates} | {x: motion.place_along("rod", x) for x in (0.0, 0.11, 0.3)}
+    motion = solution.motion
+    found = {"coordinates": solution.coordinates} | {x: motion.moving_place("rod", (x, 0.0)) for x in (0.0, 0.11, 0.3)}
     for name, (place, rate, accel) in found.items():
         for lower, higher in ((place, rate), (rate, accel)):
             assert lower @ STENCIL / h == pytest.approx(higher[:, 4], rel=1e-7, abs=1e-9 * abs(higher).max()), name
@@ -42,7 +44,8 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     system = replace(given.coupled, links={"strip": own})
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
-    motion = CoupledMotion(given, system, replace(still_trajectory(system, 0.0, q), v=v, a=a), given.motion.at(0.0))
+    trajectory = replace(still_trajectory(system, 0.0, q), v=v, a=a)
+    motion = CoupledMotion(replace(given, coupled=system), given.motion.at(0.0), trajectory)
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0
 
@@ -59,7 +62,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
 
 def test_shear_does_not_jump_beside_a_joint():
     """It is what the joint exerts there, the ringing in tension included, which sections far from joints leave out."""
-    motion = run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").coupled
+    motion = run("elastic-pendulum", "solve.duration=0.1 s", "solve.steps=100").motion
     sections = balanced(motion)["strip"]
     c, s = np.cos(motion.body("strip")[0][2]), np.sin(motion.body("strip")[0][2])
     force = [motion.reactions[f"hinge.force_{axis}"] for axis in "xy"]
@@ -67,3 +70,17 @@ def test_shear_does_not_jump_beside_a_joint():
     beside, quiet = (found.section(1e-6)[1] for found in (sections, sections.quiet))
     assert abs(across + quiet).max() > 1e-4  # what rings has a share in it
     assert beside == pytest.approx(-across, abs=1e-5 * abs(across).max())
+
+
+def test_a_rigid_body_that_links_carry_stays_rigid():
+    """The follower's end keeps its distance from the pivot, however far the bent coupler lets it turn, and the pin."""
+    solution = run("four-bar-motor", "solve.duration=0.3 s", "solve.steps=600")
+
+    def place(at: str) -> np.ndarray:
+        sensors = (Sensor.model_validate({"position": at, "component": axis}) for axis in "xy")
+        return np.array([sensor_values(solution.motion, sensor) for sensor in sensors])
+
+    end, pivot = place("follower.end"), np.array([[0.254], [0.0]])
+    assert np.ptp(end, axis=1).max() > 0.1
+    assert np.hypot(*(end - pivot)) == pytest.approx(0.2705, abs=1e-12)
+    assert end == pytest.approx(place("coupler.end"), abs=1e-11)

@@ -37,7 +37,7 @@ def test_scipy_gives_the_same_motion(pendulum):
     other = run("elastic-pendulum", *settle_damping(*SHORT), "solve.integrator=scipy", "solve.tolerance=1e-9")
     for name in ("angle", "tip_bend"):
         assert other.series[name].values == pytest.approx(pendulum.series[name].values, abs=1e-6), name
-    assert other.coupled.trajectory.energy.drift < 1e-6
+    assert other.trajectory.energy.drift < 1e-6
 
 
 def test_generalised_alpha_converges_to_it_with_the_square_of_its_step(pendulum):
@@ -49,7 +49,7 @@ def test_generalised_alpha_converges_to_it_with_the_square_of_its_step(pendulum)
             "solve.integrator=generalised-alpha",
         )  # fmt: skip
         errors.append(abs(found.series["tip_bend"].values[-1] - exact))
-        assert found.coupled.trajectory.steps == steps
+        assert found.trajectory.steps == steps
     assert 3.5 < errors[0] / errors[1] < 4.5
 
 
@@ -57,7 +57,7 @@ def test_generalised_alpha_keeps_a_loop_closed():
     settings = ("solve.duration=0.1 s", "solve.steps=4000")
     found = run("four-bar-motor", *settings, "solve.integrator=generalised-alpha")
     exact = run("four-bar-motor", *settings)
-    assert found.coupled.trajectory.drift[0] < 1e-12
+    assert found.trajectory.drift[0] < 1e-12
     for name in ("crank_speed", "coupler_mid"):
         there = exact.series[name].values
         assert abs(found.series[name].values - there).max() < 2e-3 * abs(there).max(), name
@@ -76,7 +76,7 @@ def test_dense_output_meets_a_run_that_stores_those_instants(pendulum):
     for name, tolerance in (("angle", 1e-6), ("tip_bend", 1e-6), ("mid_moment", 1e-4)):
         there = finer.series[name].values
         assert abs(between.series[name].values - there)[300:].max() < tolerance * max(1.0, abs(there).max()), name
-    assert between.coupled.trajectory.energy.drift < 1e-5
+    assert between.trajectory.energy.drift < 1e-5
 
 
 def test_dense_output_of_a_run_that_motion_drives():
@@ -192,7 +192,7 @@ def test_a_linkage_that_can_not_turn_around_swings_back():
     speed = found.series["crank_speed"].values
     assert speed.max() > 20 and speed.min() < -10
     assert found.drive_angles["main"].max() < 2 * math.pi
-    assert found.coupled.trajectory.energy.drift < 1e-6
+    assert found.trajectory.energy.drift < 1e-6
     # For some instants the elastic linkage stands where the rigid one doesn't close: only what is measured against that
     # one has no value there, and a warning says so.
     assert [np.isnan(found.series[name].values).sum() for name in ("rocker_angle", "coupler_force")] == [7, 0]

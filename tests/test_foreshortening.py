@@ -24,7 +24,7 @@ def motion_of(solution, address, kind):
         at = solution.model.scene.point(address) if kind == "position" else (0.0, 0.0)
         return np.outer(at, np.ones(len(solution.times)))
     sensors = (Sensor.model_validate({kind: address, "axes": "global", "component": k}) for k in "xy")
-    return np.array([sensor_values(solution, sensor) for sensor in sensors])
+    return np.array([sensor_values(solution.motion, sensor) for sensor in sensors])
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -67,7 +67,7 @@ def test_the_slider_comes_nearer_by_the_shortening_of_its_rod():
     solution = waving(given, np.linspace(1e-3, 19e-3, 37), 1.6e-3)
     rod = deform(given, solution.rigid, solution.coordinates, "rod")
     slide = solution.coordinates[0][given.coordinates.index("piston.slide")]
-    place = sensor_values(solution, Sensor.model_validate({"displacement": "rod.end", "axes": "global"}))
+    place = sensor_values(solution.motion, Sensor.model_validate({"displacement": "rod.end", "axes": "global"}))
     nearer = rod.foreshortening(rod.link.length)[0] / solution.rigid["rod.c"]
     assert abs(nearer).min() > 1e-4
     assert slide - place == pytest.approx(nearer, rel=1e-9)
@@ -100,5 +100,5 @@ def test_a_beam_held_at_its_end_stays_there(tmp_path, joint, spring, give):
     solution = kaneflex.simulate(kaneflex.load(read_scene(tmp_path / "bar.toml")))
     nearer = 2.0**2 / 2 * (2 / (15 * 20.0**2) + 2 * give / (3 * 20.0) + give**2)
     for point, expected in (("start", nearer), ("end", 0.0)):
-        place = sensor_values(solution, Sensor.model_validate({"displacement": f"bar.{point}"}))
+        place = sensor_values(solution.motion, Sensor.model_validate({"displacement": f"bar.{point}"}))
         assert place == pytest.approx(expected, rel=1e-9, abs=1e-15)

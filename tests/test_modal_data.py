@@ -120,7 +120,7 @@ def test_data_fed_back_give_the_same_motion(exported, fed_back):
         gap = abs(series.values - there.series[name].values).max()
         assert gap <= 1e-10 * abs(there.series[name].values).max(), name
     assert abs(here.series["mid_transverse"].values).max() > 4e-3
-    assert here.coupled.trajectory.energy.drift < 1e-6
+    assert here.trajectory.energy.drift < 1e-6
 
 
 def test_several_links_with_lumped_masses(tmp_path):

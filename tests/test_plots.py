@@ -15,7 +15,7 @@ from PIL import Image
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.building import reference_modes
 from kaneflex.plots import animation, draw_all, figures, modes, style
-from kaneflex.plots.mechanism import outline, scenery
+from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
 from kaneflex.plots.view import view
@@ -112,7 +112,7 @@ def test_modes_are_drawn_straight_and_all_as_large():
     shapes = reference_modes(solution.model, 6)[1]
     fixed = scenery(solution.model)
     rigid = solution.model.motion.at(np.zeros(6))
-    still = outline(solution.model, rigid, fixed)
+    still = rigid_outline(solution.model.scene, rigid, fixed)
     moved = modes._deflected(solution.model, rigid, fixed, shapes, still)
     shift = moved.links["rod"] - still.links["rod"]
     assert np.hypot(shift[..., 0], shift[..., 1]).max(axis=1) == pytest.approx(0.09 * fixed.size, rel=1e-6)
@@ -126,7 +126,7 @@ def test_the_drawn_mechanism_holds_together(factor):
     solution = solved("engine")
     shown = view(solution)
     fixed = scenery(solution.model)
-    drawn_at = outline(solution.model, shown.rigid, fixed, shown.coordinates, factor)
+    drawn_at = outline(shown.motion, fixed, factor)
     rod = drawn_at.links["rod"]
     assert drawn_at.pins["pin"] == pytest.approx(rod[:, 0], abs=1e-12)
     assert drawn_at.pins["wrist"] == pytest.approx(rod[:, -1], abs=1e-12)

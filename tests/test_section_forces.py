@@ -94,7 +94,7 @@ def test_the_slider_cranks_bending_converges_with_its_modes(tmp_path):
     least = []
     for modes in (3, 5):
         solution = run(scene, f"solve.modes={modes}")
-        least.append(balanced(solution.coupled)["rod"].section(0.15)[2].min())
+        least.append(balanced(solution.motion)["rod"].section(0.15)[2].min())
     assert least == pytest.approx([-6.34] * 2, rel=1e-2)
 
 
@@ -146,14 +146,14 @@ def test_section_forces_at_a_joint_are_the_joints_reaction(name, preset):
 
 
 def values(solution, **sensor):
-    return sensor_values(solution, Sensor.model_validate(sensor))
+    return sensor_values(solution.motion, Sensor.model_validate(sensor))
 
 
 def axes_of(solution, link):
     """cos and sin of the axes in which a link's section forces are given."""
-    if solution.coupled is None:
+    if solution.model.coupled is None:
         return solution.rigid[f"{link}.c"], solution.rigid[f"{link}.s"]
-    phi = solution.coupled.body(link)[0][2]
+    phi = solution.motion.body(link)[0][2]
     return np.cos(phi), np.sin(phi)
 
 

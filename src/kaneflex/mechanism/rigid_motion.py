@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.mechanism.affine import Affine, Monomial
+from kaneflex.mechanism.body_frame import BodyFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,10 @@ class RigidMotion:
 
     def __contains__(self, name: str) -> bool:
         return name in self.motion.column or name in self.motion.module.CONSTANTS
+
+    def frame(self, body: str) -> BodyFrame:
+        """The axes of a body, or of the ground."""
+        return BodyFrame(self, body)
 
     def monomial(self, names: Monomial) -> np.ndarray:
         """Product of scalars, shape (n_times,)."""

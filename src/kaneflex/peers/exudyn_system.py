@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import normal, rotate
 from kaneflex.peers.buildable import lumped
 from kaneflex.scene.quantities import Address
 
@@ -80,9 +81,8 @@ class _Builder:
 
     def _state(self, body: str, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
         """Global place and velocity of a body's point."""
-        c, s, x_0, y_0, v_x, v_y, omega = self._now(body, "c", "s", "x", "y", "v_x", "v_y", "omega")
-        arm = np.array([c * x - s * y, s * x + c * y])
-        return arm + np.array([x_0, y_0]), np.array([v_x - omega * arm[1], v_y + omega * arm[0]])
+        frame = self.start.frame(body)
+        return frame.place((x, y))[:, 0], frame.velocity((x, y))[:, 0]
 
     def rigid_body(self, name: str) -> None:
         mass, centre, inertia = lumped(self.scene, name)
@@ -163,12 +163,10 @@ class _Builder:
             item = self.items.ObjectJointRevolute2D(markerNumbers=markers)
         else:
             first, second = (side.body for side in joint.addresses)
-            x, y = joint.direction
             angle = self._angle(first) - self._angle(second)
-            c, s = math.cos(angle), math.sin(angle)
-            normal = [-(s * x + c * y), c * x - s * y, 0.0]
+            across = normal(rotate(math.cos(angle), math.sin(angle), joint.direction))
             item = self.items.ObjectJointPrismatic2D(
-                markerNumbers=markers, axisMarker0=[x, y, 0.0], normalMarker1=normal
+                markerNumbers=markers, axisMarker0=[*joint.direction, 0.0], normalMarker1=[*across, 0.0]
             )
         self.built.joints[name] = self.system.AddObject(item)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import acceleration, rotate, rotate_back, velocity
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
@@ -96,14 +97,12 @@ class Recorder:
         )
         return stored + np.asarray(reference)[:, None]
 
-    def _turn(self, body: str) -> np.ndarray:
-        """Rotation matrix of a rigid body, or of the rigid mechanism's link, (2, 2, n_times)."""
+    def _axes(self, body: str) -> tuple[np.ndarray, np.ndarray]:
+        """Cosine and sine of the angle of a rigid body, or of the rigid mechanism's link, (n_times,) each."""
         if self.scene.bodies[body].elastic:
-            c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        else:
-            angle = self._coordinates(*self.built.nodes[body], 0)[2]
-            c, s = np.cos(angle), np.sin(angle)
-        return np.array([[c, -s], [s, c]])
+            return self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
+        angle = self._coordinates(*self.built.nodes[body], 0)[2]
+        return np.cos(angle), np.sin(angle)
 
     def _place(self, address: Address, order: int = 0) -> np.ndarray:
         """Place, velocity or acceleration of a point, global, (2, n_times)."""
@@ -114,14 +113,13 @@ class Recorder:
             return self._along(address.body, x, order)[:2]
         (node,) = self.built.nodes[address.body]
         centre = self.built.centres[address.body]
-        arm = np.einsum("ijt,j->it", self._turn(address.body), (x - centre[0], y - centre[1]))
-        across = np.array([-arm[1], arm[0]])
+        arm = rotate(*self._axes(address.body), (x - centre[0], y - centre[1]))
         q = self._coordinates(node, order)
         if order == 0:
             return q[:2] + arm
         if order == 1:
-            return q[:2] + q[2] * across
-        return q[:2] + q[2] * across - self._coordinates(node, 1)[2] ** 2 * arm
+            return q[:2] + velocity(q[2], arm)
+        return q[:2] + acceleration(self._coordinates(node, 1)[2], q[2], arm)
 
     def _along(self, link: str, x: float, order: int = 0) -> np.ndarray:
         """Place and slope vector of a link's axis, or their rates, (4, n_times), by cubic Hermite shapes."""
@@ -137,7 +135,7 @@ class Recorder:
 
     def _component(self, sensor: Sensor, vector: np.ndarray) -> np.ndarray:
         if sensor.axes == "body":
-            vector = np.einsum("jit,jt->it", self._turn(sensor.target.body), vector)
+            vector = rotate_back(*self._axes(sensor.target.body), vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray | str:
@@ -156,10 +154,7 @@ class Recorder:
 
     def _gap(self, address: Address) -> np.ndarray:
         """Place of a point less that in the rigid mechanism, global."""
-        body, point = address.body, self.scene.point(address)
-        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        rigid = (c * point[0] - s * point[1], s * point[0] + c * point[1])
-        return self._place(address) - rigid - np.array([self.rigid[f"{body}.x"], self.rigid[f"{body}.y"]])
+        return self._place(address) - self.rigid.frame(address.body).place(self.scene.point(address))
 
     def _position(self, sensor: Sensor) -> np.ndarray | str:
         address = sensor.target

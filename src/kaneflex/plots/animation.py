@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.animation import PillowWriter
 
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import outline, scenery
+from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import View, angle_name, view
 
@@ -29,9 +29,9 @@ def animate(solution: Solution, path: Path) -> Path:
     """
     shown = _frames(view(solution))
     model, fixed = solution.model, scenery(solution.model)
-    still = outline(model, shown.rigid, fixed)
+    still = rigid_outline(model.scene, shown.rigid, fixed)
     factor = enlargement(shown)
-    moved = outline(model, shown.rigid, fixed, shown.coordinates, factor)
+    moved = outline(shown.motion, fixed, factor)
     figure = new_figure(6.0, 4.0, title(factor if model.frame is not None else None))
     axes = figure.subplots()
     width, height = frame_axes(axes, [still, moved], fixed)
@@ -64,9 +64,9 @@ def _frames(shown: View) -> View:
 def enlargement(shown: View) -> float:
     """Factor that makes the largest elastic displacement a tenth of the mechanism, rounded down to 1, 2 or 5."""
     largest = 0.0
-    for deformation in shown.links.values():
-        for x in deformation.link.nodes:
-            u, v, _ = deformation.at(float(x))[0]
+    for name, link in shown.solution.model.links.items():
+        for x in link.nodes:
+            u, v, _ = shown.motion.displacement(name, (float(x), 0.0))[0]
             largest = max(largest, float(np.hypot(u, v).max()))
     return round_down(_DRAWN * scenery(shown.solution.model).size / largest) if largest else 1.0
 

@@ -12,7 +12,6 @@ from kaneflex.plots.style import new_figure, plot_curves
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
-    from kaneflex.response.deformation import Deformation
     from kaneflex.solve.solution import Solution
 
 _STILL = 1e-3
@@ -32,9 +31,9 @@ def figures(solution: Solution) -> dict[str, Figure]:
         columns = 1 if len(panels) <= 3 else 2 if len(panels) <= 6 else 3
         title = f"Elastic displacements of the nodes at joints and ends, global axes{shown.note}"
         pictures["nodal_displacements"] = _figure(shown, panels, columns, title)
-    for name, deformation in shown.links.items():
+    for name, length in shown.lengths.items():
         title = f"Displacements at half the length of {name}{shown.note}"
-        pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, deformation), 1, title)
+        pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), 1, title)
     return pictures
 
 
@@ -75,7 +74,7 @@ def _joints(shown: View) -> Iterator[tuple[str, str, Curves]]:
         q = {
             side.body: _global(shown, side.body, scene.point(side)[0])
             for side in joint.addresses
-            if side.body in shown.links
+            if side.body in shown.lengths
         }
         if q:
             X, Y, _ = next(iter(q.values()))
@@ -88,8 +87,8 @@ def _joints(shown: View) -> Iterator[tuple[str, str, Curves]]:
 def _free_ends(shown: View) -> Iterator[tuple[str, str, Curves]]:
     scene = shown.solution.model.scene
     jointed = {(side.body, scene.point(side)[0]) for joint in scene.joints.values() for side in joint.addresses}
-    for body, deformation in shown.links.items():
-        for end, x in (("start", 0.0), ("end", deformation.link.length)):
+    for body, length in shown.lengths.items():
+        for end, x in (("start", 0.0), ("end", length)):
             if (body, x) not in jointed:
                 X, Y, turn = _global(shown, body, x)
                 yield f"{body}.{end}, X", "m", [(body, X)]
@@ -105,15 +104,13 @@ def _distinct(turns: Curves) -> Curves:
 
 def _global(shown: View, link: str, x: float) -> np.ndarray:
     """Displacement X, Y in global axes and rotation of a point of a link, (3, n_times)."""
-    u, v, theta = shown.links[link].at(x)[0]
-    c, s = shown.rigid[f"{link}.c"], shown.rigid[f"{link}.s"]
-    return np.array([c * u - s * v, s * u + c * v, theta])
+    d = shown.motion.displacement(link, (x, 0.0))[0]
+    return np.vstack([shown.rigid.frame(link).to_global(d), d[2]])
 
 
-def _middle(shown: View, name: str, deformation: Deformation) -> list[Panel]:
+def _middle(shown: View, name: str, length: float) -> list[Panel]:
     """Along and across the link, in its axes and in global ones."""
-    length = deformation.link.length
-    start, middle, end = (deformation.at(share * length)[0] for share in (0.0, 0.5, 1.0))
+    start, middle, end = (shown.motion.displacement(name, (share * length, 0.0))[0] for share in (0.0, 0.5, 1.0))
     u, v = middle[0], middle[1]
     along = [("rigid frame", u)]
     if np.abs(start[0]).max() > _STILL * np.abs(u).max():

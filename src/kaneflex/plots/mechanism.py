@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import BodyFrame, normal
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.deformation import follow
-from kaneflex.response.foreshortening import displaced
+from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Joint
 
@@ -110,33 +110,22 @@ def _travel(points: np.ndarray, direction: np.ndarray, margin: float) -> np.ndar
     return across + np.outer([along.min() - margin, along.max() + margin], direction)
 
 
-def outline(
-    model: Model,
-    rigid: RigidMotion,
-    fixed: Scenery,
-    coordinates: tuple[np.ndarray, ...] | None = None,
-    factor: float = 0.0,
-) -> Outline:
-    """The mechanism at the times of a rigid motion, its elastic displacements multiplied by ``factor``.
-
-    ``coordinates`` are z, z', z'' of the elastic coordinates, each (n, n_times); without them nothing is deformed.
-    """
-    moving = model if model.frame is not None and coordinates is not None else None
-    return _Pose(model.scene, rigid, fixed, moving, coordinates, factor).outline()
+def outline(motion: Motion, fixed: Scenery, factor: float) -> Outline:
+    """The mechanism at the times of a motion, its elastic displacements multiplied by ``factor``."""
+    return _Pose(motion.model.scene, motion.rigid, fixed, motion, factor).outline()
 
 
 def rigid_outline(scene: Scene, rigid: RigidMotion | Placement, fixed: Scenery) -> Outline:
     """The undeformed mechanism at the times of a rigid motion, or at one configuration."""
-    return _Pose(scene, rigid, fixed, None, None, 0.0).outline()
+    return _Pose(scene, rigid, fixed, None, 0.0).outline()
 
 
 class _Pose:
-    """Everything of one outline that more than one part of it needs; ``model`` is None where nothing is deformed."""
+    """Everything of one outline that more than one part of it needs; ``motion`` is None where nothing is deformed."""
 
-    def __init__(self, scene: Scene, rigid, fixed: Scenery, model: Model | None, coordinates, factor: float):
+    def __init__(self, scene: Scene, rigid, fixed: Scenery, motion: Motion | None, factor: float):
         self.scene, self.rigid, self.fixed = scene, rigid, fixed
-        self.model, self.factor = model, factor
-        self.moved = None if model is None else displaced(model, rigid, coordinates)
+        self.motion, self.factor = motion, factor
         self.axes = {name: self._axis(name) for name, body in scene.bodies.items() if body.elastic}
 
     def outline(self) -> Outline:
@@ -156,20 +145,18 @@ class _Pose:
         x = np.linspace(0.0, self.scene.bodies[name].length, _ALONG_LINK)
         axis = np.zeros((len(self.rigid.times), _ALONG_LINK, 2))
         axis[:, :, 0] = x
-        if self.model is not None:
-            deformation = self.moved.links[name]
+        if self.motion is not None:
             for k, at in enumerate(x):
-                axis[:, k] += self.factor * deformation.at(at)[0][:2].T
+                axis[:, k] += self.factor * self.motion.displacement(name, (at, 0.0))[0][:2].T
         return axis
 
     def _point(self, body: str, at: Place) -> np.ndarray:
         """Global position of a body's point, displaced, (n_times, 2)."""
         if body not in self.axes:
-            place = _rigid_point(self.rigid, body, at)
-            if self.model is None or body not in self.model.frame.bodies:
-                return place
-            moved = follow(self.model, self.rigid, self.moved.coordinates, self.model.frame.body_point(body, at))[0]
-            return place + self.factor * moved[:2].T
+            if self.motion is None or body == "ground":
+                return _rigid_point(self.rigid, body, at)
+            moved = np.reshape(at, (2, 1)) + self.factor * self.motion.displacement(body, at)[0][:2]
+            return BodyFrame(self.rigid, body).place(moved).T
         x, y = at
         share = x / self.scene.bodies[body].length * (_ALONG_LINK - 1)
         k = min(int(share), _ALONG_LINK - 2)
@@ -192,11 +179,8 @@ class _Pose:
         """Corners of a guided body about its joint, along its guide, (n_times, 5, 2)."""
         carrier, rider = joint.addresses
         centre = self._point(rider.body, self.scene.point(rider))
-        t = np.tile(joint.direction, (len(self.rigid.times), 1))
-        if carrier.body != "ground":
-            c, s = self.rigid[f"{carrier.body}.c"], self.rigid[f"{carrier.body}.s"]
-            t = np.stack([c * t[:, 0] - s * t[:, 1], s * t[:, 0] + c * t[:, 1]], axis=-1)
-        n = np.stack([-t[:, 1], t[:, 0]], axis=-1)
+        t = BodyFrame(self.rigid, carrier.body).to_global(joint.direction)
+        t, n = t.T, normal(t).T
         size = self.fixed.size * (1.0 if carrier.body == "ground" else _CARRIED)
         corners = size * np.array(_BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
         return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
@@ -212,19 +196,16 @@ def _used_points(scene: Scene, body: str) -> list[Place]:
 
 def _rigid_point(rigid: RigidMotion | Placement, body: str, at: Place) -> np.ndarray:
     """Global position of a point of the rigid mechanism, (n_times, 2)."""
-    points = np.tile(at, (len(rigid.times), 1))
-    return points if body == "ground" else _to_global(rigid, body, points[:, None])[:, 0]
+    return BodyFrame(rigid, body).place(at).T
 
 
 def _to_global(rigid: RigidMotion | Placement, body: str, local: np.ndarray) -> np.ndarray:
     """Points (n_times, n_points, 2) from a body's axes to global ones."""
-    c, s, x_0, y_0 = (rigid[f"{body}.{part}"][:, None] for part in "csxy")
-    x, y = local[..., 0], local[..., 1]
-    return np.stack([x_0 + c * x - s * y, y_0 + s * x + c * y], axis=-1)
+    frame = BodyFrame(rigid, body)
+    return np.transpose(frame.origin[:, None] + frame.to_global(np.transpose(local)))
 
 
 def _to_body(rigid: RigidMotion | Placement, body: str, points: np.ndarray) -> np.ndarray:
     """Points (n_times, 2) from global axes to a body's."""
-    c, s, x_0, y_0 = (rigid[f"{body}.{part}"] for part in "csxy")
-    x, y = points[:, 0] - x_0, points[:, 1] - y_0
-    return np.stack([c * x + s * y, c * y - s * x], axis=-1)
+    frame = BodyFrame(rigid, body)
+    return frame.to_body(points.T - frame.origin).T

@@ -11,9 +11,10 @@ from matplotlib.lines import Line2D
 
 from kaneflex.multibody.building import reference_modes
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import Outline, outline, scenery
+from kaneflex.plots.mechanism import Outline, outline, rigid_outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
 from kaneflex.plots.view import angle_name
+from kaneflex.response.elastic_motion import ElasticMotion
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
@@ -35,7 +36,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     omega, shapes = reference_modes(model, count)
     fixed = scenery(model)
     rigid = model.motion.at(np.full(count, model.reference_time))
-    still = outline(model, rigid, fixed)
+    still = rigid_outline(model.scene, rigid, fixed)
     positive, negative = (_deflected(model, rigid, fixed, sign * shapes, still) for sign in (1.0, -1.0))
     grounded = {name: model.scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
     figure, panels = _panels(count, fixed.size, (still, positive, negative), fixed)
@@ -57,10 +58,10 @@ def _deflected(model: Model, rigid, fixed, shapes: np.ndarray, still: Outline) -
     """One mode an instant, each enlarged to the same largest displacement."""
     rates = np.zeros_like(shapes)
     small = shapes * (_SMALL * fixed.size / np.abs(shapes).max(axis=0))
-    tried = outline(model, rigid, fixed, (small, rates, rates), 1.0 / _SMALL)
+    tried = outline(ElasticMotion(model, rigid, (small, rates, rates)), fixed, 1.0 / _SMALL)
     largest = np.max([_shift(tried, still, name) for name in still.links], axis=0)
     small *= _DRAWN * fixed.size / largest
-    return outline(model, rigid, fixed, (small, rates, rates), 1.0 / _SMALL)
+    return outline(ElasticMotion(model, rigid, (small, rates, rates)), fixed, 1.0 / _SMALL)
 
 
 def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:

@@ -13,7 +13,6 @@ from kaneflex.plots.style import new_figure, readable
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
-    from kaneflex.response.deformation import Deformation
     from kaneflex.solve.solution import Solution
 
 _ALONG, _INSTANTS = 33, 181
@@ -24,7 +23,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     if solution.model.frame is None:
         return {}
     shown = _thinned(view(solution))
-    return {f"surfaces_{name}": _figure(shown, name, part) for name, part in shown.links.items()}
+    return {f"surfaces_{name}": _figure(shown, name, length) for name, length in shown.lengths.items()}
 
 
 def _thinned(shown: View) -> View:
@@ -32,18 +31,15 @@ def _thinned(shown: View) -> View:
     return View(shown.solution, shown.instants[picked], shown.turns)
 
 
-def _figure(shown: View, name: str, deformation: Deformation) -> Figure:
+def _figure(shown: View, name: str, length: float) -> Figure:
     title = f"Elastic displacement of {name} relative to its rigid frame{shown.note}"
     figure = new_figure(9.6, 6.6, title, layout="none")  # the constrained one leaves axes in space a wide margin
     figure.subplots_adjust(left=0.0, right=0.95, bottom=0.05, top=0.92, wspace=0.08, hspace=0.16)
-    x = np.linspace(0.0, deformation.link.length, _ALONG)
-    u, v = np.moveaxis(np.array([deformation.at(at)[0][:2] for at in x]), 1, 0)
-    c, s = shown.rigid[f"{name}.c"], shown.rigid[f"{name}.s"]
-    fields = (
-        ("Longitudinal, link axes", u), ("Transverse, link axes", v),
-        ("X, global axes", c * u - s * v), ("Y, global axes", s * u + c * v),
-    )  # fmt: skip
-    for k, (title, field) in enumerate(fields):
+    x = np.linspace(0.0, length, _ALONG)
+    local = np.array([shown.motion.displacement(name, (at, 0.0))[0][:2] for at in x]).swapaxes(0, 1)
+    titles = "Longitudinal, link axes", "Transverse, link axes", "X, global axes", "Y, global axes"
+    fields = (*local, *shown.rigid.frame(name).to_global(local))
+    for k, (title, field) in enumerate(zip(titles, fields, strict=True)):
         axes = figure.add_subplot(2, 2, k + 1, projection="3d")
         _surface(axes, shown, x, field)
         axes.set_title(title, loc="center", y=0.97)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,8 +12,7 @@ from matplotlib.axes import Axes
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.plots.style import mark_angles, readable
-from kaneflex.response.deformation import Deformation
-from kaneflex.response.foreshortening import displaced
+from kaneflex.response.motion import Motion
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
@@ -48,19 +46,19 @@ class View:
         return self.solution.times[self.instants]
 
     @cached_property
+    def motion(self) -> Motion:
+        """The motion at the instants."""
+        return self.solution.motion.taken(self.instants)
+
+    @property
     def rigid(self) -> RigidMotion:
         """The rigid motion at the instants."""
-        return RigidMotion(self.solution.model.motion, self.times, self.solution.rigid.values[self.instants])
+        return self.motion.rigid
 
-    @cached_property
-    def coordinates(self) -> tuple[np.ndarray, ...]:
-        """z, z', z'' at the instants, each (n, n_times)."""
-        return tuple(part[:, self.instants] for part in self.solution.coordinates)
-
-    @cached_property
-    def links(self) -> Mapping[str, Deformation]:
-        """Every elastic link's deformation at the instants."""
-        return displaced(self.solution.model, self.rigid, self.coordinates).links
+    @property
+    def lengths(self) -> dict[str, float]:
+        """Length of every elastic link [m]."""
+        return {name: link.length for name, link in self.solution.model.links.items()}
 
     @cached_property
     def x(self) -> np.ndarray:

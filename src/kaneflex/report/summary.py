@@ -153,7 +153,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
 
     model, trajectory = solution.model, solution.trajectory
     seconds, times = model.seconds, solution.times
-    multipliers = trajectory.multipliers
+    multipliers = trajectory.multipliers if model.coupled is None else None
     return Summary(
         schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,
@@ -241,7 +241,7 @@ def _spread(solution: Solution) -> dict[str, PeakSpread]:
 
 
 def _energy(solution: Solution) -> EnergyBalance | None:
-    energy = solution.model.energy if solution.coupled is None else solution.coupled.trajectory.energy
+    energy = solution.motion.energy
     if energy is None or not len(solution.times):
         return None
     return EnergyBalance(
@@ -254,7 +254,7 @@ def _energy(solution: Solution) -> EnergyBalance | None:
 
 
 def _unresolved(solution: Solution) -> list[UnresolvedMode]:
-    if solution.coupled is None:
+    if solution.model.coupled is None:
         return []
     from kaneflex.solve.unresolved import unresolved
 

@@ -6,12 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.multibody.motion import CoupledMotion
+from kaneflex.mechanism.body_frame import BodyFrame
+from kaneflex.mechanism.planar import cross
 from kaneflex.response.section_forces import Forces, LinkForces
 from kaneflex.scene.quantities import Address
+
+if TYPE_CHECKING:
+    from kaneflex.response.coupled_motion import CoupledMotion
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 """Exact for rho A (r x a) of an element: the cubic v, and u with its shortening of the fifth degree."""
@@ -55,7 +60,7 @@ class Balance:
         # The link as a whole balances but for terms of third order: both sides of a section share them.
         total -= x / own.length * self._gap
         place = self._place(x)
-        total[2] -= place[0] * total[1] - place[1] * total[0]
+        total[2] -= cross(place, total)
         return total
 
     @cached_property
@@ -68,29 +73,27 @@ class Balance:
     def _pushes(self, x: float, at_x: float) -> np.ndarray:
         """Sum of the forces before x and of the share ``at_x`` of those at x, and their moments about the start."""
         near = _SAME * self.motion.system.links[self.link].length
-        total = np.zeros((3, len(self.motion.trajectory.times)))
+        total = np.zeros((3, len(self.motion.times)))
         for at, (force, moment) in self.forces.items():
             share = at_x if abs(x - at) <= near else float(at < x)
             if share:
                 place = self._place(at)
-                total += share * np.array([force[0], force[1], place[0] * force[1] - place[1] * force[0] + moment])
+                total += share * np.array([*force, cross(place, force) + moment])
         return total
 
     def _place(self, x: float) -> np.ndarray:
         """Place of a point of the deflected axis in the floating frame, (2, n_times)."""
-        place = self.motion.place_along(self.link, x)[0]
-        return self._turned_back(place[:2] - self.motion.body(self.link)[0][:2])
+        return self._axes.to_body(self.motion.moving_place(self.link, (x, 0.0))[0][:2] - self._axes.origin)
 
-    def _turned_back(self, vector: np.ndarray) -> np.ndarray:
-        phi = self.motion.body(self.link)[0][2]
-        c, s = np.cos(phi), np.sin(phi)
-        return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
+    @cached_property
+    def _axes(self) -> BodyFrame:
+        return self.motion.floating.frame(self.link)
 
     @cached_property
     def _elements_before(self) -> list[np.ndarray]:
         """Sums over the elements before each."""
         own = self.motion.system.links[self.link]
-        still = np.zeros((3, len(self.motion.trajectory.times)))
+        still = np.zeros((3, len(self.motion.times)))
         return list(accumulate((self._sums(e, own.length_of(e)) for e in range(len(own.nodes) - 2)), initial=still))
 
     def _sums(self, e: int, reach: float) -> np.ndarray:
@@ -99,8 +102,8 @@ class Balance:
         Less the loads that are spread along it; (3, n_times).
         """
         own, scene = self.motion.system.links[self.link], self.motion.model.scene
-        start, gravity = self.motion.body(self.link)[0][:2], np.array(scene.gravity)[:, None]
-        total = np.zeros((3, start.shape[1]))
+        start, gravity = self._axes.origin, np.array(scene.gravity)[:, None]
+        total = np.zeros((3, len(self.motion.times)))
         if not reach:
             return total
         for point, weight in zip(*_GAUSS, strict=True):
@@ -109,22 +112,22 @@ class Balance:
             density, rotary = (
                 own.parameters[key][e] + share * own.parameters[f"{key}_rise"][e] for key in ("rho_A", "rho_I")
             )
-            place, _, accel = self.motion.place_along(self.link, own.nodes[e] + local)
-            r, a = self._turned_back(place[:2] - start), density * self._turned_back(accel[:2] - gravity)
+            place, _, accel = self.motion.moving_place(self.link, (own.nodes[e] + local, 0.0))
+            r, a = self._axes.to_body(place[:2] - start), density * self._axes.to_body(accel[:2] - gravity)
             a -= self._spread(own.nodes[e] + local)
-            total += 0.5 * reach * weight * np.array([a[0], a[1], r[0] * a[1] - r[1] * a[0] + rotary * accel[2]])
+            total += 0.5 * reach * weight * np.array([*a, cross(r, a) + rotary * accel[2]])
         return total
 
     def _spread(self, x: float) -> np.ndarray:
         """Loads spread along the link, per length at x [N/m], in the floating frame's axes (2, n_times)."""
-        floating, scene = self.motion.floating(), self.motion.model.scene
+        floating, scene = self.motion.floating, self.motion.model.scene
         total = np.zeros((2, len(floating.times)))
         for name, load in scene.spreads.items():
             if load.spread_on == self.link:
                 first, last = load.profile
                 size = (first + (last - first) * x / scene.bodies[self.link].length) * floating[name]
                 push = np.array(load.direction)[:, None] * size
-                total += push if load.axes == "body" else self._turned_back(push)
+                total += push if load.axes == "body" else self._axes.to_body(push)
         return total
 
 
@@ -169,7 +172,7 @@ class FloatingForces(LinkForces):
     """Forces on the links of a coupled motion: in their floating frames, with lumped masses on the deflected axis."""
 
     def __init__(self, motion: CoupledMotion):
-        super().__init__(motion.model.scene, motion.floating())
+        super().__init__(motion.model.scene, motion.floating)
         self.motion = motion
 
     def felt(self, address: Address) -> np.ndarray:

@@ -11,11 +11,11 @@ import numpy as np
 from kaneflex.fem.assembly import load_on_link, spin_or_euler
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.affine import Affine, Monomial, solve
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
-Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Deformation:
     turned: tuple[np.ndarray, np.ndarray] | None = None
     shortened: Rates | None = None
 
-    def at(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def at(self, x: float) -> Rates:
         """(u, v, theta) and first and second rates at distance x [m] from the start; each (3, n_times).
 
         With foreshortening u holds -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987), and all of them what closes
@@ -87,7 +87,7 @@ class Deformation:
         length = self.link.length_of(e)
         s = local / length
         N, V, M = (a + (b - a) * s for a, b in zip(left, right, strict=True))
-        if self.model.options.dynamics == "frozen":
+        if not self.model.balances:
             return N, V, M
         axial, transverse = (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
 
@@ -126,8 +126,7 @@ class Deformation:
                 continue
             (x, y), (first, last) = load.direction, load.profile
             if load.axes == "global":
-                c, s = rigid[f"{name}.c"], rigid[f"{name}.s"]
-                x, y = c * x + s * y, c * y - s * x
+                x, y = rigid.frame(name).to_body((x, y))
             growth = (last - first) / self.link.length
             for k, share in enumerate((first + growth * self.link.nodes[e], growth)):
                 along[k] += rigid[key] * share * x
@@ -147,7 +146,7 @@ class Deformation:
         """
         if e not in self._end_forces:
             total = self._residual(e)
-            if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.options.dynamics != "frozen":
+            if self.model.scene.bodies[self.link.name].beam.axially_rigid and self.model.balances:
                 total[0] -= self._passed_on[e]
                 total[3] += self._passed_on[e]
             self._end_forces[e] = total
@@ -183,8 +182,10 @@ class Deformation:
         total = np.zeros(self.q.shape[1])
         for key, load in scene.forces.items():
             if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
-                (x, y), turned = load.direction, load.axes == "global"
-                total += rigid[key] * (rigid[f"{name}.c"] * x + rigid[f"{name}.s"] * y if turned else x)
+                along = load.direction[0]
+                if load.axes == "global":
+                    along = rigid.frame(name).to_body(load.direction)[0]
+                total += rigid[key] * along
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
         u, v = self.q[3 * node : 3 * node + 2]
         felt = rigid[f"{name}.link.a_x"] - omega**2 * self.link.nodes[node]
@@ -228,7 +229,7 @@ class Deformation:
 
     def _keeps(self, key: str, monomial: Monomial) -> bool:
         options = self.model.options
-        if options.dynamics == "frozen":  # matrices of another angle balance nothing: only the strains are meant
+        if not self.model.balances:  # matrices of another angle: only the strains are meant
             return key == "K_s"
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
@@ -246,13 +247,20 @@ def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> R
     return q, q_rate, q_accel
 
 
+def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
+    """q, q', q'' as the model's equations know them: quasistatic ones know of the rates L' z and L'' z, in K, alone."""
+    if model.options.dynamics != "quasistatic":
+        return follow(model, rigid, coordinates, L)
+    rate = L.rate()
+    return tuple(rigid.apply(each, coordinates[0]) for each in (L, rate, rate.rate()))
+
+
 def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
     """The deformation of one link, reduced coordinates expanded."""
     L, link = model.frame.maps[name], model.links[name]
     series = follow(model, rigid, coordinates, L)
     if model.options.dynamics == "quasistatic":
-        rate = L.rate()
-        series += rigid.apply(rate, coordinates[0]), rigid.apply(rate.rate(), coordinates[0])
+        series += as_balanced(model, rigid, coordinates, L)[1:]
     if name in model.bases:
         series = tuple(model.bases[name] @ part for part in series)
     q, q_rate, q_accel, *turned = (link.at_nodes(part) for part in series)

@@ -21,9 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kaneflex.mechanism.affine import Affine, as_array, solve
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.deformation import Deformation, Rates, deform, follow
+from kaneflex.response.deformation import Deformation, follow
 
 _LEAST = 1e-11
 """Stiffness, as a share of each coordinate's own, by which undetermined motions are the least ones."""
@@ -42,9 +43,10 @@ class Displaced:
     coordinates: Rates
 
 
-def displaced(model: Model, rigid: RigidMotion, coordinates: Rates) -> Displaced:
-    """Every link deformed, and where the model's displacements include foreshortening, moved as far as it asks for."""
-    links = {name: deform(model, rigid, coordinates, name) for name in model.links}
+def displaced(
+    model: Model, rigid: RigidMotion, coordinates: Rates, links: Mapping[str, Deformation]
+) -> Displaced:
+    """The deformed links, and where the model's displacements include foreshortening, moved as far as it asks for."""
     if not (links and model.options.foreshortening):
         return Displaced(links, coordinates)
     ends = {name: _ends_of(model, found) for name, found in links.items()}

@@ -1,46 +1,129 @@
-"""What a finished motion offers to whoever reads it: sensors, section forces, pictures."""
+"""What a finished motion offers to whoever reads it: sensors, section forces, events, pictures."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
+from kaneflex.response.section_forces import LinkForces
 
-if TYPE_CHECKING:
-    from kaneflex.multibody.motion import CoupledMotion
+Section = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Axial force N [N, tension positive], shear force V [N] and bending moment M [N m], each (n_times,)."""
 
 
-class Motion(Protocol):
+@dataclass(frozen=True, eq=False)
+class Motion(ABC):
     """The motion of a model over some instants, whoever computed it.
+
+    Points are given by their body and their place in its axes, undeformed, ``at`` [m]. Displacements are measured from
+    the rigid mechanism, whose drives stand where they stand in this motion.
 
     Attributes
     ----------
     model : Model
-    times : ndarray (n_times,)
-        Instants [s].
     rigid : RigidMotion
-        The rigid motion at these instants, which displacements are measured from.
+        The rigid mechanism at these instants.
     coordinates : tuple of three ndarray (n, n_times)
-        Elastic coordinates of the mechanism and their two rates.
-    coupled : CoupledMotion or None
-        Motion of all bodies, reactions and energies, under preset ``coupled``.
+        Elastic coordinates of the mechanism and their two rates; a subclass holds or finds them.
+    whole : Motion or None
+        The motion that these instants were sampled from: it says how often a body has turned around.
     """
 
     model: Model
-    coupled: CoupledMotion | None
+    rigid: RigidMotion
+    whole: Motion | None = field(default=None, kw_only=True)
 
     @property
-    def times(self) -> np.ndarray: ...
+    def times(self) -> np.ndarray:
+        """Instants [s], (n_times,)."""
+        return self.rigid.times
 
     @property
-    def rigid(self) -> RigidMotion: ...
+    @abstractmethod
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """What :func:`kaneflex.solve.initial.start_coordinates` names, and its rates, each (n, n_times)."""
 
     @property
-    def coordinates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+    @abstractmethod
+    def energy(self) -> Energy | None:
+        """Energy of the run, where it was integrated with the motion."""
+
+    @property
+    @abstractmethod
+    def has_rigid_forces(self) -> bool:
+        """Whether there are forces of the rigid mechanism beside those of the deforming one."""
+
+    @abstractmethod
+    def taken(self, instants: np.ndarray) -> Motion:
+        """The motion at some of its instants, by their numbers."""
+
+    @abstractmethod
+    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+        """Displacement (x, y) and rotation of a point in its body's axes, and their rates there; each (3, n_times)."""
+
+    @abstractmethod
+    def nodes(self, link: str) -> Rates:
+        """u, v, theta of an elastic link's nodes in the axes of its equations, less foreshortening; (3 n, n_times)."""
+
+    @abstractmethod
+    def reaction(self, name: str) -> np.ndarray:
+        """A component of a joint's force on its second body, or of a drive, as the motion's scalars name it."""
+
+    @abstractmethod
+    def spring_tension(self, name: str) -> np.ndarray:
+        """Tension of a spring with its damper [N], or what a torsional one opposes to the turning of its joint [N m].
+        """
+
+    def section(self, link: str, x: float) -> Section:
+        """Section forces x [m] from a link's start."""
+        if link in self.model.links:
+            return self._elastic_section(link, x)
+        return self.rigid_section(link, x)
+
+    @abstractmethod
+    def _elastic_section(self, link: str, x: float) -> Section: ...
+
+    def rigid_section(self, link: str, x: float) -> Section:
+        """Section forces of the rigid mechanism."""
+        return LinkForces(self.model.scene, self.rigid).section(link, x)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of a body in the rigid motion [rad], counted on from turn to turn."""
-        ...
+        frame = self.rigid.frame(body)
+        angle = np.arctan2(frame.s, frame.c)
+        if self.whole is None:
+            there = np.isfinite(angle)  # a coupled mechanism may go where the rigid one doesn't close
+            angle[there] = np.unwrap(angle[there])
+            return angle
+        near = np.interp(self.times, self.whole.times, self.whole.turned(body))
+        return near + np.remainder(angle - near + np.pi, 2 * np.pi) - np.pi
+
+    def angle(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+        """Angle of a body at a point, elastic rotation included [rad]."""
+        if body == "ground":
+            return np.zeros(len(self.times))
+        return self.turned(body) + self.displacement(body, at)[0][2]
+
+    def place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+        """Global place of a point, its displacement included [m], (2, n_times)."""
+        frame = self.rigid.frame(body)
+        if body == "ground":
+            return frame.place(at)
+        d = self.displacement(body, at)[0]
+        return frame.place((at[0] + d[0], at[1] + d[1]))
+
+    def _still(self) -> Rates:
+        """The displacement of what does not deform, nor is carried by what does."""
+        still = np.zeros((3, len(self.times)))
+        return still, still, still
+
+
+def beside_axis(moved: Rates, y: float) -> Rates:
+    """Displacement of a point at a distance y [m] from the axis, which moves with its section, from the axis' own."""
+    return tuple(part + np.array([[-y], [0.0], [0.0]]) * part[2] for part in moved) if y else moved

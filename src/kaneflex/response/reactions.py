@@ -12,9 +12,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.body_frame import Rates, normal
+from kaneflex.mechanism.planar import cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.deformation import Deformation, Rates, follow
+from kaneflex.response.deformation import Deformation, as_balanced
 from kaneflex.response.spring_forces import spring_force
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
@@ -93,11 +95,11 @@ class _Balances:
             k = self.index[f"{name}.{reaction}"]
             rows[:, 0, k] += sign * direction[0]
             rows[:, 1, k] += sign * direction[1]
-            rows[:, 2, k] += sign * (arm[0] * direction[1] - arm[1] * direction[0])
+            rows[:, 2, k] += sign * cross(arm, direction)
 
         if joint.kind == "prismatic":
-            t = self._turn(joint.addresses[0].body, joint.direction)
-            push("normal", np.array([-t[1], t[0]]))
+            t = self.rigid.frame(joint.addresses[0].body).to_global(joint.direction)
+            push("normal", normal(t))
             if name in self.model.scene.drives:
                 push("drive", t)
         else:
@@ -112,20 +114,8 @@ class _Balances:
         """Where a joint's force acts on a rigid body, from the body's start, global components (2, n_times)."""
         # What slides in a guide is pushed at its own point, and pushes the guide there: action is reaction.
         touches = joint.addresses[1] if joint.kind == "prismatic" else address
-        arm = self._turn(touches.body, self.model.scene.point(touches))
-        return arm + self._start(touches.body) - self._start(address.body)
-
-    def _start(self, body: str) -> np.ndarray:
-        if body == "ground":
-            return np.zeros((2, self.steps))
-        return np.array([self.rigid[f"{body}.x"], self.rigid[f"{body}.y"]])
-
-    def _turn(self, body: str, vector: tuple[float, float]) -> np.ndarray:
-        """Global components of a body-fixed vector, shape (2, n_times)."""
-        if body == "ground":
-            return np.outer(vector, np.ones(self.steps))
-        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+        arm = self.rigid.frame(touches.body).to_global(self.model.scene.point(touches))
+        return arm + self.rigid.frame(touches.body).origin - self.rigid.frame(address.body).origin
 
     def _node_residual(self, link: str, node: int) -> np.ndarray:
         """Global force and moment that the joints exert on a node, (3, n_times)."""
@@ -136,8 +126,7 @@ class _Balances:
             local += deformation.end_forces(node)[:3]
         if node > 0:
             local += deformation.end_forces(node - 1)[3:]
-        c, s = self.rigid[f"{link}.c"], self.rigid[f"{link}.s"]
-        total = np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]])
+        total = np.vstack([self.rigid.frame(link).to_global(local), local[2]])
         for name, load in self.model.scene.forces.items():
             if load.force_on.body == link and self._node(load.force_on) == node:
                 total[:2] -= self._load(name, load, link)
@@ -159,19 +148,11 @@ class _Balances:
 
         To the elastic motion belongs the damping alpha m d' that Rayleigh's gives to every mass.
         """
-        rigid, gravity = self.rigid, self.model.scene.gravity
-        x, y = self._turn(body, self.model.scene.point(at) if isinstance(at, Address) else at)
-        omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
-        total = np.array([
-            rigid[f"{body}.a_x"] - epsilon * y - omega**2 * x - gravity[0],
-            rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - gravity[1],
-            epsilon,
-        ])  # fmt: skip
-        if motion is not None and self.model.options.dynamics == "quasistatic":
-            # What turns with a body is accelerated by its spin, L'' z, also where z'' and z' are left out.
-            total += rigid.apply(motion.rate().rate(), self.coordinates[0])
-        elif motion is not None:
-            _, rate, accel = follow(self.model, rigid, self.coordinates, motion)
+        scene, rigid, frame = self.model.scene, self.rigid, self.rigid.frame(body)
+        felt = frame.acceleration(scene.point(at) if isinstance(at, Address) else at)
+        total = np.vstack([felt - np.array(scene.gravity)[:, None], frame.epsilon])
+        if motion is not None:
+            _, rate, accel = as_balanced(self.model, rigid, self.coordinates, motion)
             total += accel + self.model.rayleigh[0] * rate
         return np.array([[mass], [mass], [inertia]]) * total
 
@@ -181,7 +162,7 @@ class _Balances:
         Where the deformation turns the body by theta, the forces keep their direction and the arms turn: each force F
         at the arm a adds -theta a . F to the moments.
         """
-        scene, frame = self.model.scene, self.model.frame
+        scene, frame, axes = self.model.scene, self.model.frame, self.rigid.frame(body)
         data = scene.bodies[body]
         carried = body in frame.bodies
         fixed = [(data.mass, data.inertia, data.centre)]
@@ -191,19 +172,19 @@ class _Balances:
         for mass, inertia, at in fixed:
             motion = frame.body_point(body, at) if carried else None
             push = self._inertia(body, mass, inertia, at, motion)
-            arm = self._turn(body, at)
+            arm = axes.to_global(at)
             total += push
-            total[2] += arm[0] * push[1] - arm[1] * push[0]
+            total[2] += cross(arm, push)
             work -= arm[0] * push[0] + arm[1] * push[1]
         for name, load, address, share in scene.pushes(body):
-            push, arm = share * self._load(name, load, body), self._turn(body, scene.point(address))
-            total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+            push, arm = share * self._load(name, load, body), axes.to_global(scene.point(address))
+            total -= np.array([*push, cross(arm, push)])
             work += arm[0] * push[0] + arm[1] * push[1]
         for name, spring in scene.springs.items():
             for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
                 if end.body == body:
-                    push, arm = sign * self._spring(name), self._turn(body, scene.point(end))
-                    total -= np.array([push[0], push[1], arm[0] * push[1] - arm[1] * push[0]])
+                    push, arm = sign * self._spring(name), axes.to_global(scene.point(end))
+                    total -= np.array([*push, cross(arm, push)])
                     work += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
         total[2] -= self._torque(body, None)
         if carried and self.model.options.geometric:
@@ -231,10 +212,11 @@ class _Balances:
         for name, joint in self.model.scene.joints.items():
             for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
                 if address.body == body and joint.kind != "prismatic":
-                    arm = self._turn(body, self.model.scene.point(address))
+                    arm = self.rigid.frame(body).to_global(self.model.scene.point(address))
                     total += sign * (arm[0] * self.rigid[f"{name}.force_x"] + arm[1] * self.rigid[f"{name}.force_y"])
         return total
 
     def _load(self, name: str, load: Load, body: str) -> np.ndarray:
         """A load's size along its direction, global, (2, n_times)."""
-        return self.rigid[name] * self._turn("ground" if load.axes == "global" else body, load.direction)
+        axes = self.rigid.frame("ground" if load.axes == "global" else body)
+        return self.rigid[name] * axes.to_global(load.direction)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import normal
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.scene import Scene
-from kaneflex.scene.parts import Joint
 from kaneflex.scene.quantities import Address
 
 Forces = tuple[np.ndarray, np.ndarray]
@@ -16,26 +16,17 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 
 class LinkForces:
-    """Forces on the links of a scene that moves as ``rigid`` says."""
+    """Forces on the links of a scene that moves as ``rigid`` says, by the names of its scalars."""
 
     def __init__(self, scene: Scene, rigid: RigidMotion):
         self.scene, self.rigid, self.steps = scene, rigid, len(rigid.times)
 
-    def turn(self, body: str, vector) -> np.ndarray:
-        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-
-    def turn_back(self, body: str, vector) -> np.ndarray:
-        c, s = self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
-
-    def rigid_section(self, address: Address) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def section(self, name: str, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """N, V, M of the rigid link at X: balance of the part before X under its inertia and all forces before X.
 
         The inertia gives N its growth (a_x - g_x) m - omega^2 S of P(X), with mass m and first moment S of the
         part before X; the signs are those of `Deformation.section`.
         """
-        name, (x, _) = address.body, self.scene.point(address)
         rigid, before = self.rigid, self.scene.bodies[name].profile.inertia(x)
         a_x, a_y = rigid[f"{name}.link.a_x"], rigid[f"{name}.link.a_y"]
         omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
@@ -50,7 +41,7 @@ class LinkForces:
             if load.spread_on == name:
                 first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / self.scene.bodies[name].length
                 vector = np.outer(load.direction, np.ones(self.steps))
-                push = rigid[load_name] * (vector if load.axes == "body" else self.turn_back(name, vector))
+                push = rigid[load_name] * (vector if load.axes == "body" else rigid.frame(name).to_body(vector))
                 # int_0^x q and int_0^x (x - X) q of the linear profile
                 total, arm = first * x + rise * x**2 / 2, first * x**2 / 2 + rise * x**3 / 6
                 N, V, M = N - total * push[0], V - total * push[1], M + arm * push[1]
@@ -64,15 +55,15 @@ class LinkForces:
             if address not in joint.addresses:
                 continue
             sign = 1.0 if joint.addresses[1] == address else -1.0
-            force += sign * self.joint_vector(name, lambda row: self.rigid[row])
+            force += sign * joint_force(self.scene, self.rigid, name, self.rigid.__getitem__)
             if joint.kind != "revolute":
                 moment += sign * self.rigid[f"{name}.moment"]
             elif name in self.scene.drives:
                 moment += sign * self.rigid[f"{name}.drive"]
         for name, load in self.scene.forces.items():
             if load.force_on == address:
-                direction = np.outer(load.direction, np.ones(self.steps))
-                force += self.rigid[name] * (direction if load.axes == "global" else self.turn(link, load.direction))
+                pushing = self.rigid.frame("ground" if load.axes == "global" else link)
+                force += self.rigid[name] * pushing.to_global(load.direction)
         for name, spring in self.scene.springs.items():
             for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
                 if end == address:
@@ -86,31 +77,20 @@ class LinkForces:
                 felt = self.felt(address)
                 force -= mass.mass * felt[:2]
                 moment -= mass.inertia * felt[2]
-        return self.turn_back(link, force), moment
+        return self.rigid.frame(link).to_body(force), moment
 
     def felt(self, address: Address) -> np.ndarray:
         """a - g of a point of the rigid mechanism, global, and the acceleration of its angle, (3, n_times)."""
-        body, rigid = address.body, self.rigid
-        x, y = self.turn(body, self.scene.point(address))
-        omega, epsilon = rigid[f"{body}.omega"], rigid[f"{body}.epsilon"]
-        return np.array([
-            rigid[f"{body}.a_x"] - epsilon * y - omega**2 * x - self.scene.gravity[0],
-            rigid[f"{body}.a_y"] + epsilon * x - omega**2 * y - self.scene.gravity[1],
-            epsilon,
-        ])  # fmt: skip
+        frame = self.rigid.frame(address.body)
+        felt = frame.acceleration(self.scene.point(address)) - np.array(self.scene.gravity)[:, None]
+        return np.vstack([felt, frame.epsilon])
 
-    def guide(self, joint: Joint) -> np.ndarray:
-        """Global direction of a guide, which its first body carries, (2, n_times)."""
-        carrier = joint.addresses[0].body
-        if carrier == "ground":
-            return np.outer(joint.direction, np.ones(self.steps))
-        return self.turn(carrier, joint.direction)
 
-    def joint_vector(self, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
-        """Global force of a joint on its second body, (2, n_times), from its reactions by name."""
-        joint = self.scene.joints[name]
-        if joint.kind != "prismatic":
-            return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
-        t = self.guide(joint)
-        force = reaction(f"{name}.normal") * np.array([-t[1], t[0]])
-        return force + reaction(f"{name}.drive") * t if name in self.scene.drives else force
+def joint_force(scene: Scene, rigid: RigidMotion, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+    """Global force of a joint on its second body, (2, n_times), from its reactions by name."""
+    joint = scene.joints[name]
+    if joint.kind != "prismatic":
+        return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
+    t = rigid.frame(joint.addresses[0].body).to_global(joint.direction)
+    force = reaction(f"{name}.normal") * normal(t)
+    return force + reaction(f"{name}.drive") * t if name in scene.drives else force

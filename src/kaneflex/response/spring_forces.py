@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.fem.springs import place_spring
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.deformation import Rates
 
 
 def spring_force(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> np.ndarray:
@@ -30,8 +30,7 @@ def spring_force(model: Model, rigid: RigidMotion, coordinates: Rates, name: str
         force -= rigid.apply(matrices["C_s"], q_rate)
     if torsional or not (spring.length or spring.damping):
         return force
-    c, s = rigid[f"{name}.c"], rigid[f"{name}.s"]
-    return np.array([c * force[0] - s * force[1], s * force[0] + c * force[1]])
+    return rigid.frame(name).to_global(force)
 
 
 def _rigid_force(rigid: RigidMotion, name: str, torsional: bool) -> np.ndarray:
@@ -49,5 +48,5 @@ def spring_tension(model: Model, rigid: RigidMotion, coordinates: Rates, name: s
         return rigid[f"{name}.tension"]
     force = spring_force(model, rigid, coordinates, name)
     if spring.length or spring.damping:
-        return -(rigid[f"{name}.c"] * force[0] + rigid[f"{name}.s"] * force[1])
+        return -rigid.frame(name).to_body(force)[0]
     return np.hypot(*force)

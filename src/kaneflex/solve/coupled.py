@@ -9,14 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
 from kaneflex.multibody.linearisation import settled
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.motion import CoupledMotion, Rates
-from kaneflex.multibody.run import CoupledTrajectory, Method, between, integrate, rigid_state
+from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state
 from kaneflex.multibody.system import CoupledSystem
+from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import State, check_closed
 from kaneflex.solve.events import happens
@@ -78,17 +79,16 @@ def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
     """A coupled trajectory with the rigid mechanism beside it, whose free drives follow the coupled motion."""
-    system = model.coupled
     free = model.module.FREE  # its order, which need not be the scene's
     if free and len(trajectory.times) > 3:
-        bare = CoupledMotion(model, system, trajectory, model.motion.at(trajectory.times))
+        bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
         courses = [_coordinate(bare, name) for name in free]
         states = np.array([[course[0] for course in courses], [course[1] for course in courses]])
         accelerations = np.array([course[2] for course in courses])
         states = states.reshape(2 * len(free), -1)
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
         model = replace(model, motion=Motion(model.motion.module, p))
-    return _seen(model, trajectory, seconds)
+    return Solution(model, trajectory, seconds)
 
 
 def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledTrajectory:
@@ -101,22 +101,6 @@ def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledT
     return CoupledTrajectory(np.full(count, t), q, none, none, multipliers, energy, zero, zero, *ended)
 
 
-def resampled(solution: Solution, times: np.ndarray) -> Solution:
-    """The coupled motion at other instants within the run."""
-    trajectory = between(solution.model.coupled, solution.coupled.trajectory, times)
-    return _seen(solution.model, trajectory, solution.seconds)
-
-
-def _seen(model: Model, trajectory: CoupledTrajectory, seconds: float) -> Solution:
-    """What the elastic equations' coordinates say of a trajectory; the model's free drives move as it does."""
-    motion = CoupledMotion(model, model.coupled, trajectory, model.motion.at(trajectory.times))
-    z, v, a = motion.coordinates()
-    plain = Trajectory(
-        trajectory.times, z.T, v.T, a.T, trajectory.outcome, trajectory.message, None, trajectory.ns_per_step
-    )
-    return Solution(model, plain, seconds, motion)
-
-
 def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
     """Coordinate of a drive between the deformed bodies [rad, or m along its guide], with its rates."""
     joint = motion.model.scene.joints[drive]
@@ -124,16 +108,11 @@ def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
     gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
     if joint.kind != "prismatic":
         return gap[2], gap_rate[2], gap_accel[2]
-    (angle, omega, epsilon), (t_x, t_y) = (part[2] for part in first), joint.direction
-    t = np.array([np.cos(angle) * t_x - np.sin(angle) * t_y, np.sin(angle) * t_x + np.cos(angle) * t_y])
-    n = np.array([-t[1], t[0]])
-
-    def dot(direction: np.ndarray, vector: np.ndarray) -> np.ndarray:
-        return (direction * vector[:2]).sum(axis=0)
-
-    along, across = dot(t, gap), dot(n, gap)
-    accel = dot(t, gap_accel) + 2 * omega * dot(n, gap_rate) + epsilon * across - omega**2 * along
-    return along, dot(t, gap_rate) + omega * across, accel
+    angle, omega, epsilon = (part[2] for part in first)
+    t = rotate(np.cos(angle), np.sin(angle), joint.direction)
+    gap, gap_rate, gap_accel = (part[:2] for part in (gap, gap_rate, gap_accel))
+    seen = gap, velocity(-omega, gap, gap_rate), acceleration(-omega, -epsilon, gap, gap_rate, gap_accel)
+    return tuple((t * part).sum(axis=0) for part in seen)
 
 
 def longest(scene: Scene) -> float:

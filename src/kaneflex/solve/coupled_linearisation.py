@@ -9,10 +9,11 @@ import numpy as np
 from scipy.linalg import eigh
 
 from kaneflex.fem.links import spread_sums
+from kaneflex.mechanism.body_frame import rotate, rotate_back
 from kaneflex.multibody.linearisation import Linear, kernels, linear, probes, reduction, settled
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.motion import CoupledMotion
 from kaneflex.multibody.run import rigid_state
+from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
@@ -82,13 +83,12 @@ def _spread(model: Model, name: str, places: _Places) -> np.ndarray:
         nodal[:, 3 * e : 3 * e + 6] += np.array([along[e, :, 0], across[e, :, 0]])
     phi = places.q[model.coupled.start[link.name] + 2]
     c, s = np.cos(phi), np.sin(phi)
-    x, y = load.direction
-    d = (x, y) if load.axes == "body" else (c * x + s * y, c * y - s * x)
+    d = load.direction if load.axes == "body" else rotate_back(c, s, load.direction)
     force = np.zeros(len(places.q))
     for node in range(len(link.nodes)):
         u, v, moment = (d[0] * nodal[0] + d[1] * nodal[1])[3 * node : 3 * node + 3]
         by = places.by_node(link.name, node)
-        force += by[0] * (c * u - s * v) + by[1] * (s * u + c * v) + by[2] * moment
+        force += np.array([*rotate(c, s, (u, v)), moment]) @ by
     return force
 
 
@@ -99,7 +99,8 @@ class _Places:
         self.model, self.q = model, q
         self.step = _STEP * model.coupled.measure(longest(model.scene))
         moved = np.concatenate([q + np.diag(self.step), q - np.diag(self.step)])
-        self.motion = CoupledMotion(model, model.coupled, still_trajectory(model.coupled, t, moved), model.motion.at(t))
+        trajectory = still_trajectory(model.coupled, t, moved)
+        self.motion = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
 
     def _difference(self, place: np.ndarray) -> np.ndarray:
         count = len(self.q)
@@ -111,7 +112,7 @@ class _Places:
 
     def by_node(self, link: str, node: int) -> np.ndarray:
         at = (self.model.coupled.links[link].nodes[node], 0.0)
-        return self._difference(self.motion.place(link, at, node)[0])
+        return self._difference(self.motion.moving_place(link, at)[0])
 
     def push(self, at: Address, direction: tuple[float, float], axes: str) -> np.ndarray:
         """Generalised force of a unit force."""
@@ -119,9 +120,7 @@ class _Places:
         if axes == "body":
             place = self.motion.joined(at)[0][2]
             angle = float(place.mean())
-        c, s = np.cos(angle), np.sin(angle)
-        by = self.by(at)
-        return (c * direction[0] - s * direction[1]) * by[0] + (s * direction[0] + c * direction[1]) * by[1]
+        return rotate(np.cos(angle), np.sin(angle), direction) @ self.by(at)[:2]
 
 
 def loads_of(model: Model, found: Linear, pushes: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -142,14 +141,14 @@ def readings(
 ) -> np.ndarray:
     """Derivatives of the sensors by coordinates, their rates and the inputs, (n_sensors, 2 n_y + n_inputs)."""
     trajectory, amounts = probes(model.coupled, found, pushes, longest(model.scene))
-    solution, states, shift = as_solution(model, trajectory, 0.0), 4 * len(found.names), {}
+    states, shift = 4 * len(found.names), {}
     for k, name in enumerate(pushes):
         shift[name] = np.zeros(len(trajectory.times))
         shift[name][states + 2 * k : states + 2 * k + 2] = 1.0, -1.0
-    solution = replace(solution, coupled=replace(solution.coupled, shift=shift))
+    motion = replace(as_solution(model, trajectory, 0.0).motion, shift=shift)
     rows = []
     for sensor in sensors.values():
-        values = sensor_values(solution, sensor)
+        values = sensor_values(motion, sensor)
         rows.append((values[::2] - values[1::2]) / amounts)
     return np.array(rows).reshape(len(sensors), len(amounts))
 

@@ -79,9 +79,9 @@ def check_closed(
 
 def last_state(solution: Solution) -> State:
     """The last state of a coupled solution. Raises SceneError for a solution that has none."""
-    if solution.coupled is None:
+    if solution.model.coupled is None:
         raise _none(repr(solution))
-    trajectory = solution.coupled.trajectory
+    trajectory = solution.trajectory
     names = tuple(name for name, _ in solution.model.coupled.module.COORDINATES)
     return State(repr(solution), float(trajectory.times[-1]), names, trajectory.q[-1], trajectory.v[-1])
 

@@ -48,7 +48,7 @@ def until_stop(solution: Solution) -> Solution:
 
 def _gap(solution: Solution, event: Event) -> np.ndarray:
     scene = solution.model.scene
-    return sensor_values(solution, scene.sensors[event.sensor]) - scene.level(event)
+    return sensor_values(solution.motion, scene.sensors[event.sensor]) - scene.level(event)
 
 
 def _passed(gap: np.ndarray, direction: str) -> np.ndarray:

@@ -21,7 +21,6 @@ from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene.plausible import implausible
-from kaneflex.scene.quantities import Address
 from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.memory import check_memory
@@ -209,15 +208,9 @@ def check_springs(scene: Scene, motion: Motion, options: Options) -> None:
         return
     rigid = motion.at(np.linspace(0.0, scene.period if options.cycles else options.duration, SWEEP + 1))
 
-    def place(address: Address) -> np.ndarray:
-        x, y = scene.point(address)
-        if address.body == "ground":
-            return np.tile([[x], [y]], SWEEP + 1)
-        c, s, x_0, y_0 = (rigid[f"{address.body}.{key}"] for key in ("c", "s", "x", "y"))
-        return np.array([x_0 + c * x - s * y, y_0 + s * x + c * y])
-
     for name, spring in directed.items():
-        d = place(spring.between[1]) - place(spring.between[0])
+        start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)
+        d = end - start
         step = np.diff(d)
         # The closest approach may lie between two samples: on the straight line from one to the other.
         share = np.clip(-(d[:, :-1] * step).sum(0) / np.maximum((step**2).sum(0), 1e-300), 0.0, 1.0)

@@ -43,7 +43,7 @@ def labelled(solution: Solution) -> Labelled:
         name: ("time", series.values, {"units": series.unit, "long_name": series.meaning})
         for name, series in solution.series.items()
     }
-    if solution.coupled is not None and len(solution.times):
+    if model.coupled is not None and len(solution.times):
         coordinates["state"], more = _last_state(solution)
         variables |= more
     about = {

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
+from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.motion import Motion
 from kaneflex.solve.initial import STATE, start_coordinates
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LARGEST
@@ -20,7 +23,7 @@ from kaneflex.support.units import LARGEST
 if TYPE_CHECKING:
     import xarray
 
-    from kaneflex.multibody.motion import CoupledMotion
+    from kaneflex.multibody.run import CoupledTrajectory
     from kaneflex.response.sensors import Series
     from kaneflex.support.labelled import Labelled
 
@@ -35,20 +38,17 @@ class Solution:
     Attributes
     ----------
     model : Model
-    trajectory : Trajectory
-        Motion of what was integrated, at the stored times.
+    trajectory : Trajectory or CoupledTrajectory
+        Motion of what was integrated, at the stored times: the latter under preset ``coupled``.
     seconds : float
         Wall time of the run.
-    coupled : CoupledMotion or None
-        Motion of all bodies, reactions and energies, under preset ``coupled``.
     whole : Solution or None
         The run that these instants were sampled from, by :meth:`at`.
     """
 
     model: Model
-    trajectory: Trajectory
+    trajectory: Trajectory | CoupledTrajectory
     seconds: float
-    coupled: CoupledMotion | None = None
     whole: Solution | None = None
 
     def __repr__(self) -> str:
@@ -96,12 +96,23 @@ class Solution:
         """The rigid motion at the stored times."""
         return self.model.motion.at(self.times)
 
-    @cached_property
-    def coordinates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z, z', z'' of the mechanism's coordinates, each of shape (n, n_times)."""
+    @property
+    def motion(self) -> Motion:
+        """What sensors, events and pictures read; it keeps what it computes, so that a reader asks for it once."""
+        whole = None if self.whole is None else self.whole.motion
+        if self.model.coupled is not None:
+            from kaneflex.response.coupled_motion import CoupledMotion
+
+            return CoupledMotion(self.model, self.rigid, self.trajectory, whole=whole)
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
-        return series if basis is None else tuple(basis @ part for part in series)
+        coordinates = series if basis is None else tuple(basis @ part for part in series)
+        return ElasticMotion(self.model, self.rigid, coordinates, whole=whole)
+
+    @cached_property
+    def coordinates(self) -> Rates:
+        """z, z', z'' of the mechanism's coordinates, each of shape (n, n_times)."""
+        return self.motion.coordinates
 
     def state(self, instant: int = -1) -> dict[str, dict[str, float]]:
         """The coordinates and their rates at a stored instant, the last one by default, as ``solve.start`` takes them.
@@ -116,12 +127,9 @@ class Solution:
         dict
             ``displacements`` and ``velocities``: coordinate -> number in SI.
         """
-        names, moved = start_coordinates(self.model), self.coordinates
-        if self.coupled is not None:
-            trajectory = self.coupled.trajectory
-            moved = trajectory.q.T, trajectory.v.T
+        names, moved = start_coordinates(self.model), self.motion.state
         # what no scene can say, and no run can tell from zero
-        numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved[:2])
+        numbers = ([0.0 if abs(x) < 1.0 / LARGEST else float(x) for x in part[:, instant]] for part in moved)
         return {key: dict(zip(names, part, strict=True)) for key, part in zip(STATE, numbers, strict=True)}
 
     def at(self, times: np.ndarray) -> Solution:
@@ -145,10 +153,10 @@ class Solution:
         if not ((times >= first) & (times <= last)).all():
             asked = f"{times.min():.9g} to {times.max():.9g} s"
             raise ValueError(f"instants from {asked} asked for, where the run has {first:.9g} to {last:.9g} s")
-        if self.coupled is not None:
-            from kaneflex.solve.coupled import resampled
+        if self.model.coupled is not None:
+            from kaneflex.multibody.run import between
 
-            return replace(resampled(self, times), whole=self)
+            return replace(self, trajectory=between(self.model.coupled, self.trajectory, times), whole=self)
         return replace(self, trajectory=_between(self.trajectory, times), whole=self)
 
     @cached_property
@@ -157,16 +165,6 @@ class Solution:
         from kaneflex.solve.events import find_events
 
         return find_events(self)
-
-    def turned(self, body: str) -> np.ndarray:
-        """Angle of a body in the rigid motion [rad], counted on from turn to turn."""
-        angle = np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
-        if self.whole is None:
-            there = np.isfinite(angle)  # a coupled mechanism may go where the rigid one doesn't close
-            angle[there] = np.unwrap(angle[there])
-            return angle
-        near = np.interp(self.times, self.whole.times, self.whole.turned(body))
-        return near + np.remainder(angle - near + np.pi, 2 * np.pi) - np.pi
 
     @cached_property
     def series(self) -> dict[str, Series]:
@@ -177,8 +175,8 @@ class Solution:
         """
         from kaneflex.response.sensors import measure
 
-        measured = measure(self)
-        strict = self.outcome is Outcome.COMPLETED and self.coupled is None
+        measured = measure(self.motion)
+        strict = self.outcome is Outcome.COMPLETED and self.model.coupled is None
         for name, series in measured.items() if strict else ():
             lost = ~np.isfinite(series.values)
             if lost.any():

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.body_frame import rotate_back
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -227,7 +228,8 @@ def _inputs(model: Model, rigid: RigidMotion) -> tuple[dict[str, Shift], list[st
         for name, (x, y, turn) in rates.items():
             c, s = rigid[f"{name}.c"][0], rigid[f"{name}.s"][0]
             shift |= {f"{name}.a_x": x, f"{name}.a_y": y, f"{name}.epsilon": turn}
-            shift |= {f"{name}.link.a_x": c * x + s * y, f"{name}.link.a_y": c * y - s * x}
+            along, across = rotate_back(c, s, (x, y))
+            shift |= {f"{name}.link.a_x": along, f"{name}.link.a_y": across}
         if not _has_terms(model, shift):
             continue
         shifts[f"{drive}.acceleration"] = shift
@@ -270,23 +272,6 @@ def _load_of(model: Model, t: float, shifts: Sequence[Shift]) -> np.ndarray:
     return columns[:, 1:] - columns[:, :1]
 
 
-@dataclass(frozen=True, eq=False)
-class _Probe:
-    """What sensors read of a solution, with chosen coordinates at one instant in place of those of a run."""
-
-    model: Model
-    rigid: RigidMotion
-    coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]
-    coupled: None = None
-
-    @property
-    def times(self) -> np.ndarray:
-        return self.rigid.times
-
-    def turned(self, body: str) -> np.ndarray:
-        return np.arctan2(self.rigid[f"{body}.s"], self.rigid[f"{body}.c"])
-
-
 class _Readings:
     """The sensors' readings at one instant as functions of z, z', z'' and the inputs, all affine."""
 
@@ -314,8 +299,9 @@ class _Readings:
         return read[:, 1:] - read[:, :1]
 
     def _read(self, rigid: RigidMotion, coordinates: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+        from kaneflex.response.elastic_motion import ElasticMotion
         from kaneflex.response.sensors import measure
 
-        series = measure(_Probe(self.model, rigid, coordinates))
+        series = measure(ElasticMotion(self.model, rigid, coordinates))
         read = [series[name].values for name in self.model.scene.sensors]
         return np.array(read).reshape(self.count, len(rigid.times))

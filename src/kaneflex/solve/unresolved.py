@@ -40,7 +40,7 @@ def unresolved(solution: Solution) -> tuple[Unresolved, ...]:
     displacements is right within it. Forces and accelerations are the static ones but for what such a vibration is
     worth: omega^2 times the displacement allowed, which a slow mechanism's accelerations may not exceed by far.
     """
-    model, trajectory = solution.model, solution.coupled.trajectory
+    model, trajectory = solution.model, solution.trajectory
     if trajectory.steps == 0:
         return ()
     step = float(trajectory.times[-1] - trajectory.times[0]) / trajectory.steps

@@ -9,7 +9,6 @@ import numpy as np
 
 from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.response.deformation import deform
 from kaneflex.response.loss_of_stiffness import lost_stiffness
 from kaneflex.response.undersampling import between_steps
 from kaneflex.scene.options import FIXED_STEP
@@ -54,12 +53,12 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     model = solution.model
     found = []
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
-    if lowest is not None and (model.options.dynamics == "dynamic" or solution.coupled is not None):
+    if lowest is not None and model.options.dynamics in ("dynamic", "coupled"):
         found.extend(_coarse(solution, lowest))
     found.extend(_parted(solution))
     found.extend(_ill_conditioned(solution))
     found.extend(between_steps(model))
-    if solution.coupled is not None:
+    if model.coupled is not None:
         return [*found, *_of_coupled(solution)]
     if model.energy is not None and model.energy.drift > LARGEST_GAP:
         found.append(
@@ -68,9 +67,9 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
         )
     if len(solution.times):
         found.extend(lost_stiffness(model, solution.times))
-    shares = {}
+    shares, motion = {}, solution.motion
     for name, link in model.links.items() if len(solution.times) else ():
-        q = deform(model, solution.rigid, solution.coordinates, name).q
+        q = motion.nodes(name)[0]
         found.extend(_stretched(name, link, q))
         shares[name] = float(abs(q[1::3]).max()) / link.length
         if shares[name] > LARGEST_DEFLECTION:
@@ -130,7 +129,7 @@ def _coarse(solution: Solution, lowest: float) -> list[str]:
     if per_period >= FEWEST_STEPS:
         return []
     wanted = int(model.options.steps * FEWEST_STEPS / per_period) + 1
-    if solution.coupled is not None and model.options.integrator != FIXED_STEP:
+    if model.coupled is not None and model.options.integrator != FIXED_STEP:
         return [
             f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): the run follows free "
             "vibrations between them, but neither its results nor their extremes show them; give solve.steps = "
@@ -250,8 +249,8 @@ def _part_by(solution: Solution, ways: str, parts: dict[str, np.ndarray]) -> lis
 
 def _of_coupled(solution: Solution) -> list[str]:
     """An energy balance that doesn't close, and bending that the second-order kinematics no longer describe."""
-    motion, found = solution.coupled, []
-    drift = motion.trajectory.energy.drift
+    motion, found = solution.motion, []
+    drift = motion.energy.drift
     if drift > LARGEST_GAP:
         options = solution.model.options
         tighter = "" if options.integrator == FIXED_STEP else f"lower solve.tolerance from {options.tolerance:g}, or "
@@ -284,8 +283,8 @@ def _loose(solution: Solution) -> list[str]:
     """A warning where the error allowed in coupled steps is no small part of the largest deformation."""
     from kaneflex.solve.coupled import longest
 
-    model, motion = solution.model, solution.coupled
-    if model.options.integrator == FIXED_STEP or motion.trajectory.steps == 0:
+    model, motion = solution.model, solution.motion
+    if model.options.integrator == FIXED_STEP or solution.trajectory.steps == 0:
         return []
     allowed = model.options.tolerance * longest(model.scene)
     moved = (np.delete(motion.nodes(name)[0], np.s_[2::3], axis=0) for name in model.links)

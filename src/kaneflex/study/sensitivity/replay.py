@@ -67,7 +67,7 @@ class Replay:
 
     @property
     def _own(self) -> CoupledTrajectory:
-        return self.solution.coupled.trajectory
+        return self.solution.trajectory
 
     def _run(self, model: Model, q: np.ndarray, v: np.ndarray) -> CoupledTrajectory:
         """The run of a model from q and v, which are put onto the constraints."""

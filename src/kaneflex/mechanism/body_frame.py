@@ -1,0 +1,136 @@
+"""Planar kinematics: how vectors turn with a body, and how the points of a body move.
+
+Components of a vector along the last axis' instants, (2, n_times): S p = (-y, x) is a vector turned by a right angle.
+A point p in the axes of a body that turns by omega and epsilon, and moves in them by p', p'', has the velocity and the
+acceleration, less those of the body's start and still in the body's axes,
+
+    p' + omega S p,   p'' + 2 omega S p' + epsilon S p - omega^2 p
+
+(Kane & Levinson, Dynamics: Theory and Applications, 1985, sec. 2.8: one point moving on a rigid body). With -omega and
+-epsilon the same formulas give the rates of a vector's components in the turning axes from its global rates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from kaneflex.mechanism.planar import GROUND, Pose, carried_velocity, quarter_turn, relative_acceleration
+
+Rates = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""A quantity with its first and second rates, time along the last axis."""
+STILL = np.zeros((2, 1))
+"""Rate of a point that is fixed in its body."""
+
+
+def rotate(c, s, vector) -> np.ndarray:
+    """Global components of a vector given in axes that are turned by an angle of cosine c and sine s."""
+    return np.array(Pose(0.0, 0.0, c, s).turn(vector))
+
+
+def rotate_back(c, s, vector) -> np.ndarray:
+    """Components in axes that are turned by an angle of cosine c and sine s, of a vector given in global ones."""
+    return rotate(c, -s, vector)
+
+
+def normal(vector) -> np.ndarray:
+    """S p: the vector turned by a right angle, counterclockwise."""
+    return np.array(quarter_turn(vector))
+
+
+def velocity(omega, p, p_rate=STILL) -> np.ndarray:
+    """p' + omega S p."""
+    return p_rate + np.array(carried_velocity(p, omega))
+
+
+def acceleration(omega, epsilon, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
+    """p'' + 2 omega S p' + epsilon S p - omega^2 p."""
+    return p_accel + np.array(relative_acceleration(p, p_rate, omega, epsilon))
+
+
+class Scalars(Protocol):
+    """A motion by the names of its scalars, like ``rod.omega``, each (n_times,)."""
+
+    @property
+    def times(self) -> np.ndarray: ...
+
+    def __getitem__(self, name: str) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFrame:
+    """The axes of a body in a motion, which carry its points; those of the ground stand still.
+
+    Points p are given in these axes, shape (2,) or (2, n_times) [m]. A module has the scalars that its scene requires,
+    so that each is looked up when it is asked for.
+    """
+
+    motion: Scalars
+    body: str
+
+    def _scalar(self, key: str) -> np.ndarray:
+        if self.body == GROUND:
+            return np.full(len(self.motion.times), float(key == "c"))
+        return self.motion[f"{self.body}.{key}"]
+
+    @cached_property
+    def c(self) -> np.ndarray:
+        return self._scalar("c")
+
+    @cached_property
+    def s(self) -> np.ndarray:
+        return self._scalar("s")
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Angular velocity [rad/s]."""
+        return self._scalar("omega")
+
+    @property
+    def epsilon(self) -> np.ndarray:
+        """Angular acceleration [rad/s^2]."""
+        return self._scalar("epsilon")
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Place of the body's start, global [m]."""
+        return np.array([self._scalar("x"), self._scalar("y")])
+
+    def to_global(self, vector) -> np.ndarray:
+        """Global components of a vector in these axes, (2, n_times)."""
+        return rotate(self.c, self.s, vector)
+
+    def to_body(self, vector) -> np.ndarray:
+        """Components in these axes of a global vector, (2, n_times)."""
+        return rotate_back(self.c, self.s, vector)
+
+    def place(self, p) -> np.ndarray:
+        """Global place of a point [m], (2, n_times)."""
+        return self.origin + self.to_global(p)
+
+    def velocity(self, p, p_rate=STILL) -> np.ndarray:
+        """Global velocity of a point that moves by p' in these axes [m/s], (2, n_times)."""
+        origin = np.array([self._scalar("v_x"), self._scalar("v_y")])
+        return origin + self.to_global(velocity(self.omega, _columns(p), p_rate))
+
+    def acceleration(self, p, p_rate=STILL, p_accel=STILL) -> np.ndarray:
+        """Global acceleration of a point that moves by p', p'' in these axes [m/s^2], (2, n_times)."""
+        origin = np.array([self._scalar("a_x"), self._scalar("a_y")])
+        carried = acceleration(self.omega, self.epsilon, _columns(p), p_rate, p_accel)
+        return origin + self.to_global(carried)
+
+    def components(self, d: np.ndarray, d_rate: np.ndarray, d_accel: np.ndarray) -> Rates:
+        """Components of a global vector in these axes, and the rates of these components, from its global rates."""
+        omega, epsilon = self.omega, self.epsilon
+        return (
+            self.to_body(d),
+            self.to_body(velocity(-omega, d, d_rate)),
+            self.to_body(acceleration(-omega, -epsilon, d, d_rate, d_accel)),
+        )
+
+
+def _columns(p) -> np.ndarray:
+    return np.asarray(p, dtype=float).reshape(2, -1)

@@ -1,0 +1,267 @@
+"""The motion of bodies that deform and move each other, as a coupled trajectory holds it.
+
+Two views of one motion. *In the floating frames*: the frames' own motion and the small deformation in them, which
+places and section forces follow from. *Relative to the rigid mechanism*, whose drives stand where they stand in the
+coupled motion: displacements, so that every sensor means the same under every preset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.response.dalembert import Balanced, balanced
+from kaneflex.response.floating_scalars import FloatingScalars
+from kaneflex.response.motion import Motion, Section, beside_axis
+from kaneflex.scene.quantities import Address
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.run import CoupledTrajectory
+
+_GAUSS = np.polynomial.legendre.leggauss(3)  # exact for w_j' w_k' of cubics
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledMotion(Motion):
+    """Where everything is in a coupled trajectory.
+
+    ``shift`` is what loads have beyond their sizes there, by name (n_times,).
+    """
+
+    trajectory: CoupledTrajectory
+    shift: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def system(self) -> CoupledSystem:
+        return self.model.coupled
+
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.trajectory.q.T, self.trajectory.v.T
+
+    @property
+    def energy(self) -> Energy:
+        return self.trajectory.energy
+
+    @property
+    def has_rigid_forces(self) -> bool:
+        """Not where free joints follow the deformation either: a rigid mechanism would have to vibrate with them."""
+        return not (self.model.scene.is_frame or self.model.module.FREE)
+
+    def taken(self, instants: np.ndarray) -> CoupledMotion:
+        rigid = RigidMotion(self.rigid.motion, self.times[instants], self.rigid.values[instants])
+        picked = {key: getattr(self.trajectory, key)[instants] for key in ("times", "q", "v", "a", "multipliers")}
+        shift = {name: part[instants] for name, part in self.shift.items()}
+        trajectory = replace(self.trajectory, **picked)
+        return replace(self, rigid=rigid, trajectory=trajectory, shift=shift, whole=self.whole or self)
+
+    # ---- in the floating frames -------------------------------------------------------------------------------
+
+    @cached_property
+    def floating(self) -> FloatingScalars:
+        """The floating frames as a rigid motion."""
+        return FloatingScalars(self.rigid.motion, self.rigid.times, self.rigid.values, self)
+
+    @cached_property
+    def quiet(self) -> CoupledMotion:
+        """The same states with accelerations and reactions as if no link rang in tension.
+
+        The axial shapes are not accelerated, as far as the joints leave it to them: there the axial force is what the
+        rest of the motion asks for, to the square of its frequencies' ratio.
+        """
+        t, system = self.trajectory, self.system
+        still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
+                                for b, (axial, _) in system.module.BODIES.items()]).astype(int)  # fmt: skip
+        if not len(still):
+            return self
+        found = [system.accelerations(*state, still) for state in zip(t.times, t.q, t.v, strict=True)]
+        a, multipliers = (np.array([each[k] for each in found]).reshape(part.shape)
+                          for k, part in enumerate((t.a, t.multipliers)))  # fmt: skip
+        return replace(self, trajectory=replace(t, a=a, multipliers=multipliers))
+
+    def body(self, name: str) -> Rates:
+        """x, y [m], phi [rad] of a body's frame, (3, n_times)."""
+        k = self.system.start[name]
+        t = self.trajectory
+        return tuple(part[:, k : k + BODY].T for part in (t.q, t.v, t.a))
+
+    def modal(self, name: str) -> Rates:
+        """Modal coordinates of a body, (n, n_times)."""
+        rows = self.system.modal(name)
+        t = self.trajectory
+        return tuple(part[:, rows].T for part in (t.q, t.v, t.a))
+
+    def nodes(self, link: str) -> Rates:
+        shapes = self.system.shapes[link].all
+        return tuple(shapes @ part for part in self.modal(link))
+
+    def moving_place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+        """x, y [m] and section angle [rad] of a point, global, its deformation included; (3, n_times).
+
+        Of an elastic link the point of the axis at the distance ``at[0]``; of modal data the point that they know.
+        """
+        if body == "ground":
+            still = np.zeros((3, len(self.times)))
+            return still + np.array([[at[0]], [at[1]], [0.0]]), still, still
+        p = [np.reshape(at, (2, 1)) + np.zeros((2, len(self.times))), np.zeros((2, 1)), np.zeros((2, 1))]
+        turn = [0.0, 0.0, 0.0]
+        section = self._section_shapes(body, at[0])
+        if section is not None:
+            d = self._deformed(body, *section)
+            p, turn = [part + of[:2] for part, of in zip(p, d, strict=True)], [of[2] for of in d]
+        frame, phi = self.floating.frame(body), [part[2] for part in self.body(body)]
+        moved = (frame.place(p[0]), frame.velocity(*p[:2]), frame.acceleration(*p))
+        return tuple(np.vstack([part, angle + own]) for part, angle, own in zip(moved, phi, turn, strict=True))
+
+    def _deformed(self, body: str, rows: np.ndarray, H: np.ndarray) -> Rates:
+        """u, v, theta in the floating frame where the shapes are ``rows`` (3, n) and shorten by H (n_w, n_w)."""
+        modal = self.modal(body)
+        d, d_rate, d_accel = (rows @ part for part in modal)
+        a, a_rate, a_accel = (part[rows.shape[1] - len(H) :] for part in modal)
+        d[0] -= 0.5 * _form(a, H, a)
+        d_rate[0] -= _form(a, H, a_rate)
+        d_accel[0] -= _form(a_rate, H, a_rate) + _form(a, H, a_accel)
+        return d, d_rate, d_accel
+
+    def _section_shapes(self, body: str, x: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Shapes u, v, theta (3, n) and shortening H (n_w, n_w) at a point of a body; None of one that is rigid."""
+        modal = self.model.scene.bodies[body].modal
+        if body in self.system.links:
+            return self._along(body, x)
+        if modal is None:
+            return None
+        k = modal.at(x)
+        s, w, psi = (modal.arrays[key][k] for key in ("s", "w", "psi"))
+        none = np.zeros(len(s))
+        return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), modal.arrays["H"][k]
+
+    def _along(self, link: str, x: float) -> tuple[np.ndarray, np.ndarray]:
+        own, shapes = self.system.links[link], self.system.shapes[link]
+        node = own.node_at(x)
+        if node is not None:
+            return shapes.all[3 * node : 3 * node + 3], self._shortening[link][node]
+        e, local = own.locate(x)
+        rows = slice(3 * e, 3 * e + 6)
+        slopes = np.array([own.shape(e, 0.5 * local * (1 + point))[3] for point in _GAUSS[0]]) @ shapes.transverse[rows]
+        H = self._shortening[link][e] + 0.5 * local * (slopes.T * _GAUSS[1]) @ slopes
+        return own.shape(e, local)[:3] @ shapes.all[rows], H
+
+    @cached_property
+    def _shortening(self) -> dict[str, np.ndarray]:
+        """Link -> H at every node, (n_nodes, n_w, n_w)."""
+        return {name: self.system.shapes[name].shortening(link) for name, link in self.system.links.items()}
+
+    def joined(self, address: Address) -> Rates:
+        """Place and section angle of a point of a body or the ground, (3, n_times)."""
+        return self.moving_place(address.body, self.model.scene.point(address))
+
+    # ---- forces -----------------------------------------------------------------------------------------------
+
+    def reaction(self, name: str) -> np.ndarray:
+        return self.reactions[name]
+
+    @cached_property
+    def reactions(self) -> dict[str, np.ndarray]:
+        """Every joint reaction and every drive's force or torque; a free joint has none. Series (n_times,)."""
+        found = dict(zip(self.system.constraints, self.trajectory.multipliers.T, strict=True))
+        none = np.zeros(len(self.times))
+        return {f"{name}.drive": none for name in self.model.scene.drives} | found
+
+    def spring_tension(self, name: str) -> np.ndarray:
+        spring = self.model.scene.springs[name]
+        torsional = spring.torsional_at is not None
+        ends = self.model.scene.joints[spring.torsional_at].addresses if torsional else spring.between
+        first, second = (self.joined(address) for address in ends)
+        gap, gap_rate, _ = (there - here for here, there in zip(first, second, strict=True))
+        if torsional:
+            return spring.stiffness * (gap[2] - spring.angle) + spring.damping * gap_rate[2]
+        length = np.hypot(gap[0], gap[1])
+        tension = spring.stiffness * (length - spring.length)
+        return tension + spring.damping * (gap[:2] * gap_rate[:2]).sum(axis=0) / length if spring.damping else tension
+
+    def _elastic_section(self, link: str, x: float) -> Section:
+        return self._balances[link].section(x)
+
+    @cached_property
+    def _balances(self) -> dict[str, Balanced]:
+        return balanced(self)
+
+    # ---- relative to the rigid mechanism ----------------------------------------------------------------------
+
+    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+        frame = self.model.frame
+        if body in self.system.links:
+            return beside_axis(self._in_axes(body, self._moved(body, (at[0], 0.0))), at[1])
+        if frame is None or body in frame.bodies or self.model.scene.bodies[body].modal is not None:
+            return self._in_axes(body, self._moved(body, at))
+        return self._still()
+
+    def _moved(self, body: str, at: tuple[float, float]) -> Rates:
+        """Global displacement and rotation of a point against the rigid mechanism, (3, n_times)."""
+        frame = self.rigid.frame(body)
+        moved = self.moving_place(body, at)
+        before = frame.place(at), frame.velocity(at), frame.acceleration(at)
+        phi, turned = self.body(body)[0][2], moved[0][2]
+        c, s = frame.to_body((np.cos(phi), np.sin(phi)))
+        angles = turned - phi + np.arctan2(s, c), moved[1][2] - frame.omega, moved[2][2] - frame.epsilon
+        parts = [np.vstack([new[:2] - old, angle]) for new, old, angle in zip(moved, before, angles, strict=True)]
+        for part in parts:
+            part[self._held(body, at[0])] = 0.0
+        return tuple(parts)
+
+    def _held(self, body: str, x: float) -> list[int]:
+        """Which of x, y and the angle joints hold as in the rigid mechanism: there is nothing but rounding in them."""
+        interfaces, link = self.model.interfaces, self.system.links.get(body)
+        node = (body, None if link is None else link.node_at(x))
+        if interfaces is None or node not in interfaces.displaced:
+            return []
+        fixed = interfaces.displaced[node] in interfaces.fixed
+        clamped = interfaces.turned[node] in interfaces.clamped
+        return [0, 1] * fixed + [2] * clamped
+
+    def _in_axes(self, body: str, moved: Rates) -> Rates:
+        """Of a global displacement its components in the rigid body's axes, and the rates of these."""
+        local = self.rigid.frame(body).components(*(part[:2] for part in moved))
+        return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
+
+    @cached_property
+    def coordinates(self) -> Rates:
+        names = self.model.equations.coordinates
+        rows: dict[str, Rates] = {}
+        for name, link in self.system.links.items():
+            for node, x in enumerate(link.nodes):
+                local = self.displacement(name, (x, 0.0))
+                for k, dof in enumerate(("u", "v", "theta")):
+                    rows[f"{name}.{node}.{dof}"] = tuple(part[k] for part in local)
+        joints = self.model.interfaces.joint if self.model.interfaces is not None else {}
+        for (link, node), group in (self.model.interfaces.displaced if joints else {}).items():
+            moved = self._moved(link, (self.system.links[link].nodes[node], 0.0))
+            for k, axis in enumerate("xy"):
+                rows[f"{joints[group]}.{axis}"] = tuple(part[k] for part in moved)
+        for name in self.model.frame.bodies if self.model.frame is not None else ():
+            rows |= self._carried_rows(name)
+        found = (np.array([rows[name][order] for name in names]) for order in range(3))
+        return tuple(part.reshape(len(names), len(self.times)) for part in found)
+
+    def _carried_rows(self, name: str) -> dict[str, Rates]:
+        """Displacement of a carried rigid body's start, its turn, and its slide along the guide that holds it."""
+        moved = self._moved(name, (0.0, 0.0))
+        rows = {f"{name}.{key}": tuple(part[k] for part in moved) for k, key in enumerate(("x", "y", "turn"))}
+        for joint in self.model.scene.joints.values():
+            if joint.kind == "prismatic" and name in (address.body for address in joint.addresses):
+                local = self._in_axes(joint.addresses[0].body, moved)
+                rows[f"{name}.slide"] = tuple(np.array(joint.direction) @ part[:2] for part in local)
+        return rows
+
+
+def _form(a: np.ndarray, H: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a^T H b at all times."""
+    return np.einsum("it,ij,jt->t", a, H, b)

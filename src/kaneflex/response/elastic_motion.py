@@ -1,0 +1,80 @@
+"""Small elastic displacements about the rigid motion: what all presets but ``coupled`` compute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.response.deformation import Deformation, deform, follow
+from kaneflex.response.foreshortening import Displaced, displaced
+from kaneflex.response.motion import Motion, Section, beside_axis
+from kaneflex.response.reactions import consistent_reactions
+from kaneflex.response.spring_forces import spring_tension
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticMotion(Motion):
+    """The rigid motion with the elastic coordinates z, z', z'' about it, each (n, n_times)."""
+
+    coordinates: Rates
+
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.coordinates[:2]
+
+    @property
+    def energy(self) -> Energy | None:
+        """That of the rigid mechanism, where free joints were integrated."""
+        return self.model.energy
+
+    @property
+    def has_rigid_forces(self) -> bool:
+        """Not in a structure that stands still, whose supports may be redundant."""
+        return not self.model.scene.is_frame
+
+    def taken(self, instants: np.ndarray) -> ElasticMotion:
+        rigid = RigidMotion(self.rigid.motion, self.times[instants], self.rigid.values[instants])
+        coordinates = tuple(part[:, instants] for part in self.coordinates)
+        return replace(self, rigid=rigid, coordinates=coordinates, whole=self.whole or self)
+
+    def displacement(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
+        model = self.model
+        if body in model.links:
+            return beside_axis(self._displaced.links[body].at(at[0]), at[1])
+        if model.frame is None or body not in model.frame.bodies:
+            return self._still()
+        moved = follow(model, self.rigid, self._displaced.coordinates, model.frame.body_point(body, at))
+        local = self.rigid.frame(body).components(*(part[:2] for part in moved))
+        return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
+
+    def nodes(self, link: str) -> Rates:
+        found = self._deformed[link]
+        return found.q, found.q_rate, found.q_accel
+
+    def reaction(self, name: str) -> np.ndarray:
+        """Of the rigid mechanism where the equations don't balance at every instant."""
+        return self._reactions[name] if self.model.balances else self.rigid[name]
+
+    def spring_tension(self, name: str) -> np.ndarray:
+        return spring_tension(self.model, self.rigid, self.coordinates, name)
+
+    def _elastic_section(self, link: str, x: float) -> Section:
+        return self._displaced.links[link].section(x)
+
+    @cached_property
+    def _deformed(self) -> Mapping[str, Deformation]:
+        return {name: deform(self.model, self.rigid, self.coordinates, name) for name in self.model.links}
+
+    @cached_property
+    def _displaced(self) -> Displaced:
+        return displaced(self.model, self.rigid, self.coordinates, self._deformed)
+
+    @cached_property
+    def _reactions(self) -> dict[str, np.ndarray]:
+        return consistent_reactions(self.model, self.rigid, self.coordinates, self._displaced.links)
