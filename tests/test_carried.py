@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from kaneflex.multibody.building import reference_modes
 from kaneflex.scene import read_scene, with_settings
@@ -150,3 +151,32 @@ def test_a_lumped_mass_at_the_tip_of_a_rotating_beam(tmp_path):
         series = simulate(load(scene)).series
         assert series["root_moment"].values.mean() == pytest.approx(5.0, rel=exact)
         assert series["hub_torque"].values.mean() == pytest.approx(-5.0, rel=exact)
+
+
+def test_a_lumped_mass_within_a_rotating_beam_pulls_at_its_inner_half(tmp_path):
+    """Tip under a push F by integrating (E I v'')' - P v' = S, S' = rho A omega^2 v, at every angle of the hub.
+
+    P(x) = rho A omega^2 (L^2 - x^2) / 2, before the mass at a besides m omega^2 a; there S grows by m omega^2 v.
+    """
+    text = LUMPED[: LUMPED.index("tip_end")] + LUMPED[LUMPED.index("[damping]") :]
+    text = text.replace("tip.end", "arm.end").replace("elements = 6", "elements = 16") + 'preset = "quasistatic"\n'
+    (tmp_path / "lumped.toml").write_text(text + '[masses]\nweight = {at = "arm.mid", mass = "2 kg"}\n')
+    tip = simulate(load(read_scene(tmp_path / "lumped.toml"))).series["arm_end"].values
+    EI, line, omega, m, F = 2.1e11 * 1e-9, 7850.0 * 1e-4, 400 * np.pi / 30, 2.0, 5.0
+
+    def half(start, inner):
+        def slopes(x, y):
+            v, theta, M, S = y
+            P = omega**2 * (line * (1 - x**2) / 2 + m * 0.5 * inner)
+            return theta, M / EI, S + P * theta, line * omega**2 * v
+
+        span = (0.0, 0.5) if inner else (0.5, 1.0)
+        return solve_ivp(slopes, span, start, rtol=1e-10, atol=1e-12).y[:, -1]
+
+    def end(M, S):
+        middle = half((0.0, 0.0, M, S), True)
+        return half(middle + np.array([0.0, 0.0, 0.0, m * omega**2 * middle[0]]), False)
+
+    ends = np.array([end(1.0, 0.0), end(0.0, 1.0)]).T  # linear in what the root carries
+    expected = ends[0] @ np.linalg.solve(ends[2:], [0.0, -F])
+    assert tip == pytest.approx(expected, rel=1e-5)

@@ -32,6 +32,24 @@ def test_rates_are_the_derivatives_of_places():
             assert lower @ STENCIL / h == pytest.approx(higher[:, 4], rel=1e-7, abs=1e-9 * abs(higher).max()), name
 
 
+def test_constraints_are_the_gaps_between_these_places():
+    """Of every revolute joint, foreshortening included, in any state: the kernel against the places read."""
+    given = model("slider-crank-150-coupled")
+    system, joints = given.coupled, given.scene.joints
+    m, n = len(system.constraints), system.size
+    q = 0.1 * np.random.default_rng(5).normal(size=(1, n))
+    g = np.zeros(m)
+    system.module.constraints(0.0, q[0], np.zeros(n), system.parameters, g, np.zeros(m), np.zeros((m, n)), np.zeros(m))
+    motion = CoupledMotion(given, system, still_trajectory(system, 0.0, q), given.motion.at(0.0))
+    revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
+    assert len(revolute) > 1
+    for joint, addresses in revolute.items():
+        first, second = (motion.joined(address)[0][:, 0] for address in addresses)
+        for k, axis in enumerate("xy"):
+            row = system.constraints.index(f"{joint}.force_{axis}")
+            assert g[row] == pytest.approx(second[k] - first[k], abs=1e-12), (joint, axis)
+
+
 def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond():
     """A straight link that turns about its start: N = -int rho A (a - g)_x over the part beyond, V and M likewise."""
     given, turn, omega, epsilon = model("elastic-pendulum"), 0.4, 3.0, 7.0

@@ -144,6 +144,25 @@ def test_exact_modal_periodic():
 
 
 @pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss", "radau", "exact-modal"])
+def test_a_cycle_is_read_again_from_its_start(method):
+    """Two cycles and a half from rest, with the table of one and with that of all of them."""
+    one = np.eye(2)
+    push = np.array([[0.0, 1.0], [0.0, 0.4]])
+    parts = {"M": [one, None], "C": [0.1 * one, None], "K": [np.diag([9.0, 50.0]), None]}
+    system = affine(2, 0, parts, push)
+
+    def table(times):
+        return np.stack((np.ones_like(times), np.sin(np.pi * times) + (times % 2.0)), axis=1)
+
+    begun = (np.zeros(2), np.zeros(2))
+    again, straight = (
+        integrate(Run(system, table, 0.0, 0.1, 50, method, start=begun, **more)) for more in ({"period_steps": 20}, {})
+    )
+    assert abs(straight.z[20:]).max() > 0.1
+    np.testing.assert_allclose(again.z, straight.z, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["newmark", "generalised-alpha", "gauss", "radau", "exact-modal"])
 def test_growth_stops_the_run_at_a_stated_time(method):
     """Negative damping: z grows as exp(5 t); the run must end before it overflows, with finite numbers."""
     system, table = constant(np.eye(1), np.full((1, 1), -10.0), np.full((1, 1), 100.0))

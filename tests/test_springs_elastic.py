@@ -191,6 +191,7 @@ mid = {{displacement = "arm.mid", component = "y"}}
 tip = {{displacement = "arm.end", component = "y"}}
 root = {{bending_moment = "arm.start"}}
 torque = {{drive_torque = "shoulder"}}
+wrist = {{drive_torque = "wrist"}}
 pull_band = {{spring_force = "band"}}
 pull_guy = {{spring_force = "guy"}}
 twist = {{spring_torque = "coil"}}
@@ -213,7 +214,7 @@ def test_the_coupled_equations_agree(tmp_path):
     both = kaneflex.simulate(loaded(tmp_path, ARM, *coupled)).series
     for name, tolerance in (
         ("mid", 5e-3), ("tip", 5e-3), ("root", 1e-2), ("torque", 1e-2), ("pull_band", 1e-3), ("pull_guy", 2e-3),
-        ("twist", 2e-2), ("wrist_x", 3e-2), ("wrist_y", 2e-2),
+        ("twist", 2e-2), ("wrist", 2e-2), ("wrist_x", 3e-2), ("wrist_y", 2e-2),
     ):  # fmt: skip
         there = both[name].values
         assert abs(one_way[name].values - there)[400:].max() < tolerance * abs(there).max(), name
