@@ -61,8 +61,10 @@ class Variants:
             models = [model for model in loaded.values() if isinstance(model, Model)]
             solutions = dict(zip(models, _together(models), strict=True))
             for name, model in loaded.items():
-                failed = isinstance(model, Exception)
-                yield name, model if failed else _tried(_read, reader, name, model, solutions[model])
+                if isinstance(model, Model):
+                    yield name, _tried(_read, reader, name, model, solutions[model])
+                else:
+                    yield name, model
 
 
 def _read(reader: Callable[[Name, Solution], Found], name: Name, model: Model, solution: Solution | None) -> Found:

@@ -177,8 +177,8 @@ def _effect(
     runs: Runs, sensors: Sequence[str], tolerance: float, group: Group, costs: Mapping[Variant, Cost]
 ) -> Effect:
     kept, dropped = costs[group.kept], costs[group.dropped]
-    curves = (runs.run(model).curves for model in (group.dropped, group.kept))
-    found = differences(runs.scene, sensors, group.dropped.name, *curves, repeated_cycle(runs.scene))
+    without, whole = runs.run(group.dropped).curves, runs.run(group.kept).curves
+    found = differences(runs.scene, sensors, group.dropped.name, without, whole, repeated_cycle(runs.scene))
     operations = None
     if kept.operations is not None and dropped.operations is not None:
         operations = kept.operations - dropped.operations
