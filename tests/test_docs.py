@@ -1,5 +1,6 @@
 """docs/scene.md states every key of a scene file with its default and its words, and its examples run."""
 
+import importlib.util
 import json
 import re
 import tomllib
@@ -184,3 +185,22 @@ def test_the_slow_engine_has_no_gas_and_eight_elements(solved):
     model = solved["slow-engine"].model
     assert not model.scene.loads and len(model.links["rod"].nodes) == 9
     assert json.loads(json.dumps(model.scene.raw))["drives"]["main"] == {"speed": "60 rpm", "cycle": "720 deg"}
+
+
+def test_every_name_of_the_architecture_page_is_there():
+    text = (Path(__file__).parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    names = set(re.findall(r"`(kaneflex(?:\.\w+)+)`", text))
+    assert len(names) > 20
+    for name in names:
+        parts = name.split(".")
+        depth = next(k for k in range(len(parts), 0, -1) if parts[k - 1].islower() and _is_module(".".join(parts[:k])))
+        found = importlib.import_module(".".join(parts[:depth]))
+        for part in parts[depth:]:
+            found = getattr(found, part)
+
+
+def _is_module(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:  # its parent is no package
+        return False
