@@ -55,7 +55,7 @@ def test_boundary_of_a_strong_pulsation():
 def test_tongues_of_mathieus_equation(a, unstable):
     """q = 1: below a_0 = -0.455, from b_1 = -0.110 to a_1 = 1.859, and between the two. Undamped: product one."""
     found = mathieu(a)
-    assert found.unstable is unstable and found.settled
+    assert found.unstable is unstable and found.converged
     assert np.prod(found.values) == pytest.approx(1.0, abs=1e-9)
 
 
@@ -100,7 +100,7 @@ def test_blade_without_axial_forces_is_unstable_above_its_critical_speed():
     assert trap.bands == ((pytest.approx(critical, rel=2e-4), speeds[-1]),)
     asked = np.searchsorted(trap.speeds, speeds)
     assert list(trap.speeds[asked]) == list(speeds) and list(trap.radii[asked] > 1) == [False, False, True]
-    assert trap.settled.all() and list(trap.radii > 1) == list(trap.speeds > critical)
+    assert trap.converged.all() and list(trap.radii > 1) == list(trap.speeds > critical)
     right = sweep(read_scene("rotating-cantilever"), speeds, 2)
     assert right.bands == () and (right.radii < 1).all()
 

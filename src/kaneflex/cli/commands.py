@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,13 +82,13 @@ class _Commands(click.Group):
         except OSError as error:
             if error.errno not in _FULL:
                 raise
-            raise _Refusal(_no_room(error)) from error
+            raise _Refusal(_disk_full(error)) from error
         except KeyboardInterrupt:
             click.echo("Interrupted; nothing was left behind.", err=True)
             ctx.exit(INTERRUPTED)
 
 
-def _no_room(error: OSError) -> str:
+def _disk_full(error: OSError) -> str:
     """What to say of a full disk, as under numba's cache of compiled kernels, which names no file."""
     file = f"{error.filename}: " if error.filename else ""
     caches = "set NUMBA_CACHE_DIR for compiled kernels, XDG_CACHE_HOME for derived equations"
@@ -199,10 +200,10 @@ def run(
     share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():
         scene = asked.read()
-    target = target.named(f"{file_stem(scene.name)}-results")
+    target = replace(target, default=f"{file_stem(scene.name)}-results")
     names = [name.strip() for text in parameters for name in text.split(",")]
     summary = run_into(scene, target, asked.changes, after, names, basis == "frozen", share, sensors or None)
-    _report(summary, target.output)
+    _report(summary, target.folder)
     if file is not None:
         write_settings(file, summary.choice.settings)
         click.echo(f"The model is written into {file}")
@@ -211,12 +212,12 @@ def run(
 
 
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.report.presentation import run_lines, spread_table, summary_table
+    from kaneflex.report.presentation import envelope_table, run_lines, summary_table
 
     if summary.sensors:
         click.echo(summary_table(summary))
     if summary.mode_angle_spread:
-        click.echo(spread_table(summary))
+        click.echo(envelope_table(summary))
     if summary.sensitivities:
         from kaneflex.report.sensitivities import sensitivity_table
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,11 +54,11 @@ def compare(
 
     scene = asked.read()
     names = None if presets is None else [part.strip() for part in presets.split(",")]
-    target = target.named(f"{file_stem(scene.name)}-comparison")
+    target = replace(target, default=f"{file_stem(scene.name)}-comparison")
     resolution = Resolution(peer_elements, peer_steps)
     comparison = compare_into(scene, target, names, against, asked.changes, peer, resolution)
     click.echo(difference_table(comparison))
-    click.echo(f"Written to {target.output}")
+    click.echo(f"Written to {target.folder}")
     for model, curves in comparison.curves.items():
         for note in curves.notes:
             click.echo(f"{model}: {note}", err=True)

@@ -48,7 +48,7 @@ def show(
     from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place, with_branches
     from kaneflex.mechanism.reach import followed, reach_lines
-    from kaneflex.report.presentation import block, freedom, parts
+    from kaneflex.report.presentation import block, mobility_lines, parts
     from kaneflex.support.atomic_output import refuse_existing, write_bytes
 
     scene = read(name, all_settings(preset, settings))
@@ -63,7 +63,7 @@ def show(
     except SceneError as error:
         click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
         elastic = None
-    click.echo(freedom(count_freedom(mechanism_of(scene)), elastic))
+    click.echo(mobility_lines(count_freedom(mechanism_of(scene)), elastic))
     scene = with_branches(scene)
     placement = place(scene, at)
     if not scene.is_frame:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,15 +41,20 @@ class SceneArguments:
 
 @dataclass(frozen=True)
 class Target:
-    """The folder to make (None: named after the scene), whether to draw, and whether to replace an earlier folder."""
+    """The folder to make, if one is named, whether to draw, and whether to replace an earlier folder.
+
+    default: its name where the command line gives none
+    """
 
     output: Path | None
     plots: bool = True
     force: bool = False
+    default: str = ""
 
-    def named(self, default: str) -> Target:
-        """This target, by that name in the current folder if it has none."""
-        return self if self.output is not None else replace(self, output=Path(default))
+    @property
+    def folder(self) -> Path:
+        """The folder to make."""
+        return self.output or Path(self.default)
 
 
 def gathered(**kinds: type) -> Callable[[Callable[..., None]], Callable[..., None]]:

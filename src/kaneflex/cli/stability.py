@@ -115,7 +115,7 @@ def _write(found: Stability, folder: Path) -> None:
     if swept is not None:
         modes = range(1, swept.mean.shape[1] + 1)
         head = ["speed", "spectral_radius", "growth_rate", "settled"]
-        columns = [swept.speeds, swept.radii, swept.growth_rates, swept.settled.astype(int)]
+        columns = [swept.speeds, swept.radii, swept.growth_rates, swept.converged.astype(int)]
         for key in ("lowest", "mean", "highest"):
             head += [f"{key}_{k}" for k in modes]
             columns += [*getattr(swept, key).T]

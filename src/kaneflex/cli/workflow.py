@@ -69,7 +69,7 @@ def run_into(
     SceneError
         If the scene can't be solved, or nothing can be chosen.
     """
-    folder = target.output
+    folder = target.folder
     with whole_folder(folder, mark=SUMMARY_FILE, force=target.force) as partial, Waiting() as waiting:
         choice = None
         if tolerance is not None:
@@ -192,7 +192,7 @@ def compare_into(
     """
     from kaneflex.study.comparison import compare
 
-    folder = target.output
+    folder = target.folder
     with whole_folder(folder, mark=COMPARISON_FILE, force=target.force) as partial, Waiting() as waiting:
         comparison = compare(scene, presets, against, waiting.stage, peer, resolution)
         with writing(folder):

@@ -40,7 +40,7 @@ def integrate_batch(runs: Sequence[Run]) -> list[Trajectory | None]:
     """
     found: list[Trajectory | None] = [None] * len(runs)
     kinds: dict[tuple[object, ...], list[tuple[int, Ready]]] = {}
-    for k, run in enumerate(runs):
+    for k, run in enumerate(runs):  # lanes take their steps together: what steers the loop must be the same in all
         setup = _set_up(run)
         if setup is not None:
             kind = (setup.system.n, run.method, run.n_steps, run.every, run.period_steps, run.start == "periodic")
@@ -85,6 +85,7 @@ def _fits(run: Run, nodes: int) -> bool:
 
 def _side_by_side(group: Sequence[Ready]) -> list[Trajectory | None]:
     """What comes of at most LANES runs. Where one stops them, each is tried without the others."""
+    # empty lanes go along with the last run, and what they give is left out: no loop asks how many are full
     full = [group[min(lane, len(group) - 1)] for lane in range(LANES)]
     try:
         found = _periodic(full) if full[0][0].start == "periodic" else _from_given(full)

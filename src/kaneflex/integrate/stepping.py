@@ -153,6 +153,7 @@ def advance(
     masses; else only where its square is no longer a number.
     """
     loop = setup.loop(state, setup.coefficients)
+    # one cycle of a unit state may well grow beyond what forces cause: it only has to stay a number
     bound = _Bound(setup, state, n_steps) if bounded else None
     most = _steps_of_a_call(setup, state.z.shape[0])
     done, spent, outcome = begin, 0.0, Outcome.COMPLETED
@@ -208,5 +209,6 @@ def _free_acceleration(system: AffineSystem, rows: np.ndarray) -> float:
 def _steps_of_a_call(setup: Setup, columns: int) -> int:
     n_slots, stages = int(setup.stages.n_slots), max(setup.method.stages, 1)
     factor = n_slots * stages * (setup.system.half_bandwidth + 1)
+    # sums at every node of the table, the factorisation, and C v, K z and a solve in every column
     work = len(setup.method.nodes) * setup.system.packed.data.size + factor + columns * 4 * n_slots
     return max(1, int(_WORK_OF_A_CALL / work))

@@ -10,7 +10,7 @@ from kaneflex.scene.options import Options
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Problem, SceneError
 
-_SETTLED = 1e-4
+_LEFT_OF_TRANSIENT = 1e-4
 """What is left of the free vibration at the start when a cycle is taken for periodic."""
 _MOST_CYCLES = 60
 
@@ -94,7 +94,7 @@ def _solving(scene: Scene) -> Iterator[Problem]:
         )  # fmt: skip
 
 
-def cycles_to_settle(scene: Scene, options: Options) -> int:
+def cycles_to_steady_state(scene: Scene, options: Options) -> int:
     """Cycles after which the last one is periodic, from the undeformed state; 1 for a run that is not to repeat.
 
     The slowest vibration falls with exp(-ratio omega t), omega at the lower of Rayleigh's two frequencies.
@@ -108,7 +108,7 @@ def cycles_to_settle(scene: Scene, options: Options) -> int:
         return 1
     rayleigh = scene.damping.rayleigh
     decay = rayleigh.ratio * 2.0 * math.pi * min(rayleigh.at) * scene.period
-    cycles = 1 + math.ceil(-math.log(_SETTLED) / decay) if decay else math.inf
+    cycles = 1 + math.ceil(-math.log(_LEFT_OF_TRANSIENT) / decay) if decay else math.inf
     if cycles > _MOST_CYCLES:
         raise SceneError(
             "damping.rayleigh.ratio", rayleigh.ratio, f"the peer needs {cycles} cycles to settle",

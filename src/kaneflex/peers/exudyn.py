@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from kaneflex.peers.buildable import check_buildable, cycles_to_settle
+from kaneflex.peers.buildable import check_buildable, cycles_to_steady_state
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.support.errors import SceneError
 
@@ -56,7 +56,7 @@ def solve(
     progress("building the scene in Exudyn")
     built = build(exudyn, model, resolution)
     recorder = Recorder(model, built)
-    cycles = cycles_to_settle(scene, model.options)
+    cycles = cycles_to_steady_state(scene, model.options)
     progress("solving in Exudyn")
     seconds = _run(built, model, resolution.steps or 4 * model.options.steps, cycles)
     values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)

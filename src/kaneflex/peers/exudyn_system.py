@@ -102,6 +102,7 @@ class _Builder:
         nodes = []
         for x in np.linspace(0.0, body.length, count + 1):
             place, velocity = self._state(name, x, 0.0)
+            # a node's slope (c, s) is a unit vector that turns with the body
             nodes.append(self.system.AddNode(self.items.NodePoint2DSlope1(
                 referenceCoordinates=[*place, c, s], initialVelocities=[*velocity, -omega * s, omega * c]
             )))  # fmt: skip
@@ -122,6 +123,7 @@ class _Builder:
                 self._point_mass(mass.at, mass.mass)
 
     def _beta(self) -> float:
+        # ratio = pi f beta where stiffness alone damps a vibration of frequency f
         damping = self.scene.damping
         return 0.0 if damping is None else damping.rayleigh.ratio / (math.pi * min(damping.rayleigh.at))
 
@@ -149,6 +151,7 @@ class _Builder:
             body = self.ground
         elif self.scene.bodies[at.body].elastic:
             elements, length = self.built.elements[at.body], self.scene.bodies[at.body].length
+            # of a node the element behind it, also where rounding puts the point just before the node
             index = min(int(x / length * len(elements) + 1e-9), len(elements) - 1)
             body, x = elements[index], x - index * length / len(elements)
         else:
@@ -188,7 +191,7 @@ class _Builder:
         ground = self.system.AddNode(self.items.NodePointGround())
         markers = [
             self.system.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=ground, coordinate=0)),
-            self.system.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=2)),
+            self.system.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=2)),  # x, y, angle
         ]
         self.built.drives[name] = self.system.AddObject(
             self.items.ObjectConnectorCoordinate(markerNumbers=markers, offsetUserFunction=self._turned(name, sign))
@@ -219,6 +222,7 @@ class _Builder:
     def force(self, name: str) -> None:
         load = self.scene.forces[name]
         x, y = load.direction
+        # a table finer than the scene's steps: Exudyn asks for the size at times of its own
         times = np.linspace(0.0, self.scene.horizon, 20 * self.model.options.steps + 1)
         sizes = self.model.motion.at(times)[name]
         period = times[-1] * (1 + 1e-12)  # an end that rounding puts just behind the horizon is the end

@@ -104,7 +104,7 @@ class Recorder:
         angle = self._coordinates(*self.built.nodes[body], 0)[2]
         return np.cos(angle), np.sin(angle)
 
-    def _place(self, address: Address, order: int = 0) -> np.ndarray:
+    def _point(self, address: Address, order: int = 0) -> np.ndarray:
         """Place, velocity or acceleration of a point, global, (2, n_times)."""
         x, y = self.scene.point(address)
         if address.body == "ground":
@@ -154,7 +154,7 @@ class Recorder:
 
     def _gap(self, address: Address) -> np.ndarray:
         """Place of a point less that in the rigid mechanism, global."""
-        return self._place(address) - self.rigid.frame(address.body).place(self.scene.point(address))
+        return self._point(address) - self.rigid.frame(address.body).place(self.scene.point(address))
 
     def _position(self, sensor: Sensor) -> np.ndarray | str:
         address = sensor.target
@@ -164,7 +164,7 @@ class Recorder:
                 return _NO_COUNTERPART
             first, second = (self._angle(side) for side in joint.addresses)
             return second - first
-        return self._angle(address) if sensor.component == "angle" else self._component(sensor, self._place(address))
+        return self._angle(address) if sensor.component == "angle" else self._component(sensor, self._point(address))
 
     def _angle(self, address: Address) -> np.ndarray:
         if address.body == "ground":
@@ -177,13 +177,13 @@ class Recorder:
     def _velocity(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
             return _NO_COUNTERPART
-        return self._component(sensor, self._place(sensor.target, 1))
+        return self._component(sensor, self._point(sensor.target, 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
             return _NO_COUNTERPART
-        felt = np.array(self.scene.gravity) if sensor.reading == "accelerometer" else np.zeros(2)
-        return self._component(sensor, self._place(sensor.target, 2) - felt[:, None])
+        gravity = np.array(self.scene.gravity) if sensor.reading == "accelerometer" else np.zeros(2)
+        return self._component(sensor, self._point(sensor.target, 2) - gravity[:, None])
 
     # ---- forces -----------------------------------------------------------------------------------------------
 

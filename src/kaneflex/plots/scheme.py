@@ -129,7 +129,7 @@ class _Parts:
         for name in self.scene.forces:
             self._force(name)
         for name in self.scene.spreads:
-            self._spread(name)
+            self._distributed_load(name)
         for name in self.scene.springs:
             self._spring(name)
         for name, load in self.scene.torques.items():
@@ -198,7 +198,7 @@ class _Parts:
         self.labels.block(arc)
         self.labels.add(text, arc[20], colour, size=8)
 
-    def _spread(self, name: str) -> None:
+    def _distributed_load(self, name: str) -> None:
         """Arrows along a body, as long as the load's profile is high there, under a line."""
         load = self.scene.spreads[name]
         d = self._towards(load, load.spread_on)

@@ -44,8 +44,8 @@ def figure(found: Trade) -> Figure:
         f"tolerance {100 * found.tolerance:.3g} %", (1.0, 100 * found.tolerance), xycoords=("axes fraction", "data"),
         xytext=(0, 3), textcoords="offset points", ha="right", fontsize=8,
     )  # fmt: skip
-    doubt = 100 * max(found.reference.doubt(sensor) for sensor in found.reference.refinement)
-    axes.axhspan(0.0, doubt, color="#F0F0F0", zorder=0.1, label="doubt of the reference")
+    uncertainty = 100 * max(found.reference.doubt(sensor) for sensor in found.reference.refinement)
+    axes.axhspan(0.0, uncertainty, color="#F0F0F0", zorder=0.1, label="uncertainty of the reference")
     # Room for the names: below and to the left of the front no model stands.
     axes.set_ylim(bottom=0.3 * min(_places(found.ranked)[1]))
     axes.margins(x=0.12)

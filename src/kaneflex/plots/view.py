@@ -103,6 +103,7 @@ def view(solution: Solution) -> View:
         shown = float(_TURNS_SHOWN)
         first = solution.times[instants[-1]] - _TURNS_SHOWN * 2 * math.pi / speed
         instants = instants[solution.times[instants] >= first]
+    # more points than pixels would only make vector pictures large
     stride = max(1, -(-len(instants) // _MOST_POINTS))
     return View(solution, instants[::stride], shown)
 

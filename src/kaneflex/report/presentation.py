@@ -83,7 +83,7 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
     return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(entry.mean), number(entry.rms))
 
 
-def spread_table(summary: Summary) -> str:
+def envelope_table(summary: Summary) -> str:
     """How the peaks of a frozen model depend on the angle at which it is frozen."""
     rows = []
     for name, spread in summary.mode_angle_spread.items():
@@ -155,40 +155,40 @@ def _options(model: Model) -> dict[str, str]:
     """Every option of a run in words, with its unit; those that its preset has no use for are left out."""
     options, dynamics = model.options, model.options.dynamics
     per = "in a cycle" if options.cycles else "in the run"
-    said = {
+    shown = {
         "preset": f"{options.preset}: {PRESETS_IN_WORDS[options.preset]}",
         "duration": f"{_time(options.duration)}{', one cycle' if options.cycles else ''}",
         "steps": f"{options.steps} {per}, {_time(model.step)} each",
     }
     if model.module.FREE and dynamics != "coupled":
-        said["forward"] = f"{options.forward_method} for free joints, tolerance {options.forward_tolerance:g}"
+        shown["forward"] = f"{options.forward_method} for free joints, tolerance {options.forward_tolerance:g}"
     if dynamics == "rigid":
-        return said
+        return shown
     if dynamics == "coupled":
         error = f"error of a step {options.tolerance:g} of the longest body"
-        said["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == FIXED_STEP else error}"
-        said["start"] = _STARTS[options.start]
+        shown["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == FIXED_STEP else error}"
+        shown["start"] = _STARTS[options.start]
         if not model.links:
-            said["shapes"] = "those of the modal data"
-            return said
-        said["shapes"] = f"static ones and {options.modes} modes of each link"
-        said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
-        return said
+            shown["shapes"] = "those of the modal data"
+            return shown
+        shown["shapes"] = f"static ones and {options.modes} modes of each link"
+        shown["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
+        return shown
     if dynamics in ("dynamic", "frozen"):
         own = f", spectral radius {options.rho_infinity:g} at infinite frequency"
-        said["integrator"] = options.integrator + (own if options.integrator == "generalised-alpha" else "")
-        said["start"] = _STARTS[options.start]
+        shown["integrator"] = options.integrator + (own if options.integrator == "generalised-alpha" else "")
+        shown["start"] = _STARTS[options.start]
     terms = [name for name in TERM_NAMES if getattr(options, name) and has_term(model.scene, name)]
-    said["terms"] = ", ".join([*terms, *(["turning of the joint axes"] if options.convective else [])]) or "none"
-    said["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
-    said["pins"] = "rotation shared by elastic links" if options.weld_pins else "rotation released, but where shared"
-    said["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held, but where free"
-    said["foreshortening"] = "in the displacements" if options.foreshortening else "left out"
+    shown["terms"] = ", ".join([*terms, *(["turning of the joint axes"] if options.convective else [])]) or "none"
+    shown["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
+    shown["pins"] = "rotation shared by elastic links" if options.weld_pins else "rotation released, but where shared"
+    shown["drives"] = "elastic rotation free" if options.free_drives else "elastic rotation held, but where free"
+    shown["foreshortening"] = "in the displacements" if options.foreshortening else "left out"
     kept = "all" if options.modes == "all" else str(options.modes)
     of = {"craig-bampton": f", {kept} modes of each link", "modal": f", {kept} modes of the mechanism", "none": ""}
-    said["reduction"] = options.reduction + of[options.reduction]
-    said["mode angle"] = at_drive(model) or "none: nothing is driven"
-    return said
+    shown["reduction"] = options.reduction + of[options.reduction]
+    shown["mode angle"] = at_drive(model) or "none: nothing is driven"
+    return shown
 
 
 _STARTS = {
@@ -228,7 +228,7 @@ def parts(scene: Scene) -> str:
     return "\n".join(filter(None, blocks))
 
 
-def freedom(count: Freedom, elastic: int | None) -> str:
+def mobility_lines(count: Freedom, elastic: int | None) -> str:
     """The count of the degrees of freedom; ``elastic`` is None where that part is not known."""
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
     rows = {

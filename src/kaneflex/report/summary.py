@@ -171,7 +171,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         steps=model.options.steps,
         stored=len(times),
         sensors=sensor_summaries(solution) if len(times) else {},
-        mode_angle_spread=_spread(solution),
+        mode_angle_spread=_mode_angle_envelope(solution),
         frequencies_hz=list(solution.frequencies),
         degrees_of_freedom=model.degrees_of_freedom,
         modes_kept=model.reduced.size + len(model.shapes_given),
@@ -231,7 +231,7 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
     return None
 
 
-def _spread(solution: Solution) -> dict[str, PeakSpread]:
+def _mode_angle_envelope(solution: Solution) -> dict[str, PeakSpread]:
     if solution.model.options.dynamics != "frozen":
         return {}
     from kaneflex.solve.mode_angle_envelope import mode_angle_spread

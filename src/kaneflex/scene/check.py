@@ -10,7 +10,7 @@ from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES
-from kaneflex.scene.scene import Scene, written
+from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
 from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
@@ -207,13 +207,13 @@ def _horizon(scene: Scene) -> Iterator[Problem]:
         if drive.period is None:
             continue
         key = f"drives.{name}.{'cycle' if drive.cycle else 'period'}"
-        wrote = written(scene.raw, key.split("."))
+        given = given_value(scene.raw, key.split("."))
         if drive.cycle and not _is_multiple(drive.cycle, math.tau):
             reason = "the mechanism repeats after whole turns only"
-            yield Problem(key, wrote, reason, "Give a multiple of 360 deg")
+            yield Problem(key, given, reason, "Give a multiple of 360 deg")
         if not math.isclose(drive.period, scene.period, rel_tol=1e-9):
             reason = f"this cycle takes {drive.period:.6g} s, another drive's {scene.period:.6g} s"
-            yield Problem(key, wrote, reason, "Give cycles that take the same time")
+            yield Problem(key, given, reason, "Give cycles that take the same time")
 
 
 def _periods(scene: Scene) -> Iterator[Problem]:
@@ -223,7 +223,7 @@ def _periods(scene: Scene) -> Iterator[Problem]:
     for name, load in scene.loads.items():
         if load.kind != "table" or load.against not in ("t", *scene.drives):
             continue
-        key, wrote = f"loads.{name}.period", written(scene.raw, ("loads", name, "period"))
+        key, given = f"loads.{name}.period", given_value(scene.raw, ("loads", name, "period"))
         if load.period is None:
             yield Problem(key, None, "a periodic start needs tables that repeat", "Give the table's period")
             continue
@@ -233,7 +233,7 @@ def _periods(scene: Scene) -> Iterator[Problem]:
         cycle = scene.period * abs(speed)
         if not _is_multiple(cycle, load.period):
             reason = "the cycle is no multiple of it, so a periodic start has no period"
-            yield Problem(key, wrote, reason, "Give a period that the cycle is a multiple of")
+            yield Problem(key, given, reason, "Give a period that the cycle is a multiple of")
 
 
 def _is_multiple(whole: float, part: float) -> bool:

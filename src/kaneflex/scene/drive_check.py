@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kaneflex.scene.law_check import check_drive_law
-from kaneflex.scene.scene import Scene, written
+from kaneflex.scene.scene import Scene, given_value
 from kaneflex.support.errors import Fault, Problem, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
@@ -41,12 +41,12 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
     wrong, right = ("angle", "position") if slides else ("position", "angle")
     kind = "a guide slides" if slides else "a revolute joint turns"
     if wrong in drive.model_fields_set:
-        wrote = written(scene.raw, ("drives", name, wrong))
-        yield Problem(f"drives.{name}.{wrong}", wrote, kind, f"Give {right}")
+        given = given_value(scene.raw, ("drives", name, wrong))
+        yield Problem(f"drives.{name}.{wrong}", given, kind, f"Give {right}")
     if slides and drive.cycle is not None:
-        wrote = written(scene.raw, ("drives", name, "cycle"))
+        given = given_value(scene.raw, ("drives", name, "cycle"))
         reason = "a guide at constant speed never comes back"
-        yield Problem(f"drives.{name}.cycle", wrote, reason, "Leave it out, or give a law with its period")
+        yield Problem(f"drives.{name}.cycle", given, reason, "Leave it out, or give a law with its period")
     if drive.kind == "table" and (drive.table_dimension is LENGTH) != slides:
         cure = "Give a unit of length, like unit = 'mm'" if slides else "Give a unit of angle, like unit = 'deg'"
         yield Problem(f"drives.{name}.unit", drive.unit, kind, cure)
@@ -58,9 +58,9 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
 
 def _of_the_joint(scene: Scene, path: tuple[str, ...], kind: str, dimension: Dimension) -> Iterator[Problem]:
     """A quantity that fits a joint that turns and one that slides, now that its joint is known."""
-    wrote = written(scene.raw, path)
+    given = given_value(scene.raw, path)
     try:
-        if wrote is not None:
-            to_si(wrote, dimension)
+        if given is not None:
+            to_si(given, dimension)
     except Fault as fault:
-        yield Problem(".".join(path), wrote, f"{kind}; {fault.reason}", fault.cure)
+        yield Problem(".".join(path), given, f"{kind}; {fault.reason}", fault.cure)

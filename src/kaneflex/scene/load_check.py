@@ -37,7 +37,7 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
         if load.force_on is not None:
             yield from address_problems(scene, f"loads.{name}.force_on", load.force_on, ground=False)
         elif load.spread_on is not None:
-            yield from _spread(scene, f"loads.{name}.spread_on", load.spread_on)
+            yield from _distributed(scene, f"loads.{name}.spread_on", load.spread_on)
         elif load.torque_at not in scene.joints:
             cure = nearest(load.torque_at, scene.joints)
             yield Problem(f"loads.{name}.torque_at", load.torque_at, "no joint of that name", cure)
@@ -64,7 +64,7 @@ def load_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"loads.{name}.{field}", getattr(load, field), fault.reason, fault.cure)
 
 
-def _spread(scene: Scene, key: str, body: str) -> Iterator[Problem]:
+def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
     if body not in scene.bodies:
         yield Problem(key, body, "no body of that name", nearest(body, scene.bodies))
     elif scene.bodies[body].length is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.scene.scene import Scene, written
+from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 
 _LONG = 10.0
@@ -22,11 +22,11 @@ def _long_links(scene: Scene) -> list[str]:
     """Warnings of links longer than 10 m whose length is written without a unit: plain numbers are in SI."""
     found = []
     for name, body in scene.bodies.items():
-        wrote = written(scene.raw, ("bodies", name, "length"))
-        if isinstance(wrote, int | float) and body.length is not None and body.length > _LONG:
+        given = given_value(scene.raw, ("bodies", name, "length"))
+        if isinstance(given, int | float) and body.length is not None and body.length > _LONG:
             found.append(
-                f"bodies.{name}.length = {wrote:g} is {wrote:g} m, since a plain number is in SI: write '{wrote:g} mm' "
-                f"if that is meant, and '{wrote:g} m' otherwise"
+                f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: write '{given:g} mm' "
+                f"if that is meant, and '{given:g} m' otherwise"
             )
     return found
 

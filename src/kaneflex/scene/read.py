@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from kaneflex.scene.check import problems_of
 from kaneflex.scene.fields import known_keys
 from kaneflex.scene.merge import REMOVED, merged, reuse_bodies
-from kaneflex.scene.scene import Scene, written
+from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.settings import nested
 from kaneflex.support.errors import LONGEST_NAME, Fault, Problem, SceneError, nearest
 from kaneflex.support.reading import beside, is_file, read_text
@@ -193,4 +193,4 @@ def problem_in(error: dict[str, Any], raw: dict[str, Any], model: type[BaseModel
         reason, cure = "not a text", "Write it in quotes"
     else:
         reason, cure = error["msg"][:1].lower() + error["msg"][1:], "Correct the value"
-    return Problem(".".join(path), written(raw, path), reason, cure)
+    return Problem(".".join(path), given_value(raw, path), reason, cure)

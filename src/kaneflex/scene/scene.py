@@ -19,7 +19,7 @@ from kaneflex.scene.table import SceneTable
 from kaneflex.support.units import SENSED, to_si
 
 
-def written(raw: object, path: Sequence[str]) -> object:
+def given_value(raw: object, path: Sequence[str]) -> object:
     """What a user wrote at a path of keys; None for a table, or where nothing is written."""
     for part in path:
         if isinstance(raw, list) and part.isdigit():
@@ -31,12 +31,12 @@ def written(raw: object, path: Sequence[str]) -> object:
     return None if isinstance(raw, dict) else raw
 
 
-def _written_anew(now: Any, read: Any, raw: Any) -> Any:
+def _as_given(now: Any, read: Any, raw: Any) -> Any:
     """A changed table as a file could say it: entries that are what was read stay as they were written."""
     if isinstance(now, dict):
         kept = read if isinstance(read, dict) else {}
         return {
-            name: raw[name] if name in kept and kept[name] == value else _written_anew(value, None, None)
+            name: raw[name] if name in kept and kept[name] == value else _as_given(value, None, None)
             for name, value in now.items()
         }
     if isinstance(now, SceneTable):
@@ -85,7 +85,7 @@ class Scene(SceneTable):
             now, read, key = getattr(self, name), self._read.get(name), field.alias or name
             if now != read:
                 raw = {k: value for k, value in raw.items() if k != key}
-                raw |= {} if now is None else {key: _written_anew(now, read, self._raw.get(key))}
+                raw |= {} if now is None else {key: _as_given(now, read, self._raw.get(key))}
         return raw
 
     def seen(self, **tables: Any) -> Scene:

@@ -28,32 +28,32 @@ def findings(found: Stability) -> dict[str, str]:
     return sentences
 
 
-def written_speed(scene: Scene, drive: str, speed: float) -> str:
+def format_speed(scene: Scene, drive: str, speed: float) -> str:
     """A speed of a drive [rad/s or m/s], as people read it."""
     return f"{speed:.5g} m/s" if scene.slides(drive) else f"{speed * 30 / math.pi:.5g} rpm"
 
 
 def _of_multipliers(found: Stability) -> str:
     m = found.multipliers
-    doubt = "" if m.settled else f"; the steps leave {m.change:.1g} of it open"
+    open_share = "" if m.converged else f"; the steps leave {m.change:.1g} of it open"
     if m.unstable:
         cause = "" if found.model.options.geometric else "; K_g is left out, which may be why: compare preset stiffened"
-        return f"unstable: a disturbance grows {m.radius:.5g}-fold in a period of {m.period:.5g} s{doubt}{cause}"
+        return f"unstable: a disturbance grows {m.radius:.5g}-fold in a period of {m.period:.5g} s{open_share}{cause}"
     if abs(m.radius - 1.0) <= max(1e-5, m.change):
-        return f"neutrally stable: a disturbance neither grows nor dies (largest multiplier {m.radius:.9g}){doubt}"
-    return f"stable: a disturbance shrinks to {m.radius:.4g} of itself in a period of {m.period:.5g} s{doubt}"
+        return f"neutrally stable: a disturbance neither grows nor dies (largest multiplier {m.radius:.9g}){open_share}"
+    return f"stable: a disturbance shrinks to {m.radius:.4g} of itself in a period of {m.period:.5g} s{open_share}"
 
 
 def _of_frozen(found: Stability) -> str:
     frozen, scene = found.frozen, found.model.scene
     low, high = frozen.frequencies[:, 0].min(), frozen.frequencies[:, 0].max()
-    said = f"lowest frequency {low:.5g} to {high:.5g} Hz over the cycle" if high else "the lowest frequency is lost"
+    text = f"lowest frequency {low:.5g} to {high:.5g} Hz over the cycle" if high else "the lowest frequency is lost"
     worst = int(frozen.growth.argmax())
     if frozen.growth[worst] <= 1e-6 * max(1.0, abs(frozen.growth).max()):
-        return said
+        return text
     drive = next(iter(scene.drives))
     at = scene.written_coordinate(drive, float(frozen.coordinates[worst]))
-    return f"{said}; frozen at {drive} = {at}, they would grow by {frozen.growth[worst]:.4g} 1/s"
+    return f"{text}; frozen at {drive} = {at}, they would grow by {frozen.growth[worst]:.4g} 1/s"
 
 
 def _of_buckling(found: Stability) -> str:
@@ -72,17 +72,17 @@ def _of_buckling(found: Stability) -> str:
 
 
 def _of_steps(found: Stability) -> str:
-    said = []
+    ranges = []
     free = [limit for limit in found.limits if limit.steps is not None and not limit.limited]
     if free:
         names = ", ".join(limit.integrator for limit in free)
-        said.append(f"{names} at every step tried, up to {free[0].step:.4g} s ({free[0].steps} in a period)")
+        ranges.append(f"{names} at every step tried, up to {free[0].step:.4g} s ({free[0].steps} in a period)")
     for limit in found.limits:
         if limit.steps is None:
-            said.append(f"{limit.integrator} at no step tried")
+            ranges.append(f"{limit.integrator} at no step tried")
         elif limit.limited:
-            said.append(f"{limit.integrator} up to {limit.step:.4g} s ({limit.steps} in a period)")
-    return f"stable are {'; '.join(said)}"
+            ranges.append(f"{limit.integrator} up to {limit.step:.4g} s ({limit.steps} in a period)")
+    return f"stable are {'; '.join(ranges)}"
 
 
 def _of_recommended(found: Stability) -> str:
@@ -91,24 +91,24 @@ def _of_recommended(found: Stability) -> str:
         return "no integrator is stable"
     options = found.model.options
     own = next((each for each in found.limits if each.integrator == options.integrator), None)
-    said = f"{limit.integrator} with {limit.steps} steps in a period or more"
+    text = f"{limit.integrator} with {limit.steps} steps in a period or more"
     if own is not None and own.limited and (own.steps is None or options.steps < own.steps):
-        return f"{said}: the scene's {options.steps} steps with {options.integrator} are too few"
-    return said
+        return f"{text}: the scene's {options.steps} steps with {options.integrator} are too few"
+    return text
 
 
 def _of_condition(found: Stability) -> str:
     M, K = found.frozen.condition_M.max(), found.frozen.condition_K.max()
-    said = f"M {M:.2g}, K {K:.2g}, with diagonals scaled to one"
-    return f"{said}: nearly singular, digits are lost" if max(M, K) > _ILL else said
+    text = f"M {M:.2g}, K {K:.2g}, with diagonals scaled to one"
+    return f"{text}: nearly singular, digits are lost" if max(M, K) > _ILL else text
 
 
 def _of_speeds(found: Stability) -> str:
     swept, scene = found.sweep, found.model.scene
-    ends = [written_speed(scene, swept.drive, float(swept.speeds[k])) for k in (0, -1)]
-    gap = written_speed(scene, swept.drive, swept.widest_gap)
+    ends = [format_speed(scene, swept.drive, float(swept.speeds[k])) for k in (0, -1)]
+    gap = format_speed(scene, swept.drive, swept.widest_gap)
     missed = f"a band narrower than {gap} may be missed but at 2 f / k turns of a frozen frequency f"
     if not swept.bands:
         return f"stable at all {len(swept.speeds)} speeds from {ends[0]} to {ends[1]}; {missed}"
-    bands = [" to ".join(written_speed(scene, swept.drive, edge) for edge in band) for band in swept.bands]
+    bands = [" to ".join(format_speed(scene, swept.drive, edge) for edge in band) for band in swept.bands]
     return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}; {missed}"

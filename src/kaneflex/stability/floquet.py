@@ -15,7 +15,7 @@ from kaneflex.support.errors import SceneError
 
 FIRST_STEPS, MOST_STEPS = 256, 16384
 """Steps of the first attempt over a period, and those at which refining ends."""
-SETTLED = 1e-7
+CONVERGED = 1e-7
 """Change of the spectral radius by twice the steps, as a share of it or of one, at which refining ends."""
 MARGIN = 1e-5
 """How far above one the spectral radius must be to be called unstable: a double multiplier 1 splits by rounding."""
@@ -48,8 +48,8 @@ class Multipliers:
         return float(abs(self.values[0]))
 
     @property
-    def settled(self) -> bool:
-        return self.change <= SETTLED
+    def converged(self) -> bool:
+        return self.change <= CONVERGED
 
     @property
     def unstable(self) -> bool:
@@ -61,7 +61,7 @@ class Multipliers:
         return float(np.log(self.radius) / self.period)
 
 
-def floquet_multipliers(model: Model, tolerance: float = SETTLED) -> Multipliers:
+def floquet_multipliers(model: Model, tolerance: float = CONVERGED) -> Multipliers:
     """Multipliers of M z'' + C z' + K z = 0 over a period, with as many steps as they need.
 
     The method is of order four and neither damps nor excites: from one attempt to the next its steps are halved, until

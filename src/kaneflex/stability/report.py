@@ -63,7 +63,7 @@ class Stability:
             "unstable": m.unstable,
             "multipliers": [[value.real, value.imag] for value in m.values.tolist()],
             "steps_of_multipliers": m.steps,
-            "settled": m.settled,
+            "settled": m.converged,
             "frozen_growth": frozen.growth.max(),
             "condition_M": frozen.condition_M.max(),
             "condition_K": frozen.condition_K.max(),

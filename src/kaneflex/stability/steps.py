@@ -78,6 +78,7 @@ def _limit(model: Model, name: str, period: float, allowed: float) -> StepLimit:
         cycle = cycle_map(model.system, model.scalars, 0.0, period, steps, name, model.options.rho_infinity)
         return cycle.outcome is Outcome.COMPLETED and abs(np.linalg.eigvals(cycle.monodromy)).max() <= allowed
 
+    # from fine to coarse, and not by bisection alone: coarse steps may be stable again by chance
     fewest, tried = None, FINEST
     while tried >= COARSEST:
         if not stable(tried):

@@ -43,7 +43,7 @@ class Sweep:
         Largest modulus of the Floquet multipliers.
     growth_rates : ndarray (n_speeds,)
         log(radius) / period [1/s].
-    settled : ndarray (n_speeds,)
+    converged : ndarray (n_speeds,)
         Whether the radius no longer changed with the steps.
     lowest, mean, highest : ndarray (n_speeds, count)
         Of each frozen frequency over the cycle [Hz].
@@ -55,7 +55,7 @@ class Sweep:
     speeds: np.ndarray
     radii: np.ndarray
     growth_rates: np.ndarray
-    settled: np.ndarray
+    converged: np.ndarray
     lowest: np.ndarray
     mean: np.ndarray
     highest: np.ndarray
@@ -144,10 +144,10 @@ def sweep(
     speeds = np.array(sorted(found))
     found, frozen = zip(*(found[speed] for speed in speeds), strict=True)
     bands = _bands(speeds, [one.unstable for one in found], lambda speed: at(speed)[1].unstable)
-    keys = ("radius", "growth_rate", "settled")
-    radii, rates, settled = (np.array([getattr(one, key) for one in found]) for key in keys)
+    keys = ("radius", "growth_rate", "converged")
+    radii, rates, converged = (np.array([getattr(one, key) for one in found]) for key in keys)
     return Sweep(
-        drive, speeds, radii, rates, settled,
+        drive, speeds, radii, rates, converged,
         np.array([each.min(axis=0) for each in frozen]), np.array([each.mean(axis=0) for each in frozen]),
         np.array([each.max(axis=0) for each in frozen]), bands,
     )  # fmt: skip
