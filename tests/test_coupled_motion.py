@@ -40,7 +40,7 @@ def test_constraints_are_the_gaps_between_these_places():
     q = 0.1 * np.random.default_rng(5).normal(size=(1, n))
     g = np.zeros(m)
     system.module.constraints(0.0, q[0], np.zeros(n), system.parameters, g, np.zeros(m), np.zeros((m, n)), np.zeros(m))
-    motion = CoupledMotion(given, system, still_trajectory(system, 0.0, q), given.motion.at(0.0))
+    motion = CoupledMotion(given, given.motion.at(0.0), still_trajectory(system, 0.0, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():

@@ -41,6 +41,7 @@ class CoupledMotion(Motion):
 
     @property
     def system(self) -> CoupledSystem:
+        assert self.model.coupled is not None
         return self.model.coupled
 
     @property
@@ -220,9 +221,10 @@ class CoupledMotion(Motion):
     def _held(self, body: str, x: float) -> list[int]:
         """Which of x, y and the angle joints hold as in the rigid mechanism: there is nothing but rounding in them."""
         interfaces, link = self.model.interfaces, self.system.links.get(body)
-        node = (body, None if link is None else link.node_at(x))
-        if interfaces is None or node not in interfaces.displaced:
+        at = None if link is None else link.node_at(x)
+        if interfaces is None or at is None or (body, at) not in interfaces.displaced:
             return []
+        node = body, at
         fixed = interfaces.displaced[node] in interfaces.fixed
         clamped = interfaces.turned[node] in interfaces.clamped
         return [0, 1] * fixed + [2] * clamped

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -55,6 +56,11 @@ def describe(sensor: Sensor) -> str:
     return text
 
 
+def _address(sensor: Sensor) -> Address:
+    """The point that a sensor of a body's motion or section reads."""
+    return cast(Address, sensor.target)
+
+
 class _Reader:
     """Series of one motion; what several sensors share is computed once."""
 
@@ -71,7 +77,7 @@ class _Reader:
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""
         if sensor.kind == "axial_force":
-            return self.motion.rigid_section(sensor.target.body, self.scene.point(sensor.target)[0])[0]
+            return self.motion.rigid_section(_address(sensor).body, self.scene.point(_address(sensor))[0])[0]
         if sensor.kind in DRIVE_KINDS:
             return self.rigid[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
@@ -96,11 +102,11 @@ class _Reader:
         if sensor.component == "angle":
             return angle
         if sensor.axes == "body":
-            vector = self.rigid.frame(sensor.target.body).to_body(vector)
+            vector = self.rigid.frame(_address(sensor).body).to_body(vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        address = sensor.target
+        address = _address(sensor)
         d = self._elastic(address)[0].copy()
         if sensor.relative_to != "frame":
             start = self._elastic(Address(address.body, "start"))[0]
@@ -118,7 +124,7 @@ class _Reader:
         return d[("x", "y", "angle").index(sensor.component)]
 
     def _position(self, sensor: Sensor) -> np.ndarray:
-        address = sensor.target
+        address = _address(sensor)
         if address.body in self.scene.joints:
             return self._joint_coordinate(address.body)
         return self._component(sensor, self._place(address), self._angle(address))
@@ -139,14 +145,14 @@ class _Reader:
         return self.motion.place(address.body, self.scene.point(address))
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
-        frame, moved = self.rigid.frame(sensor.target.body), self._elastic(sensor.target)
-        velocity = frame.velocity(*self._point(sensor.target)[:2])
+        frame, moved = self.rigid.frame(_address(sensor).body), self._elastic(_address(sensor))
+        velocity = frame.velocity(*self._point(_address(sensor))[:2])
         return self._component(sensor, velocity, frame.omega + moved[1][2])
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
         """That of the displaced point; an accelerometer reads a - g."""
-        frame, moved = self.rigid.frame(sensor.target.body), self._elastic(sensor.target)
-        acceleration = frame.acceleration(*self._point(sensor.target))
+        frame, moved = self.rigid.frame(_address(sensor).body), self._elastic(_address(sensor))
+        acceleration = frame.acceleration(*self._point(_address(sensor)))
         if sensor.reading == "accelerometer":
             acceleration -= np.array(self.scene.gravity)[:, None]
         return self._component(sensor, acceleration, frame.epsilon + moved[2][2])
@@ -165,11 +171,11 @@ class _Reader:
     def _strain(self, sensor: Sensor) -> np.ndarray:
         """N / (E A) - fibre M / (E I)."""
         N, _, M = self._section(sensor)
-        here = self.scene.bodies[sensor.target.body].profile.at(self.scene.point(sensor.target)[0])
+        here = self.scene.bodies[_address(sensor).body].profile.at(self.scene.point(_address(sensor))[0])
         return N / here.E_A - sensor.fibre * M / here.E_I
 
     def _section(self, sensor: Sensor) -> Section:
-        return self.motion.section(sensor.target.body, self.scene.point(sensor.target)[0])
+        return self.motion.section(_address(sensor).body, self.scene.point(_address(sensor))[0])
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         return self._joint_component(sensor, self.motion.reaction)
@@ -180,13 +186,13 @@ class _Reader:
     _drive_force = _drive_torque
 
     def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        return self.motion.spring_tension(sensor.target)
+        return self.motion.spring_tension(str(sensor.target))
 
     _spring_torque = _spring_force
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""
-        name = sensor.joint_force
+        name = str(sensor.joint_force)
         joint = self.scene.joints[name]
         first, second = (address.body for address in joint.addresses)
         sign = -1.0 if sensor.body == first else 1.0
