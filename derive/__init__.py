@@ -8,6 +8,7 @@ The pipeline, one file a stage:
     closure     the positions of all bodies from the drives, in closed form
     motion      -> Motion: velocities, accelerations, reactions as assignments
     beam        Kane's equations of one differential particle -> the affine terms of an elastic element
+    elements    the element's kernels, printed once for each theory: element_texts() -> text of the modules
     program     Program: scalar assignments; sharing, pruning, operation counts
     emit        Program -> numba function, printed
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms

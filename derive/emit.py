@@ -1,17 +1,20 @@
-"""Print programs as one readable, self-contained numba module. Pure: the text depends on its arguments alone."""
+"""Print programs as readable numba modules. Pure: the text depends on its arguments alone."""
 
 from __future__ import annotations
 
+import hashlib
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import sympy as sm
+from sympy.core.function import AppliedUndef
 from sympy.printing.pycode import PythonCodePrinter
 
 from kaneflex.derive.names import Names
 from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation_count, operation_count
+from kaneflex.support.contract import FORMAT
 
 
 class NumbaPrinter(PythonCodePrinter):
@@ -94,8 +97,12 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     text = printer.doprint
     body = [f"{text(symbol)} = {source}" for symbol, source in kernel.reads if symbol in used]
     body += [f"{text(symbol)} = {_bare(text(expression))}" for symbol, expression in program.assignments]
-    # Arrays arrive zeroed: an entry that is zero by structure is never stored.
-    body += [f"{slot} = {text(expression)}" for slot, expression in program.outputs if expression != 0]
+    # Arrays arrive zeroed: an entry that is zero by structure is never stored. Equal entries share a statement.
+    stored: dict[sm.Expr, list[str]] = {}
+    for slot, expression in program.outputs:
+        if expression != 0:
+            stored.setdefault(expression, []).append(slot)
+    body += [" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items()]
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
     code = "\n".join(f"    {line}" for line in body or ["pass"])
     return f"@njit(**OPTIONS)\ndef {program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
@@ -135,22 +142,68 @@ UNCHECKED = (
 )
 """What a module of kernels for everybody says of them."""
 
+ROTARY = ["    Beside omega^2 stands the M of translation: rotary inertia neither softens nor stiffens."]
+"""What a module says of an element's equations where sections have rotary inertia."""
+
 MODULE = '''"""{title}
 
 {about}
 """
 
-import math
+{imports}
 
-from numba import njit
-
-FORMAT = {format}
-STRUCTURE = "{structure}"
+{constants}
 OPTIONS = {{"cache": True, "error_model": "numpy", "fastmath": {{"nsz", "arcp", "contract", "afn", "reassoc"}}}}
 
 {tables}
 
 {kernels}'''
+
+_LINE = 120
+OPERATIONS = "kernel -> operations written out, operations with shared subexpressions"
+
+
+def operation_lines(counts: Mapping[str, tuple[int, int]]) -> list[str]:
+    """The counts as the text of a module says them first."""
+    width = max(map(len, counts))
+    head = "Operations of one call, written out -> with shared subexpressions:"
+    return [head, *(f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items())]
+
+
+def version() -> str:
+    """SymPy's minor version, which the text of a module depends on."""
+    return ".".join(sm.__version__.split(".")[:2])
+
+
+def import_called(module: str, names: Iterable[str], text: str) -> str:
+    """Import kernels that this module's own ones call, from the module of this text.
+
+    numba keeps what it compiled of a function for as long as the function's own file stays as it is, whatever becomes
+    of a callee in another file. So the digest of that file is part of this one.
+    """
+    return f"{import_names(module, names)}  # digest {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def import_names(module: str, names: Iterable[str]) -> str:
+    """Import from a sibling, over several lines where one is too short."""
+    line = f"from kaneflex.generated.{module} import {', '.join(names)}"
+    if len(line) <= _LINE:
+        return line
+    head, _, rest = line.partition(" import ")
+    inside = textwrap.fill(rest + ",", _LINE, initial_indent="    ", subsequent_indent="    ")
+    return f"{head} import (\n{inside}\n)"
+
+
+def calls(program: Program, function: str) -> bool:
+    """Whether a program looks a table up by this function."""
+    everything = (*program.assignments, *program.outputs)
+    return any(call.func.__name__ == function for _, e in everything for call in e.atoms(AppliedUndef))
+
+
+def import_lookups(programs: Sequence[Program]) -> list[str]:
+    """The import of the lookups that programs call, none if there are none."""
+    called = [name for name in TABLE_LOOKUPS if any(calls(program, name) for program in programs)]
+    return [import_called("tables", called, tables_text())] if called else []
 
 _TABLE_DOC = {
     "table": "Piecewise cubic table",
@@ -187,4 +240,16 @@ def {name}(x, p, start):
 TABLE_LOOKUPS = {
     name: _TABLE.format(name=name, doc=doc, value=_TABLE_VALUE[name]) for name, doc in _TABLE_DOC.items()
 }
-"""Name of a lookup -> its text; a module holds those that its motion calls."""
+"""Name of a lookup -> its text."""
+
+
+def tables_text() -> str:
+    """Text of the module of lookups in tables, which every module imports what it calls from."""
+    return MODULE.format(
+        title="Piecewise cubic tables, generated by kaneflex. Do not edit.",
+        about=f"Format {FORMAT}; made by: make derive",
+        imports="import math\n\nfrom numba import njit",
+        constants=f"FORMAT = {FORMAT}",
+        tables="# Names of a block's numbers are said in kaneflex.scene.tables.\n",
+        kernels="\n\n".join(TABLE_LOOKUPS.values()),
+    )

@@ -78,7 +78,8 @@ def share(program: Program, prefix: str = "w") -> Program:
     """Common-subexpression elimination over all assignments and outputs at once.
 
     Named assignments keep their names, so that the printed code can still be read against the theory;
-    what they have in common becomes ``w0, w1, ...``.
+    what they have in common becomes ``w0, w1, ...``. Outputs that are equal, as those of a symmetric matrix, stay
+    equal: they are printed as one statement and need no symbol for what they have in common.
     """
     # An assignment of a mere number or symbol is inlined first: it would only hide a common subexpression.
     alias: dict[sm.Symbol, sm.Expr] = {}
@@ -90,20 +91,21 @@ def share(program: Program, prefix: str = "w") -> Program:
         else:
             named.append((symbol, expression))
     outputs = [expression.xreplace(alias) for _, expression in program.outputs]
+    distinct = list(dict.fromkeys(outputs))
     taken = {*program.inputs, *(symbol for symbol, _ in named)}
     temporaries, reduced = sm.cse(
-        [expression for _, expression in named] + outputs,
+        [expression for _, expression in named] + distinct,
         symbols=(symbol for symbol in sm.numbered_symbols(prefix) if symbol not in taken),
         order="canonical",
     )
     targets = [symbol for symbol, _ in named]
     assignments = list(temporaries) + list(zip(targets, reduced[: len(named)], strict=True))
-    slots = [slot for slot, _ in program.outputs]
+    stored = dict(zip(distinct, reduced[len(named) :], strict=True))
     return prune(
         replace(
             program,
             assignments=_executable_order(assignments, program.inputs),
-            outputs=tuple(zip(slots, reduced[len(named) :], strict=True)),
+            outputs=tuple((slot, stored[output]) for (slot, _), output in zip(program.outputs, outputs, strict=True)),
         )
     )
 
@@ -134,8 +136,9 @@ def _executable_order(assignments: Iterable[Assignment], inputs: Iterable[sm.Sym
 
 
 def operation_count(program: Program) -> int:
-    """Number of arithmetic operations and function calls of one evaluation, as printed."""
-    return sum(_cost(expression, {}) for _, expression in (*program.assignments, *program.outputs))
+    """Number of arithmetic operations and function calls of one evaluation, as printed: equal outputs once."""
+    outputs = dict.fromkeys(expression for _, expression in program.outputs)
+    return sum(_cost(expression, {}) for expression in (*(right for _, right in program.assignments), *outputs))
 
 
 def expanded_operation_count(program: Program) -> int:

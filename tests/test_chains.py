@@ -11,7 +11,7 @@ from kaneflex.scene import Scene
 
 def operations(scene: Scene) -> int:
     """Operations of the kernel ``motion`` as it is emitted."""
-    table = generate(scene).partition("\nOPERATIONS = ")[2].partition("\n}\n")[0]
+    table = generate(scene).partition("\nOPERATIONS = ")[2].partition("\n}")[0]
     return literal_eval(table + "}")["motion"][1]
 
 

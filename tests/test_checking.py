@@ -7,15 +7,15 @@ import pytest
 from runs import model
 
 import kaneflex
-from kaneflex.generated import engine
+from kaneflex.generated import beam_timoshenko, engine
 from kaneflex.support import checking
 
 
 def test_checked_kernels_compute_the_same():
     safe, p, s = kaneflex.checked(engine), np.array([1.1, 3e7, 1500.0, 0.03, 0.06]), np.linspace(1.0, 2.0, 5)
     assert safe.PARAMETERS is engine.PARAMETERS
-    for name, more in (("M", ()), ("K_g", (s,)), ("F", (s,)), ("term_mass", ()), ("term_load_x", ())):
-        shape = {"F": (6,), "term_load_x": (6, 1)}.get(name, (6, 6))
+    for name, more in (("M", ()), ("K_g", (s,)), ("F", (s,))):
+        shape = {"F": (6,)}.get(name, (6, 6))
         found, plain = np.zeros(shape), np.zeros(shape)
         getattr(safe, name)(p, *more, found)
         getattr(engine, name)(p, *more, plain)
@@ -27,11 +27,11 @@ def test_checked_kernels_compute_the_same():
 
 
 def test_every_kernel_of_a_module_is_checked():
-    for module in (engine, model("four-bar-motor").module, model("elastic-pendulum").coupled.module):
+    for module in (engine, beam_timoshenko, model("four-bar-motor").module, model("elastic-pendulum").coupled.module):
         safe = kaneflex.checked(module)
         kernels = [name for name, value in vars(module).items() if hasattr(value, "py_func")]
         plain = {name for name in kernels if getattr(safe, name) is getattr(module, name)}
-        assert plain <= {"terms", "table", "table_rate", "table_curvature"}
+        assert plain <= {"table", "table_rate", "table_curvature"}
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,9 @@ def test_every_kernel_of_a_module_is_checked():
         ("motion", (0.0, np.zeros(19), np.zeros(9)), r"motion: s has shape \(9,\)"),
         ("motion", (0.0, np.full(19, 30.0), np.zeros(33)), "does not hold the table of loads.gas.table"),
         ("tabulate", (np.zeros(3), np.zeros(19), np.zeros((2, 33))), "out has 2 rows for 3 times"),
+        ("element_matrices", (np.zeros((3, 4)), np.zeros((1, 5)), np.zeros((3, 1, 6, 6, 6))), r"p has shape \(3, 4\)"),
+        ("element_matrices", (np.zeros((3, 5)), np.zeros((1, 5)), np.zeros((2, 1, 6, 6, 6))), "out has 2 rows for 3 p"),
+        ("element_matrices", (np.zeros((3, 5)), np.zeros((2, 5)), np.zeros((3, 1, 6, 6, 6))), "out has 1 rows for 2 s"),
     ],
 )
 def test_what_would_be_read_beyond_its_end_is_refused(kernel, arguments, message):

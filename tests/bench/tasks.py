@@ -12,7 +12,8 @@ from functools import cache
 import numpy as np
 import sympy as sm
 
-from kaneflex.derive.generate import Equations, derive_equations, lower
+from kaneflex.derive.elements import element_kernel
+from kaneflex.derive.generate import Equations, derive_equations
 from kaneflex.generated import slider_crank_150
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.scene import read_scene
@@ -59,10 +60,10 @@ def equations() -> Equations:
 def element_task() -> Task:
     """M, K_s, K_d, K_g, C and F of an element in a link that moves as it likes."""
     element = equations().element
-    programs = {kernel.program.name: raw for kernel, raw in lower(equations())}
     matrices = {}
     for name in ELEMENT_KERNELS:
-        outputs = {slot[4:-1]: expression for slot, expression in programs[name].outputs}
+        _, raw = element_kernel(name, element)
+        outputs = {slot[4:-1]: expression for slot, expression in raw.outputs}
         shape = (6, 1) if name == "F" else (6, 6)
         at = (lambda i, j: f"{i}") if name == "F" else (lambda i, j: f"{i}, {j}")
         matrices[name] = sm.Matrix(*shape, lambda i, j, at=at, found=outputs: found.get(at(i, j), 0))

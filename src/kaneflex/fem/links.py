@@ -12,6 +12,7 @@ import numpy as np
 from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, from_entries, solve
 from kaneflex.scene import Scene
+from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
 
 MATRIX_OF_GROUP = {
     "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
@@ -19,6 +20,11 @@ MATRIX_OF_GROUP = {
 }  # fmt: skip
 """Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
 
+_UNITS = np.eye(len(LINK_SCALARS) + 1, len(LINK_SCALARS), -1)
+"""Scalars of a link: all zero, then each at 1 in its turn."""
+_ROW = {(): 0} | {(name,): k for k, (name, *_) in enumerate(LINK_SCALARS, start=1)}
+_NODES = 2 * 3
+"""Coordinates of an element."""
 _SAME = 1e-9
 """Points closer than this share of a link's length are one."""
 
@@ -134,21 +140,20 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     """
     body = scene.bodies[name]
     nodes = mesh(scene, name, elements)
-    elements = len(nodes) - 1
-    sums: dict[tuple[str, Monomial], np.ndarray] = {}
     of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
     parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
-    for e in range(elements):
-        p = _of_element(module, parameters, e)
-        for term, group, target, factors in module.TERMS:
-            out = np.zeros((6, 1 if target == "F" else 6))
-            _interpret(module, f"term_{term}", p, out)
-            if group == "damping" and scene.damping is not None and scene.damping.kind == "viscous":
-                out *= scene.damping.viscous.mu
-            elif group == "damping":
+    sums: dict[tuple[str, Monomial], np.ndarray] = {}
+    at_units = _at_units(module, parameters)
+    for _, group, kernel, factors in module.TERMS:
+        if group == "damping":
+            if scene.damping is None or scene.damping.kind != "viscous":
                 continue
-            key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
-            sums.setdefault(key, np.zeros((elements, *out.shape)))[e] += out
+            blocks = scene.damping.viscous.mu * _of_unit_density(module, parameters)
+        else:
+            blocks = at_units[:, _ROW[factors[:1]], ELEMENT_KERNELS.index(kernel)]
+            blocks = blocks[:, 0, :, None] if kernel == "F" else blocks
+        key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
+        sums[key] = sums.get(key, 0.0) + blocks
     known = {scalar for scalar, *_ in module.SCALARS}
     for point, x in forced_points(scene, name).items():
         if f"{name}.link.jump_{point}" not in known:  # nothing acts along the link there
@@ -159,7 +164,7 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
         sums[key] = sums["K_g", (f"{name}.link.P_0",)] * beyond[:, None, None]
     for key, blocks in _spread_terms(scene, name, nodes, parameters):
         sums[key] = sums.get(key, 0.0) + blocks
-    coordinates, place = node_coordinates(name, elements + 1, body.beam.axially_rigid)
+    coordinates, place = node_coordinates(name, len(nodes), body.beam.axially_rigid)
     size = len(coordinates)
     matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
@@ -169,15 +174,23 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     return Link(name, nodes, parameters, element_terms, part)
 
 
-def _of_element(module: ModuleType, parameters: Mapping[str, np.ndarray], e: int) -> np.ndarray:
-    return np.array([parameters[parameter][e] for parameter, *_ in module.ELEMENT_PARAMETERS])
+def _at_units(module: ModuleType, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Every kernel of every element at each of _UNITS, (elements, units, kernels, 6, 6); of F the first row is filled.
+
+    A kernel is linear in the monomials of the scalars, none of which has two of them, so this is the constant matrix
+    before each.
+    """
+    p = np.column_stack([parameters[parameter] for parameter, *_ in module.ELEMENT_PARAMETERS])
+    found = np.zeros((len(p), len(_UNITS), len(ELEMENT_KERNELS), _NODES, _NODES))
+    module.element_matrices(p, _UNITS, found)
+    return found
 
 
-def _interpret(module: ModuleType, kernel: str, *arguments: np.ndarray) -> None:
-    """Call the Python that a kernel is compiled from: to compile the terms, or even to read them back from the cache,
-    takes a thousand times longer than the few dozen calls that a model needs."""
-    with np.errstate(all="ignore"):  # as compiled: what overflows is found where it matters
-        getattr(module, kernel).py_func(*arguments)
+def _of_unit_density(module: ModuleType, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
+    """int N^T N dx of every element: what K_d = -omega^2 int rho A N^T N dx is for omega = 1 and rho A = -1."""
+    count = len(parameters["rho_A"])
+    unit = {"rho_A": np.full(count, -1.0), "rho_A_rise": np.zeros(count)}
+    return _at_units(module, {**parameters, **unit})[:, _ROW["omega",], ELEMENT_KERNELS.index("K_d")]
 
 
 _GAUSS = np.polynomial.legendre.leggauss(4)

@@ -129,14 +129,16 @@ def _without(scene: Scene, without: Sequence[str], progress: Progress) -> str:
 
 
 def operation_count(text: str) -> int:
-    """Operations of one call of each of a module's kernels, as they are emitted."""
-    tree = ast.parse(text)
-    counts = next(
-        ast.literal_eval(node.value)
-        for node in tree.body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "OPERATIONS"
-    )
-    return sum(shared for _, shared in counts.values())
+    """Operations of one call of each kernel that a module offers, by its OPERATIONS, which name its element's."""
+    wanted = [
+        node
+        for node in ast.parse(text).body
+        if (isinstance(node, ast.Assign) and node.targets[0].id == "OPERATIONS")
+        or (isinstance(node, ast.ImportFrom) and node.module == "kaneflex.generated")
+    ]
+    known: dict[str, dict[str, tuple[int, int]]] = {}
+    exec(compile(ast.Module(wanted, type_ignores=[]), "OPERATIONS", "exec"), known)
+    return sum(shared for _, shared in known["OPERATIONS"].values())
 
 
 @contextmanager

@@ -14,6 +14,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from kaneflex.support.contract import ELEMENT_KERNELS
+
 Shape = tuple[int, ...]
 
 
@@ -28,6 +30,8 @@ _TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
 """Last words of the numbers in p that say where a table begins."""
 _NODES = 6
 """Displacements and rotations of an element's two nodes."""
+_ROWS = {"tabulate": ("times",), "element_matrices": ("p", "s")}
+"""Kernel -> the arguments of which each row has one in out, by out's axes."""
 
 
 def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
@@ -60,10 +64,16 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
 
 def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     """Kernel -> argument -> its shape; -1 for any length."""
-    terms = {name: (_NODES, 1) if target == "F" else (_NODES, _NODES) for name, _, target, _ in module.TERMS}
-    element = {"p": (len(module.ELEMENT_PARAMETERS),)}
-    found = {f"term_{name}": element | {"out": shape} for name, shape in terms.items()}
-    numbers = {"p": (len(module.PARAMETERS),)}
+    count = len(module.ELEMENT_PARAMETERS)
+    element: dict[str, Shape] = {"p": (count,), "s": (len(module.LINK_SCALARS),)}
+    found: dict[str, dict[str, Shape]] = {}
+    found |= {name: element | {"out": (_NODES, _NODES)} for name in ELEMENT_KERNELS if name != "F"}
+    found["F"] = element | {"out": (_NODES,)}
+    rows: dict[str, Shape] = {"p": (-1, count), "s": (-1, len(module.LINK_SCALARS))}
+    found["element_matrices"] = rows | {"out": (-1, -1, len(ELEMENT_KERNELS), _NODES, _NODES)}
+    if not hasattr(module, "PARAMETERS"):  # a module of elements
+        return found
+    numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}
     if hasattr(module, "COORDINATES"):
         n, m = len(module.COORDINATES), len(module.CONSTRAINTS)
         state = numbers | {"q": (n,), "v": (n,)}
@@ -74,11 +84,7 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
             "energy": state | {"out": (3 + len(module.LOADS),)},
         }
     scalars, free = len(module.SCALARS), len(module.FREE)
-    element |= {"s": (len(module.LINK_SCALARS),)}
-    found |= {name: element | {"out": (_NODES, _NODES)} for name in ("M", "K_s", "K_d", "K_g", "C")}
     return found | {
-        "F": element | {"out": (_NODES,)},
-        "F_t": numbers | {"out": (len(module.LINKS), _NODES)},
         "motion": numbers | {"s": (scalars,)},
         "tabulate": numbers | {"times": (-1,), "out": (-1, scalars)},
         "inverse": numbers | {"y": (3 * free,), "out": (free,)},
@@ -88,8 +94,8 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
 def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Callable[..., None]:
     kernel = getattr(module, name)
     signature = inspect.signature(kernel.py_func)
-    whole = shapes["p"] == (len(module.PARAMETERS),) and not name.startswith("term_")
-    tables = [k for k, (path, _) in enumerate(module.PARAMETERS) if whole and path.endswith(_TABLES)]
+    numbers = () if name in (*ELEMENT_KERNELS, "element_matrices") else module.PARAMETERS
+    tables = [k for k, (path, _) in enumerate(numbers) if path.endswith(_TABLES)]
 
     @functools.wraps(kernel.py_func)
     def call(*arguments: object) -> None:
@@ -97,8 +103,9 @@ def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Call
         for argument, shape in shapes.items():
             if argument in given:
                 _check(f"{name}: {argument}", given[argument], shape, longer=argument == "p")
-        if "times" in given and len(given["out"]) < len(given["times"]):
-            raise ValueError(f"{name}: out has {len(given['out'])} rows for {len(given['times'])} times")
+        for axis, rows in enumerate(_ROWS.get(name, ())):
+            if given["out"].shape[axis] < len(given[rows]):
+                raise ValueError(f"{name}: out has {given['out'].shape[axis]} rows for {len(given[rows])} {rows}")
         for k in tables:
             _check_table(f"{name}: p", given["p"], module.PARAMETERS[k][0], given["p"][k])
         kernel(*arguments)

@@ -3,7 +3,7 @@
 Both sides import this file and nothing else of each other, so a name can't drift on one side only.
 """
 
-FORMAT = 2
+FORMAT = 3
 """Version of the generated modules' layout. It enters the structure hash: a new layout never meets an old module."""
 
 LINK_SCALARS = (
@@ -50,17 +50,51 @@ COURSES = ("angle_table", "speed_table", "acceleration_table")
 """Parameters that say where p holds the courses of a free joint, which the runtime integrates first."""
 
 ELEMENT_KERNELS = ("M", "K_s", "K_d", "K_g", "C", "F")
-"""The composed element kernels; ``motion``, ``F_t`` and ``terms`` complete the module."""
+"""Kernels of an element, in the order in which ``element_matrices`` stores what they compute for many elements."""
+
+ELEMENT_TERMS = (
+    ("mass", "inertia", "M", ()),
+    ("gyroscopic", "gyroscopic", "C", ("omega",)),
+    ("spin", "spin", "K_d", ("omega", "omega")),
+    ("euler", "euler", "K_d", ("epsilon",)),
+    ("centrifugal_load", "load", "F", ("omega", "omega")),
+    ("euler_load", "load", "F", ("epsilon",)),
+    ("load_x", "load", "F", ("a_x",)),
+    ("load_y", "load", "F", ("a_y",)),
+    ("stiffness", "elastic", "K_s", ()),
+    ("tension_origin", "geometric", "K_g", ("P_0",)),
+    ("tension_acceleration", "geometric", "K_g", ("a_x",)),
+    ("tension_spin", "geometric", "K_g", ("omega", "omega")),
+    ("viscous", "damping", "", ()),
+)
+"""The affine form of every element: name, group, the kernel that the term is a part of, factors of the scalar before
+its constant matrix. A structure's module names those that it requires. The damping mu int N^T N dx has no kernel of its
+own: it is the M of translation in K_d, with mu for rho A."""
+
+BEAMS = {
+    f"beam_{theory}{'_varying' * varying}": {"rotary": rotary, "shear": shear, "varying": varying}
+    for varying in (False, True)
+    for theory, rotary, shear in (
+        ("euler_bernoulli", False, False), ("rayleigh", True, False), ("timoshenko", True, True),
+    )
+}  # fmt: skip
+"""Module of an element in ``kaneflex.generated`` -> the element that it is printed from."""
+
+
+def beam_module(rotary: bool, shear: bool, varying: bool) -> str:
+    """The leanest of BEAMS that has all of this."""
+    theory = "timoshenko" if shear else "rayleigh" if rotary else "euler_bernoulli"
+    return f"beam_{theory}{'_varying' * varying}"
+
 
 REQUIRED_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "SCALARS", "CONSTANTS", "LINKS", "TERMS", "OPERATIONS",
     "FREE", "motion", "tabulate",
 )  # fmt: skip
-"""Attributes of every generated module; with elastic links also ``terms`` and the kernels that the scene requires."""
+"""Attributes of every structure's module; with elastic links also ``element_matrices`` and the kernels of the terms."""
 
 COUPLED_ATTRIBUTES = (
     "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "COORDINATES", "CONSTRAINTS", "LOADS", "SCALARS",
-    "OPERATIONS", "equations", "constraints", "tangent", "energy",
+    "TERMS", "OPERATIONS", "equations", "constraints", "tangent", "energy",
 )  # fmt: skip
-"""Attributes of every coupled module; with elastic links also ``terms``."""
-
+"""Attributes of every coupled module; with elastic links also ``element_matrices``."""

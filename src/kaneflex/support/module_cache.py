@@ -71,8 +71,8 @@ def _temporary(root: str, reason: str) -> Path:
 
 @cache
 def _generator() -> str:
-    """Digest of the generator's sources."""
-    return _digest("kaneflex.derive")[:12]
+    """Digest of the generator's sources, and of the modules that what it makes imports from."""
+    return _digest("kaneflex.derive", "kaneflex.generated")[:12]
 
 
 @cache
