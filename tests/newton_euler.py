@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.mechanism.closure_continuation import seed_loops
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -19,7 +19,7 @@ def motion_of(scene: Scene, folder: Path) -> RigidMotion:
     module = import_file(file, structure)
     speed = next(iter(scene.drives.values())).speed
     p = seed_loops(scene, module, bind_parameters(scene, module), 4 * np.pi / abs(speed))
-    return Motion(module, p).at(np.radians(np.arange(0, 720, 2)) / speed)
+    return RigidKinematics(module, p).at(np.radians(np.arange(0, 720, 2)) / speed)
 
 
 def turned(rigid: RigidMotion, body: str, vector) -> np.ndarray:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from newton_euler import imbalance, place, turned
 from scipy.linalg import eigvalsh
 
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, read_scene
@@ -142,7 +142,7 @@ def turning(text: str, folder: Path) -> tuple[Scene, RigidMotion]:
         MODULES[structure] = import_file(path, structure)
     module = MODULES[structure]
     times = np.radians(np.arange(0, 360, 3)) / abs(next(iter(scene.drives.values())).speed)
-    return scene, Motion(module, bind_parameters(scene, module)).at(times)
+    return scene, RigidKinematics(module, bind_parameters(scene, module)).at(times)
 
 
 KINDS = {"four-bar": FOUR_BAR, "slider-crank": SLIDER_CRANK, "lever": LEVER, "chain": CHAIN}

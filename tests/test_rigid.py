@@ -19,7 +19,7 @@ from sympy.physics.mechanics import (
     inertia,
 )
 
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import read_scene, with_settings
 
 ANGLES = np.radians([0.0, 17.0, 90.0, 133.0, 180.0, 251.0, 270.0, 360.0, 374.0, 540.0, 719.0])
@@ -46,7 +46,7 @@ def motion_at_angles(name: str, seed: int) -> tuple[RigidMotion, dict[str, float
     for k, (path, _) in enumerate(found.module.PARAMETERS):
         p[k] = number.get(path, p[k])
     number["gravity.x"] = dict(zip((path for path, _ in found.module.PARAMETERS), p, strict=False)).get("gravity.x", 0)
-    return Motion(found.module, p).at(ANGLES / number["drives.main.speed"]), number
+    return RigidKinematics(found.module, p).at(ANGLES / number["drives.main.speed"]), number
 
 
 def close(found: np.ndarray, expected: np.ndarray, tolerance: float) -> bool:

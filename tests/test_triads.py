@@ -10,7 +10,7 @@ from scipy.optimize import fsolve
 import kaneflex
 from kaneflex.derive import closure
 from kaneflex.mechanism.closure_continuation import seed_loops
-from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, generate_text, import_file
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.scene.quantities import Address
@@ -154,7 +154,7 @@ def test_a_four_bar_by_newton_is_the_one_in_closed_form(tmp_path, monkeypatch):
     module = import_file(tmp_path / "newton.py", structure)
     monkeypatch.delitem(sys.modules, module.__name__)
     assert [closing for closing, *_ in module.LOOPS] == ["rocker"]
-    motion = Motion(module, seed_loops(scene, module, bind_parameters(scene, module), scene.period))
+    motion = RigidKinematics(module, seed_loops(scene, module, bind_parameters(scene, module), scene.period))
     times = np.random.default_rng(1).uniform(0.0, 3 * scene.period, 200)
     here, there = motion.at(times), exact.at(times)
     for name in exact.column:

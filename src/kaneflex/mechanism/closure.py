@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kaneflex.mechanism.parts import Joint, Mechanism
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.support.errors import SceneError
 
 _OPEN = 1e-9
@@ -17,7 +17,7 @@ _LOCKED, _NEAR, _TOUCHED = 1e-3, 1e-2, 1e-7
 below which its least value is looked for, and below which it has reached its limit."""
 
 
-def check_closure(mechanism: Mechanism, motion: Motion, horizon: float) -> None:
+def check_closure(mechanism: Mechanism, motion: RigidKinematics, horizon: float) -> None:
     """Sweep the drives' range up to ``horizon`` [s]: every loop must close with a margin.
 
     The error names loop, place and value.
@@ -71,7 +71,7 @@ def check_start(mechanism: Mechanism, rigid: RigidMotion, acceleration: np.ndarr
     )  # fmt: skip
 
 
-def check_passage(mechanism: Mechanism, motion: Motion, times: np.ndarray) -> None:
+def check_passage(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray) -> None:
     """A linkage that free joints have brought to its limit stays there, or comes back on the branch that it left.
 
     ``times`` [s] are those that the motion was integrated at; between them every loop's least margin is looked for.

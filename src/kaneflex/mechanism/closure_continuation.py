@@ -20,7 +20,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import GROUND, pose_at
 from kaneflex.mechanism.position_analysis import larger_group, place
-from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import Table
 from kaneflex.support.errors import SceneError
@@ -86,7 +86,7 @@ def seed_loops(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon
             filled += len(block)
         values[position[f"joints.{closing}.side"]] = 1.0
     p = np.concatenate([values, *blocks])
-    first = Motion(module, p).at(0.0)
+    first = RigidKinematics(module, p).at(0.0)
     for closing, *_ in loops:
         p[position[f"joints.{closing}.side"]] = math.copysign(1.0, first[f"{closing}.closure"][0])
     return p
@@ -119,7 +119,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
     drives = list(scene.drives)
     free = [name for name in drives if scene.drives[name].kind == "free"]
     if len(drives) > 1:
-        motion = Motion(module, parameters)
+        motion = RigidKinematics(module, parameters)
 
         def at_time(t: float) -> dict[str, float]:
             rigid = motion.at(t)
@@ -151,7 +151,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
         raise locked or SceneError(
             f"drives.{drive}", "free", "the linkage is not the same after a turn", "Prescribe this drive"
         )
-    angles = Motion(module, parameters).at(np.linspace(0.0, horizon, _KNOTS + 1))[f"{drive}.angle"]
+    angles = RigidKinematics(module, parameters).at(np.linspace(0.0, horizon, _KNOTS + 1))[f"{drive}.angle"]
     knots = max(_KNOTS, math.ceil(_KNOTS * np.ptp(angles) / (2 * math.pi)) if not scene.slides(drive) else _KNOTS)
     there = follower.over(np.linspace(start, max(angles.max(), start), knots + 1), only, None, said)
     back = follower.over(np.linspace(start, min(angles.min(), start), knots + 1), only, None, said)
@@ -162,7 +162,7 @@ def _swept(scene: Scene, module: ModuleType, parameters: np.ndarray, horizon: fl
     return _Sweep(x, np.concatenate([back.poses[::-1], there.poses])[first], there.bodies, None)
 
 
-def _turns(motion: Motion, drives: list[str], horizon: float) -> float:
+def _turns(motion: RigidKinematics, drives: list[str], horizon: float) -> float:
     rigid = motion.at(np.linspace(0.0, horizon, _KNOTS + 1))
     return max(np.ptp(rigid[f"{name}.angle"]) for name in drives) / (2 * math.pi)
 

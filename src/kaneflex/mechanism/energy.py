@@ -9,7 +9,7 @@ import numpy as np
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.parts import Joint, Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, Pose, Vector, carried_velocity, dot, minus
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 
 _CHUNK = 1000
 """Steps whose scalars are held at a time."""
@@ -47,7 +47,7 @@ class Energy:
         return float(abs(self.gap).max()) / turned if turned else 0.0
 
 
-def rigid_energy(mechanism: Mechanism, motion: Motion, times: np.ndarray, pieces: int) -> Energy:
+def rigid_energy(mechanism: Mechanism, motion: RigidKinematics, times: np.ndarray, pieces: int) -> Energy:
     """Energy of the rigid mechanism at the ends of an integration's steps.
 
     Parameters

@@ -23,7 +23,7 @@ from numba import float64, njit, void
 from numba.types import WrapperAddressProtocol
 
 from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
-from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 
 compiled = njit(cache=True, error_model="numpy")
 part = njit(error_model="numpy")  # of those, and compiled into them
@@ -260,7 +260,7 @@ class Products:
         return out
 
 
-def bind(motion: Motion, sums: Mapping[str, Affine]) -> Parameters:
+def bind(motion: RigidKinematics, sums: Mapping[str, Affine]) -> Parameters:
     """p of some sums, by their names in SUMS; those that are not given are zero."""
     heads: list[tuple[int, ...]] = []
     pattern: list[np.ndarray] = [np.zeros(2 + _HEAD * len(SUMS))]

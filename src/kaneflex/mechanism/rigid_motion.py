@@ -14,7 +14,7 @@ from kaneflex.mechanism.body_frame import BodyFrame
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RigidKinematics:
     """The rigid motion of a scene: its module's ``tabulate`` with the scene's numbers.
 
     ``parameters`` is the kernels' argument p: PARAMETERS of the module in SI, then the blocks of its tables.
@@ -39,7 +39,7 @@ class Motion:
         self.module.tabulate(times, self.parameters, out)
         return out
 
-    def at(self, times: np.ndarray) -> RigidMotion:
+    def at(self, times: np.ndarray | float) -> RigidMotion:
         """The rigid motion at ``times`` [s], scalar by name."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
         return RigidMotion(self, times, self.table(times))
@@ -49,7 +49,7 @@ class Motion:
 class RigidMotion:
     """Scalars of the rigid motion at some times: ``motion["rod.omega"]`` has shape (n_times,)."""
 
-    motion: Motion
+    motion: RigidKinematics
     times: np.ndarray
     values: np.ndarray
 

@@ -25,7 +25,7 @@ from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficien
 from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Affine, Matrix, entries
 from kaneflex.mechanism.rigid_bodies import carried_bodies
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model import REACHED, Model, keep_terms
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -40,7 +40,7 @@ _NARROW = 12
 
 
 def build_model(
-    scene: Scene, options: Options, motion: Motion, frozen: Model | None = None, like: Model | None = None
+    scene: Scene, options: Options, motion: RigidKinematics, frozen: Model | None = None, like: Model | None = None
 ) -> Model:
     """Mesh the links, assemble, reduce.
 
@@ -89,7 +89,7 @@ def build_model(
     return replace(model, warnings=warnings)
 
 
-def _same_equations(scene: Scene, options: Options, motion: Motion, like: Model) -> bool:
+def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, like: Model) -> bool:
     """Whether a model's equations are those of the scene: of what they depend on no more than speeds of drives differs.
 
     A speed enters the scalars of the motion alone, unless the equations are those of one instant.
@@ -172,7 +172,7 @@ def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
     return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
-def _reference(scene: Scene, options: Options, motion: Motion) -> tuple[float, tuple[str, ...]]:
+def _reference(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
     """The instant [s] whose configuration reference modes are of, :func:`stands_at` or the first; what to warn of it.
 
     Raises SceneError where a place was asked for at which the first drive never stands.
@@ -198,7 +198,7 @@ def _reference(scene: Scene, options: Options, motion: Motion) -> tuple[float, t
     raise SceneError("solve.mode_angle", wanted, reason, f"{placed}hoose a place within its range")
 
 
-def stands_at(scene: Scene, coordinate: float, motion: Motion) -> float | None:
+def stands_at(scene: Scene, coordinate: float, motion: RigidKinematics) -> float | None:
     """The first instant [s] at which the first drive stands at a coordinate [rad or m]; None where it never does.
 
     After its cycle a drive stands where it stood before; one that turns without a cycle after a whole turn. One that
@@ -227,7 +227,7 @@ def stands_at(scene: Scene, coordinate: float, motion: Motion) -> float | None:
     return None
 
 
-def _passing(motion: Motion, drive: str, coordinate: float, start: float, end: float) -> float:
+def _passing(motion: RigidKinematics, drive: str, coordinate: float, start: float, end: float) -> float:
     """When a drive passes a coordinate between two instants [s]: by ever finer samples, then a straight line."""
     for _ in range(3):
         times = np.linspace(start, end, 101)

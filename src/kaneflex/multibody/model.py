@@ -22,7 +22,7 @@ from kaneflex.integrate.system import AffineSystem
 from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
-from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -45,7 +45,7 @@ class Model:
     ----------
     scene, options
         What is modelled, and how.
-    motion : Motion
+    motion : RigidKinematics
         The rigid stage.
     links : mapping of str to Link
         Elastic bodies with their meshes.
@@ -73,7 +73,7 @@ class Model:
 
     scene: Scene
     options: Options
-    motion: Motion
+    motion: RigidKinematics
     links: Mapping[str, Link]
     parts: Mapping[str, Part]
     bases: Mapping[str, np.ndarray]

@@ -139,7 +139,8 @@ class _Run:
         self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method, given: np.ndarray
     ) -> None:
         self.system, self.module, self.times, self.method = system, system.module, times, method
-        self.given, self.ends = given, []
+        self.given: np.ndarray = given
+        self.ends: list[np.ndarray] = []
         stepping.compile_stepper(method.integrator)
         n, m, count = system.size, len(system.constraints), len(times)
         self.powers = 3 + len(self.module.LOADS)

@@ -16,7 +16,7 @@ from numba import njit
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.energy import Energy, rigid_energy
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.rigid_motion import Motion, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -42,12 +42,12 @@ def integrate_free_joints(
     parameters: np.ndarray,
     options: Options,
     progress: Callable[[float], None] | None = None,
-) -> tuple[Motion, Energy]:
+) -> tuple[RigidKinematics, Energy]:
     """Integrate the free joints over the duration of ``options``, by its method and tolerance.
 
     Returns
     -------
-    Motion
+    RigidKinematics
         Its parameters end in the tables of each free joint's coordinate, speed and acceleration, piecewise cubics on
         tenths of stretches: the integration's own steps, or where these are very many as few of them together as
         the tables have room for, none longer than a step of the run.
@@ -76,7 +76,7 @@ def integrate_free_joints(
             if not np.isfinite(epsilon[-1]).all():
                 raise run.stopped(times[-2], states[-2], "its accelerations are not finite beyond")
     columns = np.array(states).T, np.array(epsilon).T
-    motion = Motion(module, with_courses(module, parameters, np.array(times), *columns))
+    motion = RigidKinematics(module, with_courses(module, parameters, np.array(times), *columns))
     check_passage(mechanism, motion, np.array(times))
     return motion, rigid_energy(mechanism, motion, np.array(times), _PIECES)
 
@@ -161,7 +161,7 @@ def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.nda
     times, still = t + np.array([0.0, 0.5, 1.0]), np.zeros((len(module.FREE), 3))
     places = np.repeat(state[: len(module.FREE), None], 3, axis=1)
     courses = with_courses(module, parameters, times, np.concatenate([places, still]), still)
-    return Motion(module, courses).at(t)
+    return RigidKinematics(module, courses).at(t)
 
 
 def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic
-from kaneflex.mechanism.rigid_motion import Motion
+from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
@@ -81,7 +81,7 @@ def load(
         coupled, more = build_system(scene, progress)
         scene, derived = with_stretch(scene), derived + more
     bound = time.perf_counter()
-    motion = Motion(module, bind_parameters(scene, module))
+    motion = RigidKinematics(module, bind_parameters(scene, module))
     progress("compiling, first time only")
     _compile(motion)
     if coupled is not None:
@@ -91,9 +91,9 @@ def load(
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
         horizon = scene.period if options.cycles else options.duration
-        motion = Motion(module, seed_loops(scene, module, motion.parameters, horizon))
+        motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, horizon))
     if module.FREE and coupled is not None:
-        motion = Motion(module, at_initial_speed(scene, module, motion.parameters, options.duration))
+        motion = RigidKinematics(module, at_initial_speed(scene, module, motion.parameters, options.duration))
     elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
@@ -136,15 +136,15 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     return replace(found, coupled=system)
 
 
-def _moved(model: Model, scene: Scene, duration: float) -> Motion:
+def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     """The motion of a neighbour's scene; the model's own where no number of it differs: loops are long to follow."""
     module, parameters = model.module, bind_parameters(scene, model.module)
     if module.FREE:
         seeded = seed_loops(scene, module, parameters, duration)
-        return Motion(module, at_initial_speed(scene, module, seeded, duration))
+        return RigidKinematics(module, at_initial_speed(scene, module, seeded, duration))
     if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
         return model.motion
-    return Motion(module, seed_loops(scene, module, parameters, duration))
+    return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
 
 
 def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
@@ -173,12 +173,12 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _compile(motion: Motion) -> None:
+def _compile(motion: RigidKinematics) -> None:
     """Call the kernel that every load needs once, so that compiling is seen and timed apart from computing."""
     motion.table(np.zeros(1))
 
 
-def check_finite(scene: Scene, motion: Motion, options: Options) -> None:
+def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
     horizon = scene.period if options.cycles else options.duration
     times = np.linspace(0.0, horizon, min(options.steps, _MOST) + 1)
@@ -201,7 +201,7 @@ def check_finite(scene: Scene, motion: Motion, options: Options) -> None:
         )  # fmt: skip
 
 
-def check_springs(scene: Scene, motion: Motion, options: Options) -> None:
+def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Sweep as for the loops: a free length or a damper needs a direction, which points that meet don't have."""
     directed = {name: s for name, s in scene.springs.items() if s.ends and (s.length or s.damping)}
     if not directed:
