@@ -75,7 +75,7 @@ def test_the_slider_comes_nearer_by_the_shortening_of_its_rod(monkeypatch):
     assert slide - place == pytest.approx(nearer, rel=1e-9)
     # The same where many instants are solved for a few at a time.
     monkeypatch.setattr(foreshortening, "_CHUNK", 5)
-    few = sensor_values(replace(solution), Sensor.model_validate({"displacement": "rod.end", "axes": "global"}))
+    few = sensor_values(replace(solution).motion, Sensor.model_validate({"displacement": "rod.end", "axes": "global"}))
     assert few == pytest.approx(place, rel=1e-12)
 
 
