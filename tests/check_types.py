@@ -32,7 +32,7 @@ BASELINE = {
 def complaints(*arguments: str) -> list[str]:
     """Lines of mypy that name an error. Raises RuntimeError where mypy itself fails."""
     found = subprocess.run([sys.executable, "-m", "mypy", *arguments], cwd=ROOT, capture_output=True, text=True)
-    if found.returncode > 1:
+    if found.returncode > 1 or found.stderr:  # not installed, for one: that is no clean bill
         raise RuntimeError(found.stdout + found.stderr)
     return [line for line in found.stdout.splitlines() if ": error: " in line]
 
