@@ -157,12 +157,11 @@ def no_temporary():
     module_cache._temporary.cache_clear()
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owners here")
 def test_another_users_folder_is_left_alone(found, monkeypatch, no_temporary, caplog):
     path, _ = found()
     before = path.read_bytes()
     path.write_bytes(b"raise SystemExit\n")
-    monkeypatch.setattr(os, "getuid", lambda: path.stat().st_uid + 1)
+    monkeypatch.setattr(os, "getuid", lambda: path.stat().st_uid + 1, raising=False)  # some systems have none
     again, _ = found()
     (said,) = caplog.messages
     assert re.fullmatch(r"Warning: .*another user's\), so they are derived anew.*set XDG_CACHE_HOME.*", said)
