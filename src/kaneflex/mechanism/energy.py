@@ -8,7 +8,7 @@ import numpy as np
 
 from kaneflex.mechanism import springs
 from kaneflex.mechanism.parts import Joint, Mechanism, Spring
-from kaneflex.mechanism.planar import GROUND, Pose, Vector, carried_velocity, dot, minus
+from kaneflex.mechanism.planar import GROUND, dot
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 
 _CHUNK = 1000
@@ -76,9 +76,10 @@ def _state(mechanism: Mechanism, rigid: RigidMotion) -> tuple[np.ndarray, np.nda
     parts = [(name, body.mass, body.inertia, body.centre) for name, body in mechanism.bodies.items()]
     parts += [(lump.point.body, lump.mass, lump.inertia, lump.point.at) for lump in mechanism.masses.values()]
     for body, mass, inertia, at in parts:
-        pose, velocity = _pose(rigid, body), _velocity(rigid, body, at)
-        kinetic += mass * dot(velocity, velocity) / 2 + inertia * _spin(rigid, body) ** 2 / 2
-        weight -= mass * dot(mechanism.gravity, pose.place(at))
+        frame = rigid.frame(body)
+        velocity = frame.velocity(at)
+        kinetic += mass * dot(velocity, velocity) / 2 + inertia * frame.omega**2 / 2
+        weight -= mass * dot(mechanism.gravity, frame.place(at))
     for spring in mechanism.springs.values():
         strain += springs.potential(spring, _stretched(rigid, spring))
     return kinetic, strain, weight
@@ -104,8 +105,9 @@ def _supply(mechanism: Mechanism, rigid: RigidMotion) -> np.ndarray:
     total = np.zeros(len(rigid.times))
     for name, load in mechanism.loads.items():
         for point, share in load.pushes():
-            axes = _pose(rigid, GROUND if load.axes == "global" else point.body)
-            total += share * rigid[name] * dot(axes.turn(load.direction), _velocity(rigid, point.body, point.at))
+            axes = rigid.frame(GROUND if load.axes == "global" else point.body)
+            velocity = rigid.frame(point.body).velocity(point.at)
+            total += share * rigid[name] * dot(axes.to_global(load.direction), velocity)
         if load.joint is not None:
             total += rigid[name] * _relative_spin(rigid, mechanism.joints[load.joint])
     for name, drive in mechanism.drives.items():
@@ -117,27 +119,11 @@ def _supply(mechanism: Mechanism, rigid: RigidMotion) -> np.ndarray:
 
 def _relative_spin(rigid: RigidMotion, joint: Joint) -> np.ndarray:
     """Angular velocity of a joint's second body against its first [rad/s]."""
-    first, second = (_spin(rigid, body) for body in joint.bodies)
+    first, second = (rigid.frame(body).omega for body in joint.bodies)
     return second - first
 
 
 def _sliding(rigid: RigidMotion, joint: Joint) -> np.ndarray:
     """Speed of what slides along its guide [m/s]; the guide's turn moves it across only, as it lies on the guide."""
-    first, second = (_velocity(rigid, side.body, side.at) for side in joint.sides)
-    return dot(minus(second, first), _pose(rigid, joint.first.body).turn(joint.direction))
-
-
-def _spin(rigid: RigidMotion, body: str) -> np.ndarray:
-    return np.zeros(len(rigid.times)) if body == GROUND else rigid[f"{body}.omega"]
-
-
-def _pose(rigid: RigidMotion, body: str) -> Pose:
-    return Pose(0.0, 0.0, 1.0, 0.0) if body == GROUND else Pose(*(rigid[f"{body}.{key}"] for key in "xycs"))
-
-
-def _velocity(rigid: RigidMotion, body: str, at: Vector) -> Vector:
-    """Global velocity of a body-fixed point [m/s]."""
-    if body == GROUND:
-        return 0.0, 0.0
-    x, y = carried_velocity(_pose(rigid, body).turn(at), rigid[f"{body}.omega"])
-    return rigid[f"{body}.v_x"] + x, rigid[f"{body}.v_y"] + y
+    first, second = (rigid.frame(side.body).velocity(side.at) for side in joint.sides)
+    return dot(second - first, rigid.frame(joint.first.body).to_global(joint.direction))

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.mechanism import springs
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.response.dalembert import Balanced, balanced
@@ -177,16 +179,15 @@ class CoupledMotion(Motion):
         return {f"{name}.drive": none for name in self.model.scene.drives} | found
 
     def spring_tension(self, name: str) -> np.ndarray:
-        spring = self.model.scene.springs[name]
-        torsional = spring.torsional_at is not None
-        ends = self.model.scene.joints[spring.torsional_at].addresses if torsional else spring.between
-        first, second = (self.joined(address) for address in ends)
+        spring = mechanism_of(self.model.scene).springs[name]
+        first, second = (self.moving_place(side.body, side.at) for side in spring.sides)
         gap, gap_rate, _ = (there - here for here, there in zip(first, second, strict=True))
-        if torsional:
-            return spring.stiffness * (gap[2] - spring.angle) + spring.damping * gap_rate[2]
+        if not spring.ends:
+            return springs.tension(spring, gap[2], gap_rate[2])
         length = np.hypot(gap[0], gap[1])
-        tension = spring.stiffness * (length - spring.length)
-        return tension + spring.damping * (gap[:2] * gap_rate[:2]).sum(axis=0) / length if spring.damping else tension
+        # points that meet have a length, but no direction in which it could change
+        rate = springs.rate_of_length(gap[:2], gap_rate[:2], length) if spring.damping else 0.0
+        return springs.tension(spring, length, rate)
 
     def _elastic_section(self, link: str, x: float) -> Section:
         return self._balances[link].section(x)
