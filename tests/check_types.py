@@ -14,7 +14,7 @@ BASELINE = {
     "cli": 6,
     "fem": 39,
     "integrate": 87,
-    "mechanism": 32,
+    "mechanism": 31,
     "multibody": 75,
     "peers": 42,
     "plots": 53,

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 Number = Any
 """A SymPy expression, a float, or an ndarray of floats or complex numbers."""
 Vector = tuple[Number, Number]
@@ -74,7 +76,7 @@ def minus(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1]
 
 
-def dot(a: Vector, b: Vector) -> Number:
+def dot(a: Vector | np.ndarray, b: Vector | np.ndarray) -> Number:
     return a[0] * b[0] + a[1] * b[1]
 
 
