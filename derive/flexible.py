@@ -91,7 +91,7 @@ def flexible_body(axial: int, transverse: int, rotary: bool) -> FlexibleBody:
 
     ``rotary``: whether its slices have rotary inertia of their own; a rigid body has, as that about its start.
     """
-    slice_ = _Slice(axial, transverse, rotary)
+    slice_ = Slice(axial, transverse, rotary)
     x, y, phi = coordinates = dynamicsymbols("x y phi")
     v_x, v_y, omega = speeds = dynamicsymbols("v_x v_y omega")
     b, b_rate = _indexed("b", axial), _indexed("b_rate", axial)
@@ -141,7 +141,7 @@ def _indexed(name: str, count: int) -> list[sm.Function]:
     return [dynamicsymbols(f"{name}_{k}") for k in range(count)]
 
 
-class _Slice:
+class Slice:
     """A slice of the body: its mass, its rotary inertia, and what its place depends on."""
 
     def __init__(self, axial: int, transverse: int, rotary: bool) -> None:
@@ -160,6 +160,11 @@ class _Slice:
         across = self.Y + sum((w * c for w, c in zip(self.w, a, strict=True)), sm.S.Zero)
         turn = sum((psi * c for psi, c in zip(self.psi, a, strict=False)), sm.S.Zero)
         return along, across, turn
+
+    @property
+    def functions(self) -> list[sm.Symbol]:
+        """Everything that depends on where the slice is."""
+        return [*self._orders(), *self.psi]
 
     def _orders(self) -> dict[sm.Symbol, int]:
         """Order of every function under the sum in the displacements."""
@@ -186,7 +191,7 @@ class _Slice:
 
     def summed(self, expression: sm.Expr, moments: tuple[Moment, ...]) -> sm.Expr:
         """The sum over all slices of an expression that is linear in mass and inertia, quadratic in the functions."""
-        functions = [*self._orders(), *self.psi]
+        functions = self.functions
         total = sm.S.Zero
         for of, amount in (("mass", self.mass), ("inertia", self.inertia)):
             if not amount:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from kaneflex.fem.links import Link
+from kaneflex.multibody.blocks import packed
 from kaneflex.multibody.inertia_integrals import link_numbers
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.scene import Scene
@@ -30,19 +30,10 @@ def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.
     points = [name for name in scene.bodies[link.name].points_all if f"{name}.X" in numbers]
     found = {"format": np.array(FORMAT), "length": np.array(link.length), "points": np.array(points)}
     for name, (axes, pattern, _) in ARRAYS.items():
-        found[name] = _packed(numbers, pattern if axes else name, [sizes[axis] for axis in axes], axes)
+        found[name] = packed(numbers, pattern if axes else name, [sizes[axis] for axis in axes], axes)
     for name, (axes, pattern, _) in POINT_ARRAYS.items():
-        of_points = [_packed(numbers, f"{at}.{pattern}", [sizes[axis] for axis in axes], axes) for at in points]
+        of_points = [packed(numbers, f"{at}.{pattern}", [sizes[axis] for axis in axes], axes) for at in points]
         found[name] = np.array(of_points)
-    return found
-
-
-def _packed(numbers: Mapping[str, float], pattern: str, shape: list[int], axes: str) -> np.ndarray:
-    """Numbers by their names as an array; of a symmetric one the names hold the upper triangle."""
-    symmetric = len(axes) == 2 and axes[0] == axes[1]
-    found = np.zeros(shape)
-    for index in np.ndindex(*shape):
-        found[index] = numbers[pattern.format(*(sorted(index) if symmetric else index))]
     return found
 
 

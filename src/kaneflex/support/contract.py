@@ -3,6 +3,9 @@
 Both sides import this file and nothing else of each other, so a name can't drift on one side only.
 """
 
+from collections.abc import Iterable
+from typing import NamedTuple
+
 FORMAT = 3
 """Version of the generated modules' layout. It enters the structure hash: a new layout never meets an old module."""
 
@@ -98,3 +101,55 @@ COUPLED_ATTRIBUTES = (
     "TERMS", "OPERATIONS", "equations", "constraints", "tangent", "energy",
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``element_matrices``."""
+
+
+class Slot(NamedTuple):
+    """Numbers that stand together in a block: their name there, their axes, and what they are made of.
+
+    Axes: s axial shapes, w transverse ones, a all, axial ones first; row by row, of a symmetric matrix all of it. They
+    are the sum of the moments ``of``, less those of ``less``, by the names of ``scene.modal_data.ARRAYS``.
+    """
+
+    name: str
+    axes: str
+    of: tuple[str, ...]
+    less: tuple[str, ...] = ()
+
+
+BODY_BLOCK = (
+    Slot("MASS", "", ("mass",)),
+    Slot("X", "", ("mass_X",)),
+    Slot("Y", "", ("mass_Y",)),
+    Slot("SECOND", "", ("mass_X_X", "mass_Y_Y", "inertia")),
+    Slot("S", "s", ("mass_s",)),
+    Slot("W", "w", ("mass_w",)),
+    Slot("XS", "s", ("mass_X_s",)),
+    Slot("XW", "w", ("mass_X_w", "inertia_psi")),
+    Slot("SS", "ss", ("mass_s_s",)),
+    Slot("SW", "sw", ("mass_s_w",)),
+    Slot("N", "ww", ("mass_w_w",), less=("mass_X_H",)),
+    Slot("H", "ww", ("mass_H",)),
+    Slot("A", "ww", ("mass_w_w", "inertia_psi_psi")),
+    Slot("K", "a", ("stiffness",)),
+    Slot("C", "aa", ("damping",)),
+)
+"""Numbers of a body in the order in which every kernel of ``generated/body.py`` reads them, at p[o]."""
+
+POINT_BLOCK = (
+    Slot("SHARE", "", ("share",)),
+    Slot("PX", "", ("X",)),
+    Slot("PY", "", ("Y",)),
+    Slot("PS", "s", ("s",)),
+    Slot("PW", "w", ("w",)),
+    Slot("PSI", "w", ("psi",)),
+    Slot("PH", "ww", ("H",)),
+)
+"""The same of a point of a body, or of a load spread over it: its place and the shapes there.
+
+The share of a point is 1. Of a spread load all of them are summed with its profile: share = int p dX [m]."""
+
+
+def block_shapes(block: Iterable[Slot], axial: int, transverse: int) -> dict[str, tuple[int, ...]]:
+    """Slot -> shape of its array, in the order of the block, for so many axial and transverse shapes."""
+    counts = {"s": axial, "w": transverse, "a": axial + transverse}
+    return {slot.name: tuple(counts[axis] for axis in slot.axes) for slot in block}
