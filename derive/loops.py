@@ -151,7 +151,7 @@ class Loops:
 
     def _in_totals(self, expression: sm.Expr) -> sm.Expr:
         if not expression.free_symbols & set(_ALL):
-            return sum((t.number * sm.Symbol(f"p[o + {t.slot.name}]") for t in self._terms(expression)), sm.S.Zero) 
+            return sum((t.number * sm.Symbol(f"p[o + {t.slot.name}]") for t in self._terms(expression)), sm.S.Zero)
         for name, total in self._totals.items():
             number = _ratio(expression, total)
             if number is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,13 +20,13 @@ def body_block(numbers: Mapping[str, float], body: str, axial: int, transverse: 
         arrays = {name: np.array(numbers[f"{path}.{name}"]) for name in _RIGID}
     else:
         arrays = _arrays(numbers, path, ARRAYS, axial, transverse) | {"mass_Y": np.zeros(()), "mass_Y_Y": np.zeros(())}
-    return _filled(BODY_BLOCK, arrays, axial, transverse)
+    return fill_block(BODY_BLOCK, arrays, axial, transverse)
 
 
 def point_block(numbers: Mapping[str, float], body: str, point: str, axial: int, transverse: int) -> np.ndarray:
     """POINT_BLOCK of a named point of a body with shapes."""
     found = _arrays(numbers, f"bodies.{body}.points.{point}", POINT_ARRAYS, axial, transverse)
-    return _filled(POINT_BLOCK, found | {"share": np.ones(()), "Y": np.zeros(())}, axial, transverse)
+    return fill_block(POINT_BLOCK, found | {"share": np.ones(()), "Y": np.zeros(())}, axial, transverse)
 
 
 def rigid_point(at: tuple[float, float]) -> np.ndarray:
@@ -40,7 +40,7 @@ def spread_block(numbers: Mapping[str, float], load: str, axial: int, transverse
     sums = {name: entry for name, entry in POINT_ARRAYS.items() if name != "psi"}
     found = _arrays(numbers, path, sums, axial, transverse)
     found |= {"share": np.array(numbers[f"{path}.share"]), "Y": np.zeros(()), "psi": np.zeros(transverse)}
-    return _filled(POINT_BLOCK, found, axial, transverse)
+    return fill_block(POINT_BLOCK, found, axial, transverse)
 
 
 def _arrays(
@@ -63,10 +63,11 @@ def packed(numbers: Mapping[str, float], pattern: str, shape: list[int], axes: s
     return found
 
 
-def _filled(block: Iterable[Slot], arrays: Mapping[str, np.ndarray], axial: int, transverse: int) -> np.ndarray:
-    shapes = block_shapes(block, axial, transverse)
-    slots = []
-    for slot in block:
-        total = sum((arrays[name] for name in slot.of), np.zeros(shapes[slot.name]))
-        slots.append(total - sum(arrays[name] for name in slot.less))
-    return np.concatenate([np.ravel(values) for values in slots])
+def fill_block(block: Sequence[Slot], arrays: Mapping[str, np.ndarray], axial: int, transverse: int) -> np.ndarray:
+    """A block of the arrays that its slots are made of, by their names; what no shape has needs none."""
+    filled = []
+    for slot, shape in zip(block, block_shapes(block, axial, transverse).values(), strict=True):
+        if 0 not in shape:
+            values = sum(arrays[name] for name in slot.of) - sum(arrays[name] for name in slot.less)
+            filled.append(np.broadcast_to(values, shape).ravel())
+    return np.concatenate(filled)

@@ -1,0 +1,268 @@
+"""Kernels of a deforming body: proved against Kane's equations, and compiled ones against slices summed one by one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kaneflex.derive.body_proof import NotKane, comparisons, prove
+from kaneflex.generated import body
+from kaneflex.generated.body import kernels
+from kaneflex.multibody.blocks import fill_block, rigid_point
+from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, block_shapes
+
+PRINTED = "@cache" + Path(body.__file__).read_text(encoding="utf-8").partition("@cache")[2]
+AXIAL, TRANSVERSE = 2, 3
+SHAPES = AXIAL + TRANSVERSE
+SIZE = 3 + SHAPES
+HOME, AT, ROW = 4, 7, 2
+"""Where the body's modal coordinates begin in q, its block in p and its rows in out, behind those of others."""
+
+
+# ---- the printed text -------------------------------------------------------------------------------------------
+
+
+def test_the_committed_text_is_kanes_equations_for_small_numbers_of_shapes():
+    prove(PRINTED)
+
+
+def test_every_kernel_is_compared():
+    names = {name for name, *_ in comparisons(PRINTED, 1, 1)}
+    assert names - {"weight"} == {"deform", "push", "jacobian", "inverse", "inertia", "energy"}
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("2.0 * omega * sw_b1", "omega * sw_b1"),
+        ("x2 -= a1 * ph_a1", "x2 += a1 * ph_a1"),
+        ("p[o + SW + transverse * l + j]", "p[o + SW + transverse * j + l]"),
+        ("-c * ph_a0 - p[o + PW + j] * s", "-c * ph_a0 + p[o + PW + j] * s"),
+        ("range(transverse)", "range(axial)"),
+        ("turned -= b2 * sw_a0", "pass"),
+    ],
+)
+def test_a_wrong_kernel_is_not_proved(right, wrong):
+    assert right in PRINTED
+    with pytest.raises((NotKane, IndexError)):
+        prove(PRINTED.replace(right, wrong))
+
+
+def test_the_layout_is_that_of_the_contract():
+    found = kernels(AXIAL, TRANSVERSE)
+    for block, size in ((BODY_BLOCK, found.size), (POINT_BLOCK, found.point)):
+        assert sum(int(np.prod(shape)) for shape in block_shapes(block, AXIAL, TRANSVERSE).values()) == size
+
+
+# ---- compiled kernels against slices ------------------------------------------------------------------------------
+
+
+class Slices:
+    """A body of forty slices with shapes drawn by lot: its block, and its motion slice by slice.
+
+    A state is a pair of q = (x, y, phi, b, a) and its rates.
+    """
+
+    def __init__(self, shortening: float = 1.0) -> None:
+        rng = np.random.default_rng(1)
+        self.mass, self.inertia = rng.uniform(0.1, 1.0, 40), rng.uniform(0.01, 0.1, 40)
+        self.X = rng.uniform(0.0, 2.0, 40)
+        self.s, self.w, self.psi = (rng.standard_normal((40, n)) for n in (AXIAL, TRANSVERSE, TRANSVERSE))
+        root = rng.standard_normal((40, TRANSVERSE, TRANSVERSE))
+        self.H = shortening * root @ root.transpose(0, 2, 1)
+        self.K, root = rng.uniform(1.0, 2.0, SHAPES), rng.standard_normal((SHAPES, SHAPES))
+        self.C = root @ root.T
+
+    def p(self) -> np.ndarray:
+        m, J, X, s, w, psi, H = self.mass, self.inertia, self.X, self.s, self.w, self.psi, self.H
+        arrays = {
+            "mass": m.sum(), "mass_X": m @ X, "mass_Y": 0.0, "mass_X_X": m @ X**2, "mass_Y_Y": 0.0, "inertia": J.sum(),
+            "mass_s": m @ s, "mass_w": m @ w, "mass_X_s": m * X @ s, "mass_X_w": m * X @ w, "inertia_psi": J @ psi,
+            "mass_s_s": m * s.T @ s, "mass_s_w": m * s.T @ w, "mass_w_w": m * w.T @ w,
+            "mass_H": np.tensordot(m, H, 1), "mass_X_H": np.tensordot(m * X, H, 1),
+            "inertia_psi_psi": J * psi.T @ psi, "stiffness": self.K, "damping": self.C,
+        }  # fmt: skip
+        return np.concatenate([np.full(AT, np.nan), fill_block(BODY_BLOCK, arrays, AXIAL, TRANSVERSE)])
+
+    def points(self, slice_: int) -> np.ndarray:
+        arrays = {"share": 1.0, "X": self.X[slice_], "Y": 0.0, "H": self.H[slice_]}
+        arrays |= {name: getattr(self, name)[slice_] for name in ("s", "w", "psi")}
+        return np.concatenate([np.full(AT, np.nan), fill_block(POINT_BLOCK, arrays, AXIAL, TRANSVERSE)])
+
+    def poses(self, q: np.ndarray) -> np.ndarray:
+        """Global x, y and rotation of every section, (40, 3); q may be complex."""
+        b, a = q[3 : 3 + AXIAL], q[3 + AXIAL :]
+        xi, eta = self.X + self.s @ b - 0.5 * np.einsum("ijk,j,k->i", self.H, a, a), self.w @ a
+        c, s = np.cos(q[2]), np.sin(q[2])
+        return np.stack([q[0] + c * xi - s * eta, q[1] + s * xi + c * eta, q[2] + self.psi @ a], axis=1)
+
+    def jacobians(self, q: np.ndarray) -> np.ndarray:
+        """Their derivatives to q, (40, 3, SIZE), by complex steps."""
+        columns = [self.poses(q + 1e-30j * unit).imag / 1e-30 for unit in np.eye(SIZE)]
+        return np.stack(columns, axis=2)
+
+    def weights(self) -> np.ndarray:
+        return np.stack([self.mass, self.mass, self.inertia], axis=1)
+
+
+def state(seed: int = 3, size: float = 0.3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return tuple(np.random.default_rng(seed).standard_normal((3, SIZE)) * size)
+
+
+def modal(q: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.full(HOME, np.nan), q[3:]])
+
+
+def inverse(p, q, v, a):
+    out = np.zeros(ROW + SIZE)
+    c, s = np.cos(q[2]), np.sin(q[2])
+    kernels(AXIAL, TRANSVERSE).inverse(p, AT, modal(q), modal(v), modal(a), HOME, c, s, v[2], *a[:3], out, ROW)
+    assert not out[:ROW].any()
+    return out[ROW:]
+
+
+def mass_matrix(p, q):
+    out = np.full(ROW + SIZE**2, np.nan)
+    kernels(AXIAL, TRANSVERSE).inertia(p, AT, modal(q), HOME, np.cos(q[2]), np.sin(q[2]), out, ROW)
+    return out[ROW:].reshape(SIZE, SIZE)
+
+
+def energies(p, q, v):
+    """Kinetic energy, strain energy, dissipated power, and mass times the centre's place from the start."""
+    out = np.zeros(3)
+    c, s = np.cos(q[2]), np.sin(q[2])
+    centre = kernels(AXIAL, TRANSVERSE).energy(p, AT, modal(q), modal(v), HOME, c, s, *v[:3], out)
+    return *out, np.array(centre)
+
+
+def elastic(body, q, v):
+    return np.concatenate([np.zeros(3), body.K * q[3:] + body.C @ v[3:]])
+
+
+def assert_equal(found, expected, tolerance=1e-12):
+    assert np.abs(found - expected).max() <= tolerance * np.abs(expected).max()
+
+
+def test_without_foreshortening_the_forces_are_newtons_for_every_slice():
+    """Sum of mass times acceleration along each partial velocity; moments up to the second order are then all."""
+    slices = Slices(shortening=0.0)
+    q, v, a = state()
+    step = 1e-5
+    turning = (slices.jacobians(q + step * v) @ v - slices.jacobians(q - step * v) @ v) / (2 * step)
+    acceleration = slices.jacobians(q) @ a + turning
+    newton = np.einsum("ik,ik,ikn->n", slices.weights(), acceleration, slices.jacobians(q))
+    assert_equal(inverse(slices.p(), q, v, a), newton + elastic(slices, q, v), 1e-8)
+
+
+def test_kinetic_energy_is_that_of_the_slices_to_the_second_order():
+    """What is left out is of the third order in the deformation and its rate."""
+    slices, left = Slices(), []
+    q, v, _ = state()
+    for share in (1e-3, 5e-4):
+        scale = np.array([1.0] * 3 + [share] * SHAPES)
+        rates = slices.jacobians(q * scale) @ (v * scale)
+        exact = 0.5 * (slices.weights() * rates**2).sum()
+        left.append(abs(energies(slices.p(), q * scale, v * scale)[0] - exact))
+    assert left[0] < 1e-8 and left[0] / left[1] == pytest.approx(8.0, rel=0.05)
+
+
+def test_the_kernels_agree_with_each_other():
+    """T = u'Mu/2; M is symmetric and what the accelerations add to the forces; strain energy and power of damping."""
+    slices, (q, v, a) = Slices(), state()
+    p, M = slices.p(), mass_matrix(slices.p(), q)
+    assert_equal(M, M.T, 1e-15)
+    assert_equal(inverse(p, q, v, a) - inverse(p, q, v, 0 * a), M @ a)
+    kinetic, strain, lost, centre = energies(p, q, v)
+    assert kinetic == pytest.approx(v @ M @ v / 2, rel=1e-13)
+    assert strain == pytest.approx(slices.K @ q[3:] ** 2 / 2, rel=1e-13)
+    assert lost == pytest.approx(v[3:] @ slices.C @ v[3:], rel=1e-13)
+    assert_equal(centre, [M[1, 2], -M[0, 2]])
+
+
+def test_power_is_the_rate_of_energy():
+    """(M u' - f) u = d(T + V)/dt + dissipation along any path: nothing of f does work but stiffness and damping."""
+    slices = Slices()
+    p, path = slices.p(), np.random.default_rng(5).standard_normal((4, SIZE)) * [[0.3], [0.5], [0.4], [0.2]]
+
+    def at(t, order):
+        return sum(np.prod(range(k, k - order, -1)) * t ** max(k - order, 0) * path[k] for k in range(4))
+
+    def total(t):
+        kinetic, strain, *_ = energies(p, at(t, 0), at(t, 1))
+        return kinetic + strain
+
+    q, v, a = (at(0.4, order) for order in range(3))
+    step = 1e-4
+    rate = (8 * (total(0.4 + step) - total(0.4 - step)) - total(0.4 + 2 * step) + total(0.4 - 2 * step)) / (12 * step)
+    assert inverse(p, q, v, a) @ v == pytest.approx(rate + energies(p, q, v)[2], rel=1e-9)
+
+
+def test_a_point_moves_as_its_section():
+    """deform, jacobian and push against the section's place: its derivatives by complex steps, W^T F."""
+    slices, (q, v, a) = Slices(), state()
+    found, p, n = kernels(AXIAL, TRANSVERSE), slices.points(11), 11
+    c, s = np.cos(q[2]), np.sin(q[2])
+    W = np.full(ROW + 3 * SIZE, np.nan)
+    found.jacobian(p, AT, modal(q), HOME, c, s, W, ROW)
+    W = W[ROW:].reshape(3, SIZE)
+    assert_equal(W, slices.jacobians(q)[n])
+
+    force, out = np.array([0.3, -1.2, 0.7]), np.zeros(ROW + SIZE)
+    found.push(p, AT, modal(q), HOME, c, s, *force, out, ROW)
+    assert_equal(out[ROW:], W.T @ force)
+
+    inside, still = np.full(ROW + 9, np.nan), np.array([0, 0, 0, *[1] * SHAPES])
+    found.deform(p, AT, modal(q), modal(v), modal(a), HOME, inside, ROW)
+    q, v, a = q * still, v * still, a * still
+    step = 1e-5
+    turning = (slices.jacobians(q + step * v)[n] @ v - slices.jacobians(q - step * v)[n] @ v) / (2 * step)
+    J = slices.jacobians(q)[n]
+    assert_equal(inside[ROW:], np.concatenate([slices.poses(q)[n], J @ v, J @ a + turning]), 1e-9)
+
+
+def test_a_rigid_body_beside_its_axis_is_newtons_and_eulers():
+    """Centre at (0.3, -0.2) of a body of 2 kg and 0.5 kg m^2; forces and moment about its start (Shabana 2013, 3.4)."""
+    m, J, centre = 2.0, 0.5, np.array([0.3, -0.2])
+    found = kernels(0, 0)
+    p, none = np.array([m, *m * centre, J + m * centre @ centre]), np.zeros(0)
+    phi, omega, epsilon, a_O = 0.7, 3.0, -4.0, np.array([1.5, -9.0])
+    c, s = np.cos(phi), np.sin(phi)
+    arm = np.array([c * centre[0] - s * centre[1], s * centre[0] + c * centre[1]])
+    force = m * (a_O + epsilon * np.array([-arm[1], arm[0]]) - omega**2 * arm)
+    out = np.zeros(3)
+    found.inverse(p, 0, none, none, none, 0, c, s, omega, *a_O, epsilon, out, 0)
+    assert_equal(out, np.array([*force, J * epsilon + arm[0] * force[1] - arm[1] * force[0]]))
+    W = np.zeros(9)
+    found.jacobian(rigid_point(tuple(centre)), 0, none, 0, c, s, W, 0)
+    assert_equal(W.reshape(3, 3), np.array([[1, 0, -arm[1]], [0, 1, arm[0]], [0, 0, 1]]))
+
+
+# ---- compiling ----------------------------------------------------------------------------------------------------
+
+
+def test_a_second_process_compiles_nothing(tmp_path):
+    """numba keeps kernels by the numbers of shapes that they were compiled for: each finds its own."""
+    code = """
+import numpy as np
+from kaneflex.generated.body import kernels
+for counts in ((1, 2), (2, 1)):
+    found, q, out = kernels(*counts), np.ones(3), np.zeros(1)
+    p = np.zeros(found.point); p[0], p[3:6] = 1.0, 1.0
+    W = np.zeros(18)
+    found.jacobian(p, 0, q, 0, 1.0, 0.0, W, 0)
+    stats = found.jacobian.stats
+    print(sum(stats.cache_misses.values()), sum(stats.cache_hits.values()), *W[3:6])
+"""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    said = [
+        subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    first, second = ([line.split(maxsplit=2) for line in text.splitlines()] for text in said)
+    assert [line[:2] for line in first] == [["1", "0"]] * 2
+    assert [line[:2] for line in second] == [["0", "1"]] * 2
+    assert [line[2] for line in first] == [line[2] for line in second]
+    assert first[0][2] != first[1][2]
