@@ -11,7 +11,7 @@ import pytest
 from kaneflex.derive.body_proof import NotKane, comparisons, prove
 from kaneflex.generated import body
 from kaneflex.generated.body import kernels
-from kaneflex.multibody.blocks import fill_block, rigid_point
+from kaneflex.multibody.blocks import body_block, point_block
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, block_shapes
 
 PRINTED = "@cache" + Path(body.__file__).read_text(encoding="utf-8").partition("@cache")[2]
@@ -79,18 +79,17 @@ class Slices:
     def p(self) -> np.ndarray:
         m, J, X, s, w, psi, H = self.mass, self.inertia, self.X, self.s, self.w, self.psi, self.H
         arrays = {
-            "mass": m.sum(), "mass_X": m @ X, "mass_Y": 0.0, "mass_X_X": m @ X**2, "mass_Y_Y": 0.0, "inertia": J.sum(),
+            "mass": m.sum(), "mass_X": m @ X, "mass_X_X": m @ X**2, "inertia": J.sum(),
             "mass_s": m @ s, "mass_w": m @ w, "mass_X_s": m * X @ s, "mass_X_w": m * X @ w, "inertia_psi": J @ psi,
             "mass_s_s": m * s.T @ s, "mass_s_w": m * s.T @ w, "mass_w_w": m * w.T @ w,
             "mass_H": np.tensordot(m, H, 1), "mass_X_H": np.tensordot(m * X, H, 1),
             "inertia_psi_psi": J * psi.T @ psi, "stiffness": self.K, "damping": self.C,
         }  # fmt: skip
-        return np.concatenate([np.full(AT, np.nan), fill_block(BODY_BLOCK, arrays, AXIAL, TRANSVERSE)])
+        return np.concatenate([np.full(AT, np.nan), body_block(arrays, AXIAL, TRANSVERSE)])
 
     def points(self, slice_: int) -> np.ndarray:
-        arrays = {"share": 1.0, "X": self.X[slice_], "Y": 0.0, "H": self.H[slice_]}
-        arrays |= {name: getattr(self, name)[slice_] for name in ("s", "w", "psi")}
-        return np.concatenate([np.full(AT, np.nan), fill_block(POINT_BLOCK, arrays, AXIAL, TRANSVERSE)])
+        arrays = {name: getattr(self, name)[slice_] for name in ("X", "s", "w", "psi", "H")}
+        return np.concatenate([np.full(AT, np.nan), point_block(arrays, AXIAL, TRANSVERSE)])
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """Global x, y and rotation of every section, (40, 3); q may be complex."""
@@ -236,7 +235,7 @@ def test_a_rigid_body_beside_its_axis_is_newtons_and_eulers():
     found.inverse(p, 0, none, none, none, 0, c, s, omega, *a_O, epsilon, out, 0)
     assert_equal(out, np.array([*force, J * epsilon + arm[0] * force[1] - arm[1] * force[0]]))
     W = np.zeros(9)
-    found.jacobian(rigid_point(tuple(centre)), 0, none, 0, c, s, W, 0)
+    found.jacobian(point_block({"X": centre[0], "Y": centre[1]}, 0, 0), 0, none, 0, c, s, W, 0)
     assert_equal(W.reshape(3, 3), np.array([[1, 0, -arm[1]], [0, 1, arm[0]], [0, 0, 1]]))
 
 

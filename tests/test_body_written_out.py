@@ -5,7 +5,7 @@ import pytest
 
 from kaneflex.generated.body import kernels
 from kaneflex.multibody.blocks import body_block
-from kaneflex.multibody.inertia_integrals import body_numbers
+from kaneflex.multibody.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.system import build_system
 from kaneflex.scene import read_scene, shipped_scenes
 
@@ -18,7 +18,6 @@ def test_mass_and_forces_of_every_body_are_those_of_the_module(name):
     scene = read_scene(name)
     system, _ = build_system(scene, lambda stage: None)
     module, size = system.module, system.size
-    numbers = body_numbers(scene, module, system.links, system.shapes)
     modal = [k for body in module.BODIES for k in range(size)[system.modal(body)]]
     q, v, a = np.random.default_rng(2).standard_normal((3, size))
     q[modal] *= 1e-2
@@ -30,7 +29,8 @@ def test_mass_and_forces_of_every_body_are_those_of_the_module(name):
     potential = 0.0
     for body, (axial, transverse) in module.BODIES.items():
         first, n = system.start[body], 3 + axial + transverse
-        found, p = kernels(axial, transverse), body_block(numbers, body, axial, transverse)
+        moments = body_moments(scene, body, body_data(scene, body, system.links, system.shapes))
+        found, p = kernels(axial, transverse), body_block(moments, axial, transverse)
         c, s = np.cos(q[first + 2]), np.sin(q[first + 2])
         block, rigid = np.full(n * n, np.nan), slice(first, first + 3)
         found.inertia(p, 0, q, first + 3, c, s, block, 0)

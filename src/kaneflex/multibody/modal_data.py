@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from kaneflex.fem.links import Link
-from kaneflex.multibody.blocks import packed
-from kaneflex.multibody.inertia_integrals import link_numbers
+from kaneflex.multibody.inertia_integrals import link_data
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.scene import Scene
-from kaneflex.scene.modal_data import ARRAYS, FORMAT, POINT_ARRAYS
+from kaneflex.scene.modal_data import FORMAT
 from kaneflex.support.atomic_output import refuse_existing, write_bytes
 
 
@@ -24,17 +23,8 @@ def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.
     dict
         "format", "length" [m], "points" (names), every name of ARRAYS, and of POINT_ARRAYS with the points first.
     """
-    shapes = system.shapes[link.name]
-    numbers = link_numbers(scene, link, shapes)
-    sizes = {"s": shapes.axial.shape[1], "w": shapes.transverse.shape[1], "a": shapes.all.shape[1]}
-    points = [name for name in scene.bodies[link.name].points_all if f"{name}.X" in numbers]
-    found = {"format": np.array(FORMAT), "length": np.array(link.length), "points": np.array(points)}
-    for name, (axes, pattern, _) in ARRAYS.items():
-        found[name] = packed(numbers, pattern if axes else name, [sizes[axis] for axis in axes], axes)
-    for name, (axes, pattern, _) in POINT_ARRAYS.items():
-        of_points = [packed(numbers, f"{at}.{pattern}", [sizes[axis] for axis in axes], axes) for at in points]
-        found[name] = np.array(of_points)
-    return found
+    data = link_data(scene, link, system.shapes[link.name])
+    return {"format": np.array(FORMAT), "length": np.array(data.length), "points": np.array(data.points), **data.arrays}
 
 
 def export(scene: Scene, system: CoupledSystem, folder: Path, force: bool) -> list[Path]:

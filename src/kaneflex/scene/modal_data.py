@@ -83,23 +83,26 @@ class ModalData:
         found = np.flatnonzero(abs(self.arrays["X"] - x) <= _SAME * self.length)
         return int(found[0]) if len(found) else None
 
-    def numbers(self) -> dict[str, float]:
-        """The numbers of the link by their names in PARAMETERS, without the body's own."""
-        found: dict[str, float] = {}
-        for name, (axes, pattern, _) in ARRAYS.items():
-            found |= _named(self.arrays[name], pattern if axes else name, axes)
-        for k, point in enumerate(self.points):
-            for name, (axes, pattern, _) in POINT_ARRAYS.items():
-                found |= _named(self.arrays[name][k], f"{point}.{pattern}", axes)
-        return found
+    def at_point(self, point: str) -> dict[str, np.ndarray]:
+        """POINT_ARRAYS of one of the points."""
+        k = self.points.index(point)
+        return {name: self.arrays[name][k] for name in POINT_ARRAYS}
 
 
-def _named(array: np.ndarray, pattern: str, axes: str) -> dict[str, float]:
-    return {
-        pattern.format(*index): float(array[index])
-        for index in np.ndindex(*array.shape)
-        if not _symmetric(axes) or index[0] <= index[1]
-    }
+def named(arrays: Mapping[str, np.ndarray], names: Mapping[str, tuple[str, str, str]]) -> dict[str, float]:
+    """The numbers of arrays by their names in PARAMETERS; a symmetric one gives its upper triangle."""
+    found: dict[str, float] = {}
+    for name, array in arrays.items():
+        axes, pattern, _ = names.get(name, ("", name, ""))
+        for index in np.ndindex(*np.shape(array)):
+            if not _symmetric(axes) or index[0] <= index[1]:
+                found[pattern.format(*index) if axes else name] = float(array[index])
+    return found
+
+
+def symmetrised(array: np.ndarray, axes: str) -> np.ndarray:
+    """An array without what its rounding has made of its symmetry; points come before its axes."""
+    return (array + np.swapaxes(array, -1, -2)) / 2 if _symmetric(axes) else array
 
 
 def _symmetric(axes: str) -> bool:
@@ -170,7 +173,7 @@ def _checked(name: str, array: np.ndarray, shape: tuple[int, ...], axes: str, un
         worst = np.unravel_index(abs(array - mirrored).argmax(), array.shape)
         reason = f"{name}{[int(k) for k in worst]} = {array[worst]:.6g} is not symmetric to {mirrored[worst]:.6g}"
         raise Fault(reason, "Give a symmetric array")
-    return array.astype(float)
+    return symmetrised(array.astype(float), axes)
 
 
 def _check_physics(data: ModalData) -> None:
