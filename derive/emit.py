@@ -72,12 +72,13 @@ class NumbaPrinter(PythonCodePrinter):
 
 @dataclass(frozen=True)
 class Kernel:
-    """A program with what its function needs around it."""
+    """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers."""
 
     program: Program
     arguments: tuple[str, ...]
     reads: tuple[tuple[sm.Symbol, str], ...]
     doc: str
+    zeros: bool = False
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -97,10 +98,10 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     text = printer.doprint
     body = [f"{text(symbol)} = {source}" for symbol, source in kernel.reads if symbol in used]
     body += [f"{text(symbol)} = {_bare(text(expression))}" for symbol, expression in program.assignments]
-    # Arrays arrive zeroed: an entry that is zero by structure is never stored. Equal entries share a statement.
+    # Arrays arrive zeroed, mostly: an entry that is zero by structure is not stored. Equal entries share a statement.
     stored: dict[sm.Expr, list[str]] = {}
     for slot, expression in program.outputs:
-        if expression != 0:
+        if expression != 0 or kernel.zeros:
             stored.setdefault(expression, []).append(slot)
     body += [" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items()]
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
