@@ -94,7 +94,7 @@ def _about(counts: Mapping[str, tuple[int, int]]) -> list[str]:
     return [
         f"Format {FORMAT}, SymPy {emit.version()}; made by: make derive",
         "",
-        *textwrap.wrap(_ABOUT, 118),
+        *textwrap.wrap(_ABOUT.strip(), 118),
         "",
         *emit.operation_lines(counts),
         *emit.UNCHECKED,

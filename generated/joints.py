@@ -2,7 +2,7 @@
 
 Format 3, SymPy 1.14; made by: make derive
 
- A row of a joint is nine numbers: the residual g that is to vanish (of turn and slide the joint's coordinate), g',
+A row of a joint is nine numbers: the residual g that is to vanish (of turn and slide the joint's coordinate), g',
 g'', then J_1 and J_2 of g' = J_1 V_1 + J_2 V_2, where V = (v_x, v_y, omega) are the twists of the two sections, on
 which a multiplier lambda acts with the forces J_1^T lambda and J_2^T lambda. d is a guide's direction in the axes of
 the first section, angle [rad] by what a weld or a guide holds the second turned against the first.

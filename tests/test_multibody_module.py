@@ -1,0 +1,111 @@
+"""A structure's part in the coupled equations: tables, its drives' courses and loads, its bodies' kernels by kind."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from runs import STENCIL, model
+
+import kaneflex.generated
+from kaneflex.derive.multibody_module import BODY_KERNELS, generate_multibody
+from kaneflex.generated import body
+from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.multibody.binding import bind_parameters, import_file
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
+
+SHIPPED = [name for name in sorted(shipped_scenes()) if read_scene(name).solve.preset == "coupled"]
+MOVING = ("engine", "mathieu", "quick-return", "spin-up", "two-link-arm")
+"""Constant speeds, spin-ups, laws; constant loads, tables and laws against the time, drives and their speeds."""
+
+
+def text(name, *settings):
+    scene = with_settings(read_scene(name), ["solve.preset=coupled", *settings])
+    return scene, generate_multibody(scene, shape_counts(scene), structure(name))
+
+
+def structure(name):
+    return hashlib.sha256(f"multibody {name}".encode()).hexdigest()[:16]
+
+
+def module(name, folder):
+    scene, written = text(name)
+    file = folder / f"{structure(name)}.py"
+    file.write_text(written)
+    return scene, import_file(file, structure(name), ("courses", "magnitudes", "KINDS"))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_module_is_short_whatever_the_number_of_modes(name):
+    _, few = text(name, "solve.modes=1")
+    _, many = text(name, "solve.modes=9")
+    assert len(few.splitlines()) == len(many.splitlines()) <= 200
+    changed = [b for a, b in zip(few.splitlines(), many.splitlines(), strict=True) if a != b]
+    bodies = [line for line in changed if line.startswith("    '")]
+    assert {line.partition(" = ")[0] for line in changed if line not in bodies} == {"KINDS"}
+    assert 1 <= len(bodies) == sum(body.elastic for body in read_scene(name).bodies.values())
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_courses_and_magnitudes_are_those_of_the_rigid_motion(name, tmp_path):
+    """Coordinates and loads against the rigid module's scalars, speeds and accelerations by differences in time."""
+    scene, found = module(name, tmp_path)
+    p, motion = bind_parameters(scene, found), model(name).motion
+    drives = list(found.DRIVES)
+    assert drives == list(scene.drives) and list(found.LOADS) == list(scene.loads)
+    h = 1e-3
+    for t in (0.0123, 1.7, 14.99):
+        course = np.full((9, 3 * len(drives)), 3.5)
+        for row, instant in zip(course, t + h * np.arange(-4, 5), strict=True):
+            found.courses.py_func(instant, p, row)
+        rigid, x = motion.at(t), np.zeros(2 * len(drives))
+        for k, (coordinate, speed, acceleration) in enumerate(course[4].reshape(-1, 3)):
+            assert coordinate == pytest.approx(rigid[f"{drives[k]}.angle"][0], rel=1e-14)
+            assert speed == pytest.approx(STENCIL @ course[:, 3 * k] / h, rel=1e-7, abs=1e-9)
+            assert acceleration == pytest.approx(STENCIL @ course[:, 3 * k + 1] / h, rel=1e-7, abs=1e-8)
+            x[2 * k : 2 * k + 2] = coordinate, speed
+        sizes = np.full(len(found.LOADS), 3.5)
+        found.magnitudes.py_func(t, x, p, sizes)
+        assert sizes == pytest.approx([rigid[load][0] for load in found.LOADS], rel=1e-12)
+
+
+def test_loads_follow_the_speeds_of_free_drives(tmp_path):
+    """The motor's law 170 (1 - omega / 628.3) [N m], and the gas of each cylinder by the crank's angle."""
+    scene, found = module("engine-torque", tmp_path)
+    p, sizes = bind_parameters(scene, found), np.zeros(len(found.LOADS))
+    gas = scene.loads["gas_2"]
+    found.magnitudes.py_func(0.0, np.array([gas.offset + gas.curve()[2], 250.0]), p, sizes)
+    assert found.DRIVES == {"main": "free"}
+    by_name = dict(zip(found.LOADS, sizes, strict=True))
+    assert by_name["motor"] == pytest.approx(170.0 * (1.0 - 250.0 / 628.3), rel=1e-14)
+    intervals = int(gas.curve()[0])
+    assert by_name["gas_2"] == pytest.approx(gas.curve()[2 + intervals + 1], rel=1e-12)  # the first of its values
+
+
+def test_kernels_by_kind_are_those_of_the_bodies(tmp_path):
+    _, found = module("slider-crank-150-coupled", tmp_path)
+    assert found.KINDS == ((0, 0), (2, 3)) and found.BODY_KINDS == (0, 1, 0)
+    assert found.BODIES == {"crank": (0, 0, 0), "rod": (2, 3, 1), "slider": (0, 0, 0)}
+    assert found.JOINTS["guide"] == ("prismatic", "ground.origin", "slider.start", "")
+    rng = np.random.default_rng(4)
+    for kind, counts in enumerate(found.KINDS):
+        own = body.kernels(*counts)
+        p, q, v = rng.normal(size=own.size), rng.normal(size=5), rng.normal(size=5)
+        state = (0, 0.6, 0.8, *rng.normal(size=3))
+        energies, expected = np.zeros(3), np.zeros(3)
+        centre = found.energy(kind, p, 0, q, v, *state, energies)
+        assert centre == pytest.approx(own.energy.py_func(p, 0, q, v, *state, expected), rel=1e-13)
+        assert energies == pytest.approx(expected, rel=1e-12) and energies.any()
+
+
+def test_every_kernel_of_a_body_has_its_arguments_here_and_an_edit_of_them_compiles_anew(tmp_path):
+    _, written = text("slider-crank-150-coupled")
+    _, found = module("slider-crank-150-coupled", tmp_path)
+    for name, kernels in BODY_KERNELS.items():
+        file = Path(kaneflex.generated.__file__).parent / f"{name}.py"
+        assert f"# digest {hashlib.sha256(file.read_bytes()).hexdigest()[:16]}" in written
+        for kernel, arguments in kernels.items():
+            code = getattr(body.kernels(2, 3), kernel).py_func.__code__
+            assert ", ".join(code.co_varnames[: code.co_argcount]) == arguments
+            taken = getattr(found, kernel).py_func.__code__
+            assert taken.co_varnames[: taken.co_argcount] == ("kind", *code.co_varnames[: code.co_argcount])
