@@ -51,14 +51,14 @@ _SPRING = """{}
 
 Stores at out[n]: {}, energy [J], dissipated power [W]."""
 _PULL = "length [m], tension [N], force on the second point x, y [N]"
+_TWIST = "angle phi [rad], torque on the first section [N m], no force: 0, 0"
 _SPRINGS = {
     "pull_directed": (
         "Spring and damper T = k (L - L_0) + c L' between two points that are apart.", ("k", "c", "L_0"), _PULL,
     ),
     "pull_regular": ("The same without free length and damper, also where the points meet.", ("k",), _PULL),
     "twist": (
-        "Spring and damper k (phi - phi_0) + c phi' that turn two sections back.", ("k", "c", "phi_0"),
-        "angle phi [rad], torque on the first section [N m]",
+        "Spring and damper k (phi - phi_0) + c phi' that turn two sections back.", ("k", "c", "phi_0"), _TWIST,
     ),
 }  # fmt: skip
 
@@ -204,8 +204,8 @@ def _pull(directed: bool) -> tuple[list[Assignment], list[sm.Expr]]:
 
 
 def _twist() -> tuple[list[Assignment], list[sm.Expr]]:
-    """Angle, torque on the first section, energy and dissipated power of a spring between two sections."""
+    """Angle, torque on the first section, no force, energy and dissipated power of a spring between two sections."""
     spring, phi = _spring(_k, _c, _phi_0), sm.Symbol("phi")
     rate = _RATE[phi]
     torque = springs.tension(spring, phi, rate)
-    return [], [phi, torque, springs.potential(spring, phi), springs.drag(spring, rate) * rate]
+    return [], [phi, torque, sm.S.Zero, sm.S.Zero, springs.potential(spring, phi), springs.drag(spring, rate) * rate]

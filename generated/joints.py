@@ -322,7 +322,7 @@ def pull_regular(sec, i, j, k, out, n):
 def twist(sec, i, j, k, c, phi_0, out, n):
     """Spring and damper k (phi - phi_0) + c phi' that turn two sections back.
 
-    Stores at out[n]: angle phi [rad], torque on the first section [N m], energy [J], dissipated power [W]."""
+    Stores at out[n]: angle phi [rad], torque on the first section [N m], no force: 0, 0, energy [J], dissipated power [W]."""
     theta_1 = sec[9 * i + 2]
     omega_1 = sec[9 * i + 5]
     theta_2 = sec[9 * j + 2]
@@ -332,8 +332,9 @@ def twist(sec, i, j, k, c, phi_0, out, n):
     phi_rate = -omega_1 + omega_2
     out[n] = phi
     out[n + 1] = c*phi_rate + k*w0
-    out[n + 2] = 0.5*k*(w0*w0)
-    out[n + 3] = c*(phi_rate*phi_rate)
+    out[n + 2] = out[n + 3] = 0.0
+    out[n + 4] = 0.5*k*(w0*w0)
+    out[n + 5] = c*(phi_rate*phi_rate)
 
 
 @njit(**OPTIONS)

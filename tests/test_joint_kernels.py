@@ -138,8 +138,8 @@ def test_a_torsional_spring_turns_both_sections_back():
     motion, t, k, c, free = Motion(6), 0.6, 70.0, 9.0, 0.4
     (_, _, first), (_, _, second) = motion.level(t, 0)
     rate = np.subtract(*motion.level(t, 1)[::-1])[2]
-    out = np.full(6, 3.5)
+    out = np.full(8, 3.5)
     joints.twist(motion.sections(t), 1, 3, k, c, free, out, 2)
     angle = second - first
-    expected = [angle, k * (angle - free) + c * rate, 0.5 * k * (angle - free) ** 2, c * rate**2]
+    expected = [angle, k * (angle - free) + c * rate, 0.0, 0.0, 0.5 * k * (angle - free) ** 2, c * rate**2]
     assert out == pytest.approx([3.5, 3.5, *expected], rel=1e-13)
