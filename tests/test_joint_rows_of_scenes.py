@@ -7,6 +7,7 @@ from kaneflex.derive.multibody_module import generate_multibody
 from kaneflex.generated import joints
 from kaneflex.generated.body import kernels
 from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.mechanism.joints import drive_reaction, reactions
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import Pose
 from kaneflex.multibody.binding import bind_parameters, import_file
@@ -87,6 +88,8 @@ def test_rows_are_the_written_out_constraints(name):
     held += [(joint, "slide" if joint.slides else "turn") for joint in prescribed]
     found = [entries for joint, kind in held for entries in row(sections, joint, kind)]
     residual, rate, second_rate, jacobian = (np.array(entries) for entries in zip(*found, strict=True))
+    named = [named for joint in mechanism.joints.values() for named in reactions(joint)]
+    assert (*named, *map(drive_reaction, prescribed)) == system.module.CONSTRAINTS
     joined = m - len(prescribed)
     assert residual[:joined] == pytest.approx(g[:joined], abs=1e-13)  # less their courses those of the drives, too
     assert jacobian == pytest.approx(G, abs=1e-13)

@@ -14,6 +14,14 @@ from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import Number, Pose, Vector, cross, dot, minus, pose_at
 
+_REACTIONS = {
+    "force_x": ("N", "force {on}, global x"),
+    "force_y": ("N", "force {on}, global y"),
+    "normal": ("N", "force {on}, normal to the guide"),
+    "moment": ("N m", "moment {on}"),
+}
+"""Row of a joint -> unit and meaning of its multiplier."""
+
 _TINY = 1e-30
 """Imaginary step: f(x + i h) = f(x) + i h f'(x) to the last bit (Squire & Trapp 1998, SIAM Review 40)."""
 
@@ -41,6 +49,19 @@ def coordinate(joint: Joint, first: Pose, second: Pose) -> Number:
     if not joint.slides:
         return second.phi - first.phi
     return dot(first.turn(joint.direction), minus(second.origin, first.origin))
+
+
+def reactions(joint: Joint) -> list[tuple[str, str, str]]:
+    """Name, unit and meaning of what a joint acts with on its second body, in the order of its ``rows``."""
+    on = f"on {joint.second.body} by {joint.first.body}"
+    found = [(row, *_REACTIONS[row]) for row in joint.rows]
+    return [(f"{joint.name}.{row}", unit, meaning.format(on=on)) for row, unit, meaning in found]
+
+
+def drive_reaction(joint: Joint) -> tuple[str, str, str]:
+    """Name, unit and meaning of what a prescribed drive acts with on the second body of its joint."""
+    unit, meaning = ("N", "force") if joint.slides else ("N m", "torque")
+    return f"{joint.name}.drive", unit, f"{meaning} of the drive"
 
 
 class Constraints:
