@@ -97,7 +97,8 @@ def _about(counts: Mapping[str, tuple[int, int]]) -> list[str]:
         *textwrap.wrap(_ABOUT.strip(), 118),
         "",
         *emit.operation_lines(counts),
-        *emit.UNCHECKED,
+        "",
+        "Kernels check nothing: of an array that is too short they read what lies behind it.",
     ]
 
 

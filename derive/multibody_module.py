@@ -198,7 +198,9 @@ def _about(structure: str) -> str:
         "",
         "What the engine of all structures must be told of this one: its bodies and joints, how its drives move, how",
         "large its loads are, and the kernels of a body by its kind: by its numbers of axial and transverse shapes.",
-        *emit.UNCHECKED,
+        "",
+        "Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module)",
+        "has courses, magnitudes and the kernels of elements with a check before each call that names the argument.",
     ]
     return "\n".join(lines)
 

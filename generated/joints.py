@@ -17,8 +17,7 @@ Operations of one call, written out -> with shared subexpressions:
     pull_regular       26 -> 12
     twist              15 -> 11
 
-Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
-the same kernels with a check before each call that names the argument.
+Kernels check nothing: of an array that is too short they read what lies behind it.
 """
 
 import math

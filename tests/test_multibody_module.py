@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from runs import STENCIL, model
 
+import kaneflex
 import kaneflex.generated
 from kaneflex.derive.multibody_module import BODY_KERNELS, generate_multibody
 from kaneflex.generated import body
@@ -80,6 +81,18 @@ def test_loads_follow_the_speeds_of_free_drives(tmp_path):
     assert by_name["motor"] == pytest.approx(170.0 * (1.0 - 250.0 / 628.3), rel=1e-14)
     intervals = int(gas.curve()[0])
     assert by_name["gas_2"] == pytest.approx(gas.curve()[2 + intervals + 1], rel=1e-12)  # the first of its values
+
+
+def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_path):
+    scene, found = module("engine", tmp_path)
+    safe, p = kaneflex.checked(found), bind_parameters(scene, found)
+    safe.courses(0.0, p, np.zeros(3))
+    with pytest.raises(ValueError, match=r"courses: out has shape \(2,\), \(3,\) is wanted"):
+        safe.courses(0.0, p, np.zeros(2))
+    with pytest.raises(ValueError, match=r"magnitudes: x has shape \(1,\), \(2,\) is wanted"):
+        safe.magnitudes(0.0, np.zeros(1), p, np.zeros(1))
+    with pytest.raises(ValueError, match=r"does not hold the table of loads.gas.table"):
+        safe.magnitudes(0.0, np.zeros(2), p[:-1], np.zeros(1))
 
 
 def test_kernels_by_kind_are_those_of_the_bodies(tmp_path):

@@ -83,6 +83,12 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
             "tangent": state | {"a": (n,), "multipliers": (m,), "K": (n + m, n), "C": (n + m, n)},
             "energy": state | {"out": (3 + len(module.LOADS),)},
         }
+    if hasattr(module, "DRIVES"):  # whose kernels of bodies share long arrays by places in them
+        prescribed = sum(kind != "free" for kind in module.DRIVES.values())
+        return found | {
+            "courses": numbers | {"out": (3 * prescribed,)},
+            "magnitudes": numbers | {"x": (2 * len(module.DRIVES),), "out": (len(module.LOADS),)},
+        }
     scalars, free = len(module.SCALARS), len(module.FREE)
     return found | {
         "motion": numbers | {"s": (scalars,)},
