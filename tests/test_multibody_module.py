@@ -47,6 +47,31 @@ def test_a_module_is_short_whatever_the_number_of_modes(name):
     assert 1 <= len(bodies) == sum(body.elastic for body in read_scene(name).bodies.values())
 
 
+def chain(bars):
+    """Bars in a row on pins with torsional springs."""
+    names = [f"bar_{k}" for k in range(bars)]
+    held = zip(["ground", *(f"{name}.end" for name in names)], names, strict=False)
+    return "\n".join([
+        'schema = 1\ndescription = "Bars on torsional springs"\n[bodies]',
+        *(f'{name} = {{length = "25 mm", mass = "10 g", inertia = "1e-6 kg m^2"}}' for name in names),
+        "[joints]", *(f'at_{name} = {{revolute = ["{before}", "{name}.start"]}}' for before, name in held),
+        "[drives]", *(f"at_{name} = {{free = true}}" for name in names),
+        "[springs]", *(f'of_{name} = {{torsional_at = "at_{name}", stiffness = "1 N m/rad"}}' for name in names),
+        '[solve]\npreset = "coupled"\nduration = "1 s"\n',
+    ])  # fmt: skip
+
+
+def test_no_kernel_grows_with_the_bodies(tmp_path):
+    found = []
+    for bars in (4, 40):
+        file = tmp_path / "chain.toml"
+        file.write_text(chain(bars))
+        scene = read_scene(str(file))
+        found.append(generate_multibody(scene, shape_counts(scene), structure("chain")))
+    few, many = (text[text.index("KINDS = ") :] for text in found)
+    assert few == many and "def inverse(" in few
+
+
 @pytest.mark.parametrize("name", MOVING)
 def test_courses_and_magnitudes_are_those_of_the_rigid_motion(name, tmp_path):
     """Coordinates and loads against the rigid module's scalars, speeds and accelerations by differences in time."""
