@@ -11,7 +11,9 @@ import pytest
 from kaneflex.derive.body_proof import NotKane, comparisons, prove
 from kaneflex.generated import body
 from kaneflex.generated.body import kernels
-from kaneflex.multibody.blocks import body_block, point_block
+from kaneflex.multibody.blocks import Blocks, body_block, point_block
+from kaneflex.multibody.system import build_system
+from kaneflex.scene import read_scene
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, block_shapes
 
 PRINTED = "@cache" + Path(body.__file__).read_text(encoding="utf-8").partition("@cache")[2]
@@ -237,6 +239,54 @@ def test_a_rigid_body_beside_its_axis_is_newtons_and_eulers():
     W = np.zeros(9)
     found.jacobian(point_block({"X": centre[0], "Y": centre[1]}, 0, 0), 0, none, 0, c, s, W, 0)
     assert_equal(W.reshape(3, 3), np.array([[1, 0, -arm[1]], [0, 1, arm[0]], [0, 0, 1]]))
+
+
+# ---- blocks of a scene --------------------------------------------------------------------------------------------
+
+
+LOADED = """
+schema = 1
+like = "slider-crank-150-coupled"
+description = "Loads spread over its rod and its crank"
+[loads]
+on_rod = {spread_on = "rod", direction = [0, -1], value = "1 N/m"}
+on_crank = {spread_on = "crank", direction = [0, -1], value = "1 N/m"}
+"""
+
+
+@pytest.fixture(scope="module")
+def blocks(tmp_path_factory) -> Blocks:
+    """Those of a slider-crank with an elastic rod, with loads spread over rod and crank."""
+    system, _ = build_system(read_scene("slider-crank-150-coupled"), lambda stage: None)
+    file = tmp_path_factory.mktemp("loaded") / "loaded.toml"
+    file.write_text(LOADED)
+    return Blocks(read_scene(file), system.module.BODIES, system.links, system.shapes)
+
+
+def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
+    """rho A g along the rod, foreshortened as it is, against mass times gravity in the body's kernel."""
+    counts, q = blocks.counts["rod"], np.random.default_rng(4).standard_normal(sum(blocks.counts["rod"])) * 1e-2
+    found, gravity, none = kernels(*counts), np.array([3.0, -9.81]), np.zeros(len(q))
+    c, s = np.cos(0.7), np.sin(0.7)
+    weight, held, stiffness = (np.zeros(3 + len(q)) for _ in range(3))
+    force = blocks.scene.bodies["rod"].rho_A * gravity
+    found.push(blocks.point("rod", "loads.on_rod"), 0, q, 0, c, s, *force, 0.0, weight, 0)
+    p = blocks.body("rod")
+    found.inverse(p, 0, q, none, none, 0, c, s, 0.0, *-gravity, 0.0, held, 0)
+    found.inverse(p, 0, q, none, none, 0, c, s, 0.0, 0.0, 0.0, 0.0, stiffness, 0)
+    terms = abs(held) + abs(stiffness)
+    assert (abs(weight + held - stiffness) <= 1e-12 * terms.max()).all()
+    assert weight[:2] == pytest.approx(blocks.scene.bodies["rod"].mass * gravity, rel=1e-12)
+
+
+def test_points_of_rigid_and_elastic_bodies(blocks):
+    bodies = blocks.scene.bodies
+    assert blocks.point("crank", "end").tolist() == [1.0, bodies["crank"].length, 0.0]
+    length = bodies["crank"].length
+    assert blocks.point("crank", "loads.on_crank") == pytest.approx([length, length**2 / 2, 0.0], rel=1e-15)
+    middle = blocks.point("rod", "mid")
+    assert middle[:3] == pytest.approx([1.0, bodies["rod"].length / 2, 0.0], rel=1e-15)
+    assert len(middle) == kernels(*blocks.counts["rod"]).point
 
 
 # ---- compiling ----------------------------------------------------------------------------------------------------

@@ -3,12 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from kaneflex.fem.links import Link
+from kaneflex.multibody.inertia_integrals import body_data, body_moments, spread_shapes
+from kaneflex.multibody.shapes import Shapes
+from kaneflex.scene import Scene
+from kaneflex.scene.modal_data import ModalData
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, Slot, block_shapes
 
 Arrays = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Blocks of a scene's bodies, of their points and of the loads that are spread over them.
+
+    Attributes
+    ----------
+    counts : mapping
+        Body -> its numbers of axial and of transverse shapes; rigid ones are not named.
+    links, shapes : mapping
+        Finite elements and shapes of every link that has some; others have their modal data from a file.
+    """
+
+    scene: Scene
+    counts: Mapping[str, Sequence[int]]
+    links: Mapping[str, Link]
+    shapes: Mapping[str, Shapes]
+
+    @cached_property
+    def _data(self) -> dict[str, ModalData | None]:
+        return {name: body_data(self.scene, name, self.links, self.shapes) for name in self.scene.bodies}
+
+    def _counts(self, body: str) -> Sequence[int]:
+        return self.counts.get(body, (0, 0))[:2]
+
+    def body(self, name: str) -> np.ndarray:
+        """BODY_BLOCK of a body."""
+        return body_block(body_moments(self.scene, name, self._data[name]), *self._counts(name))
+
+    def point(self, body: str, point: str) -> np.ndarray:
+        """POINT_BLOCK of a named point of a body, or of the load NAME over it, which is called loads.NAME."""
+        data, (table, _, load) = self._data[body], point.partition(".")
+        if table == "loads":
+            found = spread_shapes(self.scene, load, self.links.get(body), self.shapes.get(body))
+        elif data is not None:
+            found = data.at_point(point)
+        else:
+            found = dict(zip("XY", self.scene.bodies[body].points_all[point], strict=True))
+        return point_block(found, *self._counts(body))
 
 
 def body_block(moments: Arrays, axial: int, transverse: int) -> np.ndarray:
