@@ -24,17 +24,27 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit, types
-from numba.types import complex128, float64, int64
+from numba.types import boolean, complex128, float64, int64
 
-from kaneflex.multibody.loops import LOOPS, follow, reactions_of, solve_closed
-from kaneflex.multibody.recursion import HINGE, assemble, factorise
-from kaneflex.multibody.topology import BLOCK, COURSE, FIRST, INBOARD, JOINT, KIND, MODAL, OWNER, PARENT, ROW
-from kaneflex.multibody.tree import ENERGY, FRAME, KERNELS, MATRIX, OPTIONS, OUTER, SEC, TREE, V, WORK, resist
+from kaneflex.generated import joints as laws
+from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
+from kaneflex.multibody.loops import factorise_closed, follow, solve_closed
+from kaneflex.multibody.recursion import assemble
+from kaneflex.multibody.tables import (
+    ACCEL, ACTS, AT, BLOCK, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUT, CUTS, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY, INBOARD,
+    JOINT, JOINTS, KEPT, KERNELS, KIND, LAST_A, LAST_R, LOADS, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, ON, OPTIONS,
+    OUTER, OWNER, PAIR_PIVOTS, PARENT, PIVOTS, POWER, PUSH, RATE, REACTION, REACTIONS, RESISTING, REVOLUTE, ROW, ROW_AT, ROW_OF,
+    ROW_SIZE,     SCALE, SEC, SECTION, SIZE, SPEEDS, SPRING, SPRING_SIZE, SPRINGS, STAGE_A, STAGE_R, SUMS, TABLES, TORQUE, WHAT, WORKS,
+    FORCE, V, Y, Z,
+)  # fmt: skip
+from kaneflex.multibody.tree import load_direction, resist, turned
+from kaneflex.support.fingerprint import made_of
 
+_made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED = 0, 1, 2, 3, 4
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try."""
-Z, ZM = complex128[::1], complex128[:, ::1]
+MATRIX, ZM = float64[:, ::1], complex128[:, ::1]
 
 
 class Table(NamedTuple):
@@ -79,372 +89,368 @@ GAUSS = collocation_table(np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(
 
 
 @njit(**OPTIONS)
-def reactions(tree, work, out):
-    """What every body's inboard joint exerts on it: force and moment at its inboard section, three numbers a body."""
-    count = tree.bodies.shape[0]
-    for b in range(count):
+def reactions(m):
+    """At JOINTS, what every body's inboard joint exerts on it: force and moment at its inboard section."""
+    plan, w = m.plan, m.w
+    out = plan[JOINTS]
+    for b in range(plan[BODIES]):
         for j in range(3):
-            out[3 * b + j] = work.force[tree.bodies[b, ROW] + j]
-    for b in range(count - 1, -1, -1):
-        own, up, f = SEC * tree.bodies[b, INBOARD], tree.bodies[b, PARENT], FRAME * b
-        x, z = out[3 * b], out[3 * b + 1]
-        out[3 * b + 2] += (work.frame[f] - work.sec[own]) * z - (work.frame[f + 1] - work.sec[own + 1]) * x
-        parent = tree.sections[up, OWNER]
+            w[out + 3 * b + j] = w[plan[FORCE] + m.bodies[b, ROW] + j]
+    for b in range(plan[BODIES] - 1, -1, -1):
+        k, f = plan[SECTION] + SEC * m.bodies[b, INBOARD], plan[FRAME] + FRAME_SIZE * b
+        x, z = w[out + 3 * b], w[out + 3 * b + 1]
+        w[out + 3 * b + 2] += (w[f] - w[k]) * z - (w[f + 1] - w[k + 1]) * x
+        parent = m.sections[m.bodies[b, PARENT], OWNER]
         if parent >= 0:
-            g = FRAME * parent
-            out[3 * parent] += x
-            out[3 * parent + 1] += z
-            out[3 * parent + 2] += out[3 * b + 2] + (work.sec[own] - work.frame[g]) * z - (
-                work.sec[own + 1] - work.frame[g + 1]
-            ) * x
+            g, up = plan[FRAME] + FRAME_SIZE * parent, out + 3 * parent
+            w[up] += x
+            w[up + 1] += z
+            w[up + 2] += w[out + 3 * b + 2] + (w[k] - w[g]) * z - (w[k + 1] - w[g + 1]) * x
 
 
 @njit(**OPTIONS)
-def powers(tree, kernels, y, v, work, joint, out):
-    """Rates of works: dissipation, every load's, every prescribed drive's [W], from the state that ``work`` has."""
-    out[:] = 0.0
-    sums = np.zeros(3)
-    for b in range(tree.bodies.shape[0]):
-        f = FRAME * b
-        kernels[ENERGY](
-            tree.bodies[b, KIND], tree.blocks, tree.bodies[b, BLOCK], y, v, tree.bodies[b, MODAL],
-            work.frame[f + 3], work.frame[f + 4], work.frame[f + 5], work.frame[f + 6], work.frame[f + 7], sums,
+def energies(m, kernels):
+    """At SUMS: kinetic energy, strain energy, dissipated power, and potential energy of the weight."""
+    plan, w = m.plan, m.w
+    at = plan[SUMS]
+    for k in range(4):
+        w[at + k] = 0.0
+    sums = w[at:]
+    for b in range(plan[BODIES]):
+        f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
+        x, z = kernels[ENERGY](
+            m.bodies[b, KIND], w, o, w[plan[Y] :], w[plan[RATE] :], m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 5],
+            w[f + 6], w[f + 7], sums,
         )  # fmt: skip
-    out[0] = sums[2]
-    for n in range(tree.springs.shape[0]):
-        out[0] += work.spring[6 * n + 5]
-    load_powers(tree, work, out, 1)
-    first = 1 + tree.loads.shape[0]
-    reactions(tree, work, joint)
-    for b in range(tree.bodies.shape[0]):
-        k = tree.bodies[b, COURSE]
-        if k >= 0:
-            i, up = 3 * b, SEC * tree.bodies[b, PARENT]
-            rate = work.course[3 * k + 1]
-            if tree.bodies[b, JOINT] == 1:
-                out[first + k] = tree.joints[b, 0] * joint[i + 2] * rate
-            else:
-                c, s = math.cos(work.sec[up + 2]), math.sin(work.sec[up + 2])
-                d_x, d_y = tree.joints[b, 2], tree.joints[b, 3]
-                out[first + k] = (joint[i] * (c * d_x - s * d_y) + joint[i + 1] * (s * d_x + c * d_y)) * rate
+        w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
+    for n in range(plan[ACTS] - plan[SPRINGS]):
+        k = plan[SPRING] + SPRING_SIZE * n
+        w[at + 1] += w[k + 4]
+        w[at + 2] += w[k + 5]
 
 
 @njit(**OPTIONS)
-def load_powers(tree, work, out, first):
-    """Power of every load [W]."""
-    for n in range(tree.loads.shape[0]):
-        size, one, two = work.size[n], SEC * tree.loads[n, 1], SEC * tree.loads[n, 2]
-        if tree.loads[n, 0] == 2:
-            out[first + n] = size * (work.sec[two + 5] - work.sec[one + 5])
-            continue
-        x, z = tree.directions[n, 0], tree.directions[n, 1]
-        if tree.loads[n, 0] == 1:
-            c, s = math.cos(work.sec[two + 2]), math.sin(work.sec[two + 2])
-            x, z = c * x - s * z, s * x + c * z
-        out[first + n] = size * (x * work.sec[one + 3] + z * work.sec[one + 4])
-
-
-@njit(cache=True, **OUTER)
-def settle(tree, bent, pushed, twisted, asked, weighed, stored, steered, sized, p, loops, t, y, v, a, multipliers, work):
-    """Accelerations and reactions of the cuts at a state whose independent coordinates and rates are given.
-
-    y, v of the other coordinates are found; False at a singular state.
-    """
-    kernels = (bent, pushed, twisted, asked, weighed, stored, steered, sized)
-    return _settle(tree, kernels, p, loops, t, y, v, a, multipliers, work)
+def powers(m, kernels):
+    """At POWER, rates of the works: dissipation, every load's, every prescribed drive's [W]; where forces are known."""
+    plan, w, acts = m.plan, m.w, m.acts
+    energies(m, kernels)
+    out = plan[POWER]
+    w[out] = w[plan[SUMS] + 2]
+    for n in range(plan[LOADS], plan[SPRINGS]):
+        size = w[plan[SIZE] + n - plan[LOADS]]
+        one, two = plan[SECTION] + SEC * acts[n, AT], plan[SECTION] + SEC * acts[n, ON]
+        if acts[n, WHAT] == TORQUE:
+            rate = w[two + 5] - w[one + 5]
+        else:
+            x, z = load_direction(m, n)
+            rate = x * w[one + 3] + z * w[one + 4]
+        w[out + 1 + n - plan[LOADS]] = size * rate
+    out += 1 + plan[SPRINGS] - plan[LOADS]
+    reactions(m)
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
+            force = w[j] * w[k + 2]
+            if m.bodies[b, JOINT] != REVOLUTE:
+                d_x, d_y = turned(w, w[plan[SECTION] + SEC * m.bodies[b, PARENT] + 2], j + 2)
+                force = d_x * w[k] + d_y * w[k + 1]
+            w[out + m.bodies[b, COURSE_OF]] = force * w[plan[COURSE] + 3 * m.bodies[b, COURSE_OF] + 1]
+    for n in range(plan[CUTS], plan[DRIVES]):
+        if acts[n, COURSE_AT] >= 0:
+            rate = w[plan[COURSE] + 3 * acts[n, COURSE_AT] + 1]
+            w[out + acts[n, COURSE_AT]] = w[plan[NOW] + acts[n, ROW_AT]] * rate
 
 
 @njit(**OPTIONS)
-def _settle(tree, kernels, p, loops, t, y, v, a, multipliers, work):
-    n, count, size = y.size, loops.rows.size, work.force.size
-    last = tree.bodies.shape[0] - 1
-    squares = tree.bodies[last, 13] + (3 + tree.bodies[last, 6]) ** 2
-    mass, jacobians, A = np.zeros(squares), np.zeros(loops.jacobians.size), np.zeros(squares)
-    hinges, columns, square = np.zeros(HINGE * (last + 1)), np.zeros((count, n)), np.zeros((count, count))
-    pivots, force, dy, dl = np.zeros(count, np.int64), np.zeros(size), np.zeros(n), np.zeros(count)
-    a[:] = 0.0
-    multipliers[:] = 0.0
-    if not follow(tree, kernels, p, t, y, v, a, loops, work):
+def _copy(w, of, into, count):
+    for k in range(count):
+        w[into + k] = w[of + k]
+
+
+@njit(**OPTIONS)
+def middle(m, kernels):
+    """Matrices of the factors to come where everything is now."""
+    plan, w = m.plan, m.w
+    assemble(m, kernels)
+    _copy(w, plan[SECTION], plan[MIDDLE], SEC * m.sections.shape[0])
+    _copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * plan[REACTIONS])
+
+
+@njit(**OPTIONS)
+def settle_now(m, kernels, p, t, A):
+    """Accelerations and reactions of the cuts at the place and speed of the independent coordinates; False: singular."""
+    plan, w = m.plan, m.w
+    for i in range(plan[COORDINATES]):
+        w[plan[ACCEL] + i] = 0.0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = 0.0
+    if not follow(m, kernels, p, t):
         return False
-    assemble(tree, kernels, y, work, mass, jacobians)
-    if not factorise(tree, work, mass, jacobians, 0.0, A, hinges):
+    middle(m, kernels)
+    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False
-    if not reactions_of(tree, loops, work, jacobians, A, hinges, force, columns, square, pivots):
-        return False
+    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for turn in range(2):
-        resist(tree, kernels, p, t, y, v, a, multipliers, work)
-        for i in range(size):
-            force[i] = -work.force[i]
-        solve_closed(tree, loops, work, jacobians, A, hinges, columns, square, pivots, force, dy, dl)
-        for r in range(count):
-            multipliers[loops.rows[r]] += dl[r]
-        for i in range(n):
-            a[i] += dy[i]
-        if not follow(tree, kernels, p, t, y, v, a, loops, work):
+        resist(m, kernels, p, t)
+        for k in range(plan[SPEEDS]):
+            A[plan[PUSH] + k] = -w[plan[FORCE] + k]
+        solve_closed(m, A, plan[PIVOTS])
+        for r in range(plan[KEPT]):
+            w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
+        for i in range(plan[COORDINATES]):
+            w[plan[ACCEL] + i] += A[answer + i]
+        if not follow(m, kernels, p, t):
             return False
     return True
 
 
+@njit(**OPTIONS)
+def _basis(c, x, i):
+    """Lagrange's polynomial i of three nodes at x."""
+    j, k = (i + 1) % 3, (i + 2) % 3
+    return (x - c[j]) * (x - c[k]) / ((c[i] - c[j]) * (c[i] - c[k]))
+
+
+@njit(**OPTIONS)
+def _first_guess(m, table, h, length, here):
+    """Stages as the last step's polynomial goes on, or as the motion stands where there is none."""
+    plan, w, c = m.plan, m.w, table.nodes
+    n, r = plan[COORDINATES], plan[REACTIONS]
+    for i in range(3):
+        x = 1.0 + c[i] * h / length if length > 0.0 else 0.0
+        w_0, w_1, w_2 = _basis(c, x, 0), _basis(c, x, 1), _basis(c, x, 2)
+        for k in range(n):
+            j, into = plan[LAST_A] + k, plan[STAGE_A] + n * i + k
+            w[into] = w_0 * w[j] + w_1 * w[j + n] + w_2 * w[j + 2 * n] if length > 0.0 else here[1 + 2 * n + k]
+        for k in range(r):
+            j, into = plan[LAST_R] + k, plan[STAGE_R] + r * i + k
+            w[into] = w_0 * w[j] + w_1 * w[j + r] + w_2 * w[j + 2 * r] if length > 0.0 else here[1 + 3 * n + k]
+
+
+@njit(**OPTIONS)
+def _factors(m, kernels, p, table, t, h, here, A, B):
+    """Factors where the step is half way: nowhere in it is the mass then far from theirs. False at a singular state."""
+    plan, w = m.plan, m.w
+    n = plan[COORDINATES]
+    for k in range(n):
+        w[plan[Y] + k] = here[1 + k] + 0.5 * h * (here[1 + n + k] + 0.25 * h * here[1 + 2 * n + k])
+        w[plan[RATE] + k], w[plan[ACCEL] + k] = 0.0, 0.0
+    if not follow(m, kernels, p, t + 0.5 * h):
+        return False
+    middle(m, kernels)
+    if not factorise_closed(m, h * table.real, A, plan[PIVOTS]):
+        return False
+    return factorise_closed(m, h * table.pair, B, plan[PAIR_PIVOTS])
+
+
+@njit(**OPTIONS)
+def _stage(m, kernels, p, table, t, h, i, here):
+    """Put everything where stage i has it, and find what its motion asks for; False where a loop doesn't close."""
+    plan, w, c = m.plan, m.w, table.nodes[i]
+    n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
+    for k in range(n):
+        a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
+        v_0 = here[1 + n + k]
+        w[plan[RATE] + k] = v_0 + h * (a_1[i, 0] * a + a_1[i, 1] * b + a_1[i, 2] * d)
+        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[i, 0] * a + a_2[i, 1] * b + a_2[i, 2] * d))
+    _copy(w, of + n * i, plan[ACCEL], n)
+    _copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
+    if not follow(m, kernels, p, t + c * h):
+        return False
+    resist(m, kernels, p, t + c * h)
+    _copy(w, plan[ACCEL], of + n * i, n)
+    return True
+
+
+@njit(**OPTIONS)
+def _improve(m, table, h, A, B):
+    """One iteration of the stages; the largest change, as a displacement in errors allowed."""
+    plan, w, into = m.plan, m.w, table.into
+    size, n, count = plan[SPEEDS], plan[COORDINATES], plan[KEPT]
+    for k in range(size):
+        j = plan[RESISTING] + k
+        r_0, r_1, r_2 = w[j], w[j + size], w[j + 2 * size]
+        A[plan[PUSH] + k] = -(into[0, 0].real * r_0 + into[0, 1].real * r_1 + into[0, 2].real * r_2)
+        B[plan[PUSH] + k] = -(into[1, 0] * r_0 + into[1, 1] * r_1 + into[1, 2] * r_2)
+    solve_closed(m, A, plan[PIVOTS])
+    solve_closed(m, B, plan[PAIR_PIVOTS])
+    change, answer = 0.0, plan[COLUMNS] + count * n
+    for i in range(3):
+        one, two = table.out[0, i].real, 2.0 * table.out[1, i]
+        for k in range(n):
+            d = one * A[answer + k] + (two * B[answer + k]).real
+            w[plan[STAGE_A] + n * i + k] += d
+            change = max(change, h * h * abs(d) / w[plan[SCALE] + k])
+        for r in range(count):
+            d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
+            w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
+    return change
+
+
+@njit(**OPTIONS)
+def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
+    """Solve for the stages; whether that came to an end."""
+    before, size = 0.0, m.plan[SPEEDS]
+    for iteration in range(30 if replayed else 10):
+        counts[2] += 1
+        for i in range(3):
+            if not _stage(m, kernels, p, table, t, h, i, here):
+                return False
+            _copy(m.w, m.plan[FORCE], m.plan[RESISTING] + size * i, size)
+        change = _improve(m, table, h, A, B)
+        if not change < 1e200:
+            return False
+        if iteration > 0:
+            rate = change / before
+            if replayed and rate >= 0.5 and change < 1.0:  # the scale is that of rounding
+                return True
+            if rate >= 1.0 and change > 1e-3:
+                return False
+            if change * rate < 1e-3 * max(1.0 - rate, 0.0):
+                return True
+        if change < 1e-6:
+            return True
+        before = change
+    return False
+
+
+@njit(**OPTIONS)
+def _error(m, kernels, p, table, t, h, here, A):
+    """The step's error in errors allowed; infinite at a singular state."""
+    plan, w, c = m.plan, m.w, table.nodes
+    n, of = plan[COORDINATES], plan[STAGE_A]
+    w_0, w_1, w_2 = _basis(c, 0.0, 0), _basis(c, 0.0, 1), _basis(c, 0.0, 2)
+    for k in range(n):
+        w[plan[Y] + k], w[plan[RATE] + k] = here[1 + k], here[1 + n + k]
+        w[plan[ACCEL] + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k]
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = here[1 + 3 * n + r]
+    if not follow(m, kernels, p, t):
+        return math.inf
+    resist(m, kernels, p, t)
+    for k in range(plan[SPEEDS]):
+        A[plan[PUSH] + k] = -0.5 * h * h * w[plan[FORCE] + k]
+    solve_closed(m, A, plan[PIVOTS])
+    error, answer = 1e-12, plan[COLUMNS] + plan[KEPT] * n
+    for k in range(n):
+        error = max(error, abs(A[answer + k]) / w[plan[SCALE] + k])
+    return error
+
+
+@njit(**OPTIONS)
+def _finish(m, kernels, p, table, t, end, here, A):
+    """Take the step: leave ``here`` at its end, works included; False at a singular state."""
+    plan, w = m.plan, m.w
+    n, r, h, of = plan[COORDINATES], plan[REACTIONS], end - t, plan[STAGE_A]
+    for i in range(3):
+        if not _stage(m, kernels, p, table, t, h, i, here):
+            return False
+        powers(m, kernels)
+        for k in range(plan[WORKS]):
+            here[1 + 3 * n + r + k] += h * table.b_1[i] * w[plan[POWER] + k]
+    if table.ends == 0.0:
+        b_1, b_2 = table.b_1, table.b_2
+        for k in range(n):
+            a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
+            v_0 = here[1 + n + k]
+            w[plan[RATE] + k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
+            w[plan[Y] + k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
+        if not settle_now(m, kernels, p, end, A):
+            return False
+    _copy(w, of, plan[LAST_A], 3 * n)
+    _copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
+    here[0] = end
+    for k in range(n):
+        here[1 + k], here[1 + n + k] = w[plan[Y] + k], w[plan[RATE] + k]
+        here[1 + 2 * n + k] = w[plan[ACCEL] + k]
+    for k in range(r):
+        here[1 + 3 * n + k] = w[plan[NOW] + k]
+    return True
+
+
 @njit(cache=True, **OUTER)
-def integrate(
-    tree, bent, pushed, twisted, asked, weighed, stored, steered, sized, p, loops, table, scale, control, here, given, times, ys, vs, accels, lambdas, works, counts, work
-):
-    """Fill rows 1, 2, ... of the tables at ``times`` [s], from ``here``; every one of them is the end of a step.
+@_made_of_parts
+def settle(m, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, A):
+    """Put the dependent coordinates and rates where the loops close, and find accelerations and reactions of the cuts.
 
-    scale: error allowed in each coordinate. control: [next step, longest step, steps to try at most, last row filled].
-    here: where the motion stands, before row 1 in time, and is left: t, then y, v, a, multipliers and works as in a
-    row of the tables. given: the ends [s] of the steps to take from there, with the ``times`` among them; empty where
-    the control of the error chooses them. works: time integrals of the powers (dissipation, loads, drives). counts:
-    accepted and rejected steps, Newton iterations, factorisations.
-
-    Returns a status and the ends of the steps that were taken.
+    The motion is that of the tables, at Y, RATE, ACCEL and NOW. A: room for real factors. False at a singular state.
     """
-    kernels = (bent, pushed, twisted, asked, weighed, stored, steered, sized)
-    n, m, size, count = ys.shape[1], lambdas.shape[1], work.force.size, loops.rows.size
-    last = tree.bodies.shape[0] - 1
-    squares = tree.bodies[last, 13] + (3 + tree.bodies[last, 6]) ** 2
-    mass, jacobians = np.zeros(squares), np.zeros(loops.jacobians.size)
-    A, Ac = np.zeros(squares), np.zeros(squares, np.complex128)
-    hinges, hinges_c = np.zeros(HINGE * (last + 1)), np.zeros(HINGE * (last + 1), np.complex128)
-    columns, columns_c = np.zeros((count, n)), np.zeros((count, n), np.complex128)
-    square, square_c = np.zeros((count, count)), np.zeros((count, count), np.complex128)
-    pivots, pivots_c = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    force, force_c = np.zeros(size), np.zeros(size, np.complex128)
-    dy, dy_c, dl, dl_c = np.zeros(n), np.zeros(n, np.complex128), np.zeros(count), np.zeros(count, np.complex128)
-    resisting = np.zeros((3, size))
-    stage_y, stage_v, stage_a, stage_l = np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, n)), np.zeros((3, m))
-    before_a, before_l = np.zeros((3, n)), np.zeros((3, m))
-    y, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
-    y_0, v_0, a_0 = here[1 : 1 + n], here[1 + n : 1 + 2 * n], here[1 + 2 * n : 1 + 3 * n]
-    l_0, done = here[1 + 3 * n : 1 + 3 * n + m], here[1 + 3 * n + m :]
-    rates, joint, added = np.zeros(done.size), np.zeros(3 * (last + 1)), np.zeros(done.size)
-    c, weights = table.nodes, np.zeros(3)
-    middle_sec, middle_cut = np.zeros(work.sec.size), np.zeros(work.cut.size)
-    wanted, t, row, tried, taken, length = control[0], here[0], 0, 0, 0, 0.0
-    replayed, ends = given.size > 0, np.empty(max(given.size, 2 * times.size))
+    kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    return settle_now(m, kernels, p, t, A)
+
+
+@njit(cache=True, **(OUTER | {"_nrt": False}))
+@_made_of_parts
+def integrate(
+    m, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, table, control, here, given, times,
+    rows, counts, ends, A, B,
+):  # fmt: skip
+    """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
+
+    control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0].
+    here: where the motion stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
+    reactions of the cuts, works: a row of the table. given: the ends [s] of the steps to take from there, with the
+    ``times`` among them; empty where the control of the error chooses them. Works are time integrals of powers
+    (dissipation, loads, drives). counts: accepted and rejected steps, Newton iterations, factorisations. ends: filled
+    with those of the steps that are taken, at most as many as may be tried. A, B: room for real and complex factors.
+    Returns a status.
+    """
+    kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    wanted, row, length, replayed = control[0], 0, control[5], given.size > 0
+    taken, tried, status = 0, 0, DONE
     while row + 1 < times.size:
-        control[0], control[3], here[0] = wanted, row, t
         if tried == control[2]:
-            return PAUSED, ends[:taken]
+            status = PAUSED
+            break
         tried += 1
+        t = here[0]
         if replayed:
             end = given[taken]
             h = end - t
         else:
             wanted = min(wanted, control[1])
             if wanted < 1e-12 * (times[times.size - 1] - times[0]):
-                return TOO_SMALL, ends[:taken]
+                status = TOO_SMALL
+                break
             # Steps of equal length up to the next instant: none is cut to a sliver.
             left = times[row + 1] - t
             h = left / math.ceil(left / wanted * (1.0 - 1e-9))
             end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
-        # Stages as the last step's polynomial goes on, or as the motion stands.
-        for i in range(3):
-            if length > 0.0:
-                _basis(c, 1.0 + c[i] * h / length, weights)
-            for k in range(n):
-                if length > 0.0:
-                    stage_a[i, k] = weights[0] * before_a[0, k] + weights[1] * before_a[1, k] + weights[2] * before_a[2, k]
-                else:
-                    stage_a[i, k] = a_0[k]
-            for k in range(m):
-                if length > 0.0:
-                    stage_l[i, k] = weights[0] * before_l[0, k] + weights[1] * before_l[1, k] + weights[2] * before_l[2, k]
-                else:
-                    stage_l[i, k] = l_0[k]
-        # Factors where the step is half way: nowhere in it is the mass then far from theirs.
-        fine = True
-        for k in range(n):
-            y[k] = y_0[k] + 0.5 * h * v_0[k] + 0.125 * h * h * a_0[k]
-            v[k], a[k] = 0.0, 0.0
-        fine = follow(tree, kernels, p, t + 0.5 * h, y, v, a, loops, work)
-        if fine:
-            assemble(tree, kernels, y, work, mass, jacobians)
-            counts[3] += 1
-            fine = factorise(tree, work, mass, jacobians, h * table.real, A, hinges)
-            fine = fine and factorise(tree, work, mass, jacobians, h * table.pair, Ac, hinges_c)
-            fine = fine and reactions_of(tree, loops, work, jacobians, A, hinges, force, columns, square, pivots)
-            fine = fine and reactions_of(
-                tree, loops, work, jacobians, Ac, hinges_c, force_c, columns_c, square_c, pivots_c
-            )
-        copy(work.sec, middle_sec)
-        copy(work.cut, middle_cut)
-        converged, before = False, 0.0
-        for iteration in range(30 if replayed else 10):
-            if not fine:
-                break
-            counts[2] += 1
-            for i in range(3):
-                for k in range(n):
-                    v[k] = v_0[k] + h * (
-                        table.a_1[i, 0] * stage_a[0, k] + table.a_1[i, 1] * stage_a[1, k] + table.a_1[i, 2] * stage_a[2, k]
-                    )
-                    y[k] = y_0[k] + h * c[i] * v_0[k] + h * h * (
-                        table.a_2[i, 0] * stage_a[0, k] + table.a_2[i, 1] * stage_a[1, k] + table.a_2[i, 2] * stage_a[2, k]
-                    )
-                for k in range(n):
-                    a[k] = stage_a[i, k]
-                at = t + h * c[i]
-                if not follow(tree, kernels, p, at, y, v, a, loops, work):
-                    fine = False
-                    break
-                for k in range(n):
-                    stage_a[i, k] = a[k]
-                for k in range(m):
-                    multipliers[k] = stage_l[i, k]
-                resist(tree, kernels, p, at, y, v, a, multipliers, work)
-                for k in range(size):
-                    resisting[i, k] = work.force[k]
-            if not fine:
-                break
-            copy(middle_sec, work.sec)
-            copy(middle_cut, work.cut)
-            for k in range(size):
-                total, total_c = 0.0, 0.0j
-                for i in range(3):
-                    total -= table.into[0, i].real * resisting[i, k]
-                    total_c -= table.into[1, i] * resisting[i, k]
-                force[k], force_c[k] = total, total_c
-            solve_closed(tree, loops, work, jacobians, A, hinges, columns, square, pivots, force, dy, dl)
-            solve_closed(
-                tree, loops, work, jacobians, Ac, hinges_c, columns_c, square_c, pivots_c, force_c, dy_c, dl_c
-            )
-            change = 0.0
-            for i in range(3):
-                real, pair = table.out[0, i].real, table.out[1, i]
-                for k in range(n):
-                    d = real * dy[k] + 2.0 * (pair.real * dy_c[k].real - pair.imag * dy_c[k].imag)
-                    stage_a[i, k] += d
-                    change = max(change, h * h * abs(d) / scale[k])
-                for r in range(count):
-                    d = real * dl[r] + 2.0 * (pair.real * dl_c[r].real - pair.imag * dl_c[r].imag)
-                    stage_l[i, loops.rows[r]] += d
-            if not change < 1e200:
-                break
-            if iteration > 0:
-                rate = change / before
-                if replayed and rate >= 0.5 and change < 1.0:  # the scale is that of rounding
-                    converged = True
-                    break
-                if rate >= 1.0 and change > 1e-3:
-                    break
-                if change * rate < 1e-3 * max(1.0 - rate, 0.0):
-                    converged = True
-                    break
-            if change < 1e-6:
-                converged = True
-                break
-            before = change
-        if not converged:
+        _first_guess(m, table, h, length, here)
+        counts[3] += 1
+        solved = _factors(m, kernels, p, table, t, h, here, A, B)
+        if not (solved and _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B)):
             if replayed:
-                return NO_CONVERGENCE, ends[:taken]
+                status = NO_CONVERGENCE
+                break
             counts[1] += 1
             wanted, length = 0.4 * h, 0.0
             continue
         if not replayed:
-            # The polynomial's own acceleration at the start, and what the equations ask for there beside it.
-            _basis(c, 0.0, weights)
-            for k in range(n):
-                y[k], v[k] = y_0[k], v_0[k]
-                a[k] = weights[0] * stage_a[0, k] + weights[1] * stage_a[1, k] + weights[2] * stage_a[2, k]
-            if not follow(tree, kernels, p, t, y, v, a, loops, work):
-                return SINGULAR, ends[:taken]
-            resist(tree, kernels, p, t, y, v, a, l_0, work)
-            copy(middle_sec, work.sec)
-            copy(middle_cut, work.cut)
-            for k in range(size):
-                force[k] = -0.5 * h * h * work.force[k]
-            solve_closed(tree, loops, work, jacobians, A, hinges, columns, square, pivots, force, dy, dl)
-            error = 1e-12
-            for k in range(n):
-                error = max(error, abs(dy[k]) / scale[k])
+            error = _error(m, kernels, p, table, t, h, here, A)
             growth = min(3.0, max(0.2, 0.9 * error ** (-0.2)))
             if not error <= 1.0:
                 counts[1] += 1
                 wanted, length = h * min(growth, 0.9), 0.0
                 continue
             wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
-        added[:] = 0.0
-        for i in range(3):
-            at = t + h * c[i]
-            for k in range(n):
-                v[k] = v_0[k] + h * (
-                    table.a_1[i, 0] * stage_a[0, k] + table.a_1[i, 1] * stage_a[1, k] + table.a_1[i, 2] * stage_a[2, k]
-                )
-                y[k] = y_0[k] + h * c[i] * v_0[k] + h * h * (
-                    table.a_2[i, 0] * stage_a[0, k] + table.a_2[i, 1] * stage_a[1, k] + table.a_2[i, 2] * stage_a[2, k]
-                )
-            for k in range(n):
-                a[k] = stage_a[i, k]
-            if not follow(tree, kernels, p, at, y, v, a, loops, work):
-                return SINGULAR, ends[:taken]
-            for k in range(m):
-                multipliers[k] = stage_l[i, k]
-            resist(tree, kernels, p, at, y, v, a, multipliers, work)
-            powers(tree, kernels, y, v, work, joint, rates)
-            for k in range(n):
-                stage_a[i, k] = a[k]
-            for k in range(done.size):
-                added[k] += h * table.b_1[i] * rates[k]
-        if table.ends == 0.0:
-            for k in range(n):
-                y[k] = y_0[k] + h * v_0[k]
-                v[k] = v_0[k]
-                for i in range(3):
-                    y[k] += h * h * table.b_2[i] * stage_a[i, k]
-                    v[k] += h * table.b_1[i] * stage_a[i, k]
-            if not _settle(tree, kernels, p, loops, end, y, v, a, multipliers, work):
-                return SINGULAR, ends[:taken]
-        length = h
-        for k in range(n):
-            y_0[k], v_0[k], a_0[k] = y[k], v[k], a[k]
-            for i in range(3):
-                before_a[i, k] = stage_a[i, k]
-        for k in range(m):
-            l_0[k] = multipliers[k]
-            for i in range(3):
-                before_l[i, k] = stage_l[i, k]
-        for k in range(done.size):
-            done[k] += added[k]
+        if not _finish(m, kernels, p, table, t, end, here, A):
+            status = SINGULAR
+            break
         counts[0] += 1
-        if taken == ends.size:
-            more = np.empty(2 * taken)
-            for k in range(taken):
-                more[k] = ends[k]
-            ends = more
-        t, ends[taken] = end, end
+        length, ends[taken] = h, end
         taken += 1
-        if t == times[row + 1]:
+        if end == times[row + 1]:
             row += 1
-            for k in range(n):
-                ys[row, k], vs[row, k], accels[row, k] = y[k], v[k], a[k]
-            for k in range(m):
-                lambdas[row, k] = multipliers[k]
-            for k in range(done.size):
-                works[row, k] = done[k]
-    control[0], control[3], here[0] = wanted, row, t
-    return DONE, ends[:taken]
+            for k in range(rows.shape[1]):
+                rows[row, k] = here[k]
+    control[0], control[3], control[4], control[5] = wanted, row, taken, length
+    return status
 
 
-@njit(**OPTIONS)
-def copy(of, into):
-    for k in range(of.size):
-        into[k] = of[k]
-
-
-@njit(**OPTIONS)
-def _basis(c, x, out):
-    """Lagrange's polynomials of three nodes at x."""
-    for i in range(3):
-        out[i] = 1.0
-        for j in range(3):
-            if j != i:
-                out[i] *= (x - c[j]) / (c[i] - c[j])
-
-
+_STRUCTURE = (TABLES, *KERNELS.types, V)
 SIGNATURES = {
-    settle: types.boolean(TREE, *KERNELS.types, V, LOOPS, float64, V, V, V, V, WORK),
-    integrate: types.Tuple((int64, V))(
-        TREE, *KERNELS.types, V, LOOPS, TABLE, V, V, V, V, V, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, V, WORK
-    ),
+    settle: boolean(*_STRUCTURE, float64, V),
+    integrate: int64(*_STRUCTURE, TABLE, V, V, V, V, MATRIX, V, V, V, Z),
 }
+"""What is compiled once for the mechanisms of all scenes, and for which arguments."""

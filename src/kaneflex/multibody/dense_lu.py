@@ -1,52 +1,49 @@
-"""LU factors of small dense matrices, real or complex, within compiled loops."""
+"""LU factors of small dense matrices, real or complex, that lie in a long array."""
 
 from __future__ import annotations
 
 from numba import njit
 
-OPTIONS = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+from kaneflex.multibody.tables import OPTIONS
 
 
 @njit(**OPTIONS)
-def factorise(a, pivots):
+def factorise(a, at, n, pivots, first):
     """LU in place with row exchanges; False where a pivot vanishes."""
-    n = a.shape[0]
     for k in range(n):
-        row, largest = k, abs(a[k, k])
+        row, largest = k, abs(a[at + n * k + k])
         for i in range(k + 1, n):
-            if abs(a[i, k]) > largest:
-                row, largest = i, abs(a[i, k])
-        pivots[k] = row
+            if abs(a[at + n * i + k]) > largest:
+                row, largest = i, abs(a[at + n * i + k])
+        pivots[first + k] = row
         if not largest > 0.0 or not largest < 1e300:
             return False
         if row != k:
             for j in range(n):
-                a[k, j], a[row, j] = a[row, j], a[k, j]
-        inverse = 1.0 / a[k, k]
+                a[at + n * k + j], a[at + n * row + j] = a[at + n * row + j], a[at + n * k + j]
+        inverse = 1.0 / a[at + n * k + k]
         for i in range(k + 1, n):
-            if a[i, k] != 0.0:
-                factor = a[i, k] * inverse
-                a[i, k] = factor
-                for j in range(k + 1, n):
-                    a[i, j] -= factor * a[k, j]
+            factor = a[at + n * i + k] * inverse
+            a[at + n * i + k] = factor
+            for j in range(k + 1, n):
+                a[at + n * i + j] -= factor * a[at + n * k + j]
     return True
 
 
 @njit(**OPTIONS)
-def substitute(a, pivots, x):
-    """Solve with the factors of :func:`factorise`, in place."""
-    n = a.shape[0]
+def substitute(a, at, n, pivots, first, x):
+    """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""
     for k in range(n):
-        row = pivots[k]
+        row = pivots[first + k]
         if row != k:
-            x[k], x[row] = x[row], x[k]
+            a[x + k], a[x + row] = a[x + row], a[x + k]
     for i in range(n):
-        total = x[i]
+        total = a[x + i]
         for j in range(i):
-            total -= a[i, j] * x[j]
-        x[i] = total
+            total -= a[at + n * i + j] * a[x + j]
+        a[x + i] = total
     for i in range(n - 1, -1, -1):
-        total = x[i]
+        total = a[x + i]
         for j in range(i + 1, n):
-            total -= a[i, j] * x[j]
-        x[i] = total / a[i, i]
+            total -= a[at + n * i + j] * a[x + j]
+        a[x + i] = total / a[at + n * i + i]

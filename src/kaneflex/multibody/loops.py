@@ -8,209 +8,196 @@ solved for on the bodies as they are deformed.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-from numba import njit, types
-from numba.types import int64
+from numba import njit
 
-from kaneflex.multibody.dense_lu import factorise as lu
-from kaneflex.multibody.dense_lu import substitute
-from kaneflex.multibody.recursion import assemble, section_force, section_twist, solve
-from kaneflex.multibody.topology import (
-    AT, CUT_ROW, FIRST, FREE, INBOARD, JACOBIAN, JOINT, MODAL, ON, OWNER, PARENT, PRISMATIC, REVOLUTE, SHAPES,
+from kaneflex.multibody import dense_lu
+from kaneflex.multibody.recursion import add_force, factorise, solve, twist_of
+from kaneflex.multibody.tables import (
+    ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, CUT, CUT_OF, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT,
+    INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE_CUT, MODAL, NUMBERS,
+    OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSH, RATE, REACTION, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION,
+    SECTIONS, SHAPES, SIDE, SPEEDS, W_NOW, Y,
 )  # fmt: skip
-from kaneflex.multibody.tree import (
-    JACOBIANS, MATRIX, OPTIONS, SEC, V, accelerate, cut_rows, deform, move, place, prescribe,
-)  # fmt: skip
+from kaneflex.multibody.tree import accelerate, cut_rows, deform, move, place, prescribe, turned
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
 
 
-class Loops(NamedTuple):
-    """How the loops are closed: rows of the cuts that are kept, the coordinates that follow from them, each row's cut,
-    what counts as one in every coordinate [m or rad], whether shapes are among the dependent coordinates; room for
-    gradients (rows, coordinates), the dependent square with its pivots and right-hand side."""
-
-    rows: np.ndarray
-    dependent: np.ndarray
-    cuts: np.ndarray
-    measure: np.ndarray
-    bends: np.ndarray
-    gradient: np.ndarray
-    square: np.ndarray
-    pivots: np.ndarray
-    side: np.ndarray
-    jacobians: np.ndarray
-
-
-_I = int64[::1]
-LOOPS = types.NamedTuple([_I, _I, _I, V, _I, MATRIX, MATRIX, _I, V, V], Loops)
-
-
 @njit(**OPTIONS)
-def gradient(tree, work, row, cut, jacobians, bends, out):
-    """Derivatives of a cut's row by all coordinates of y, added to ``out``; by shapes only where asked."""
+def gradient(m, row, cut, bends, out):
+    """Add a cut's row's derivatives by all coordinates to those at ``out``; by shapes only where asked.
+
+    A section's force goes inwards from body to body as it is, its moment changes with the point.
+    """
+    plan, w = m.plan, m.w
     for side in range(2):
-        n, k = tree.cuts[cut, AT + side], 9 * row + 3 + 3 * side
-        x, z, turn = work.cut[k], work.cut[k + 1], work.cut[k + 2]
-        while tree.sections[n, OWNER] >= 0:
-            b = tree.sections[n, OWNER]
-            at, own = SEC * n, SEC * tree.bodies[b, INBOARD]
-            moved = turn + (work.sec[at] - work.sec[own]) * z - (work.sec[at + 1] - work.sec[own + 1]) * x
+        n, k = m.acts[cut, AT + side], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
+        x, z, turn = w[k], w[k + 1], w[k + 2]
+        while m.sections[n, OWNER] >= 0:
+            b = m.sections[n, OWNER]
+            inboard, first, kind = m.bodies[b, INBOARD], out + m.bodies[b, FIRST], m.bodies[b, JOINT]
+            at, own = plan[SECTION] + SEC * n, plan[SECTION] + SEC * inboard
+            moved = turn + (w[at] - w[own]) * z - (w[at + 1] - w[own + 1]) * x
             if bends:
-                m, i = tree.bodies[b, SHAPES], tree.bodies[b, MODAL]
-                w, v = tree.sections[n, JACOBIAN], tree.sections[tree.bodies[b, INBOARD], JACOBIAN]
-                for j in range(m):
-                    p, q = w + 3 + j, v + 3 + j
-                    out[i + j] += jacobians[p] * x + jacobians[p + 3 + m] * z + jacobians[p + 2 * (3 + m)] * turn
-                    out[i + j] -= jacobians[q] * x + jacobians[q + 3 + m] * z + jacobians[q + 2 * (3 + m)] * moved
-            turn = moved
-            first, kind = tree.bodies[b, FIRST], tree.bodies[b, JOINT]
-            n = tree.bodies[b, PARENT]
-            up = SEC * n
+                size, i = m.bodies[b, SHAPES], out + m.bodies[b, MODAL]
+                p, q = plan[W_NOW] + m.sections[n, JACOBIAN] + 3, plan[W_NOW] + m.sections[inboard, JACOBIAN] + 3
+                for j in range(size):
+                    w[i + j] += w[p + j] * x + w[p + j + 3 + size] * z + w[p + j + 2 * (3 + size)] * turn
+                    w[i + j] -= w[q + j] * x + w[q + j + 3 + size] * z + w[q + j + 2 * (3 + size)] * moved
+            turn, n = moved, m.bodies[b, PARENT]
+            up = plan[SECTION] + SEC * n
             if kind == REVOLUTE:
-                out[first] += tree.joints[b, 0] * turn
+                w[first] += w[m.bodies[b, NUMBERS]] * turn
             elif kind == PRISMATIC:
-                c, s = math.cos(work.sec[up + 2]), math.sin(work.sec[up + 2])
-                d_x, d_y = tree.joints[b, 2], tree.joints[b, 3]
-                out[first] += x * (c * d_x - s * d_y) + z * (s * d_x + c * d_y)
+                d_x, d_y = turned(w, w[up + 2], m.bodies[b, NUMBERS] + 2)
+                w[first] += x * d_x + z * d_y
             elif kind == FREE:
-                out[first] += x
-                out[first + 1] += z
-                out[first + 2] += turn
+                w[first] += x
+                w[first + 1] += z
+                w[first + 2] += turn
                 break
-            turn += (work.sec[own] - work.sec[up]) * z - (work.sec[own + 1] - work.sec[up + 1]) * x
+            turn += (w[own] - w[up]) * z - (w[own + 1] - w[up + 1]) * x
 
 
 @njit(**OPTIONS)
-def gradients(tree, kernels, y, loops, work):
-    """Derivatives of the kept rows at the place that ``work`` has, and the factors of those by dependent coordinates."""
-    count = loops.rows.size
-    if loops.bends[0]:
-        for b in range(tree.bodies.shape[0]):
-            _jacobians(tree, kernels, y, b, work, loops.jacobians)
-    loops.gradient[:, :] = 0.0
+def bent(m, kernels):
+    """W of all sections where the bodies are now."""
+    plan, w = m.plan, m.w
+    for b in range(plan[BODIES]):
+        f = plan[FRAME] + FRAME_SIZE * b
+        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
+            kernels[JACOBIANS](
+                m.bodies[b, KIND], w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
+                plan[W_NOW] + m.sections[n, JACOBIAN],
+            )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def gradients(m, kernels):
+    """Derivatives of the kept rows where everything is, and the factors of those by dependent coordinates."""
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    if plan[BENDS]:
+        bent(m, kernels)
     for r in range(count):
-        gradient(tree, work, loops.rows[r], loops.cuts[r], loops.jacobians, loops.bends[0], loops.gradient[r])
+        at = plan[GRADIENT] + n * r
+        for i in range(n):
+            w[at + i] = 0.0
+        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], plan[BENDS], at)
         for k in range(count):
-            loops.square[r, k] = loops.gradient[r, loops.dependent[k]]
-    return lu(loops.square, loops.pivots)
+            w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
+    return dense_lu.factorise(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS])
 
 
 @njit(**OPTIONS)
-def _jacobians(tree, kernels, y, b, work, out):
-    from_ = 11 * b
-    for n in range(tree.bodies[b, 10], tree.bodies[b, 11]):
-        kernels[JACOBIANS](
-            tree.bodies[b, 0], tree.blocks, tree.sections[n, 1], y, tree.bodies[b, MODAL], work.frame[from_ + 3],
-            work.frame[from_ + 4], out, tree.sections[n, JACOBIAN],
-        )  # fmt: skip
-
-
-@njit(**OPTIONS)
-def close(tree, kernels, y, v, a, loops, work):
-    """Put the dependent coordinates of y where the loops close (Newton); False where they don't."""
-    if loops.rows.size == 0:
-        deform(tree, kernels, y, v, a, work)
-        place(tree, y, work)
-        return True
-    count, before = loops.rows.size, math.inf
-    for turn in range(20):
-        if turn == 0 or loops.bends[0]:
-            deform(tree, kernels, y, v, a, work)
-        place(tree, y, work)
-        cut_rows(tree, work)
-        if not gradients(tree, kernels, y, loops, work):
+def close(m, kernels):
+    """Put the dependent coordinates where the loops close (Newton); False where they don't."""
+    plan, w = m.plan, m.w
+    count, before = plan[KEPT], math.inf
+    deform(m, kernels)
+    place(m)
+    for turn in range(20 if count else 0):
+        cut_rows(m)
+        if not gradients(m, kernels):
             return False
         for r in range(count):
-            loops.side[r] = -work.cut[9 * loops.rows[r]]
-        substitute(loops.square, loops.pivots, loops.side)
+            w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r]]
+        dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
         size = 0.0
         for k in range(count):
-            i = loops.dependent[k]
-            y[i] += loops.side[k]
-            size = max(size, abs(loops.side[k]) / loops.measure[i])
+            i = plan[plan[DEPENDENT] + k]
+            w[plan[Y] + i] += w[plan[SIDE] + k]
+            size = max(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
         if size < CLOSED:
             return True
         if not size < 1e3 or (turn > 8 and size > before):
             return False
         before = size
-    return False
+        if plan[BENDS]:
+            deform(m, kernels)
+        place(m)
+    return count == 0
 
 
 @njit(**OPTIONS)
-def follow(tree, kernels, p, t, y, v, a, loops, work):
-    """Everything moves as the independent coordinates say, with y, v, a of the others filled in.
-
-    False where the loops don't close.
-    """
-    prescribe(tree, kernels, p, t, y, v, a, work)
-    if not close(tree, kernels, y, v, a, loops, work):
+def follow(m, kernels, p, t):
+    """Everything moves as the independent coordinates say, and so do the dependent ones; False: a loop doesn't close."""
+    plan, w = m.plan, m.w
+    prescribe(m, kernels, p, t)
+    if not close(m, kernels):
         return False
-    count = loops.rows.size
+    count = plan[KEPT]
     for rate in range(1, 3):
-        of = v if rate == 1 else a
+        of = plan[RATE] if rate == 1 else plan[ACCEL]
         for k in range(count):
-            of[loops.dependent[k]] = 0.0
+            w[of + plan[plan[DEPENDENT] + k]] = 0.0
         for turn in range(2 if count else 1):
-            if loops.bends[0]:
-                deform(tree, kernels, y, v, a, work)
+            if plan[BENDS]:
+                deform(m, kernels)
             if rate == 1:
-                move(tree, v, work)
+                move(m)
             else:
-                accelerate(tree, v, a, work)
+                accelerate(m)
             if turn == 0 and count:
-                cut_rows(tree, work)
+                cut_rows(m)
                 for r in range(count):
-                    loops.side[r] = -work.cut[9 * loops.rows[r] + rate]
-                substitute(loops.square, loops.pivots, loops.side)
+                    w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + rate]
+                dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
                 for k in range(count):
-                    of[loops.dependent[k]] = loops.side[k]
+                    w[of + plan[plan[DEPENDENT] + k]] = w[plan[SIDE] + k]
     return True
 
 
 @njit(**OPTIONS)
-def reactions_of(tree, loops, work, jacobians, A, hinges, force, columns, square, pivots):
-    """What unit reactions of the kept rows do to the coordinates, (rows, coordinates), and the factors of what they do
-    to the cuts (the Schur complement); False where reactions are not determined."""
-    count = loops.rows.size
+def factorise_closed(m, h, A, pivots):
+    """Factors of M + h C + h^2 K with its loops closed; False where motion or reactions are not determined.
+
+    Beside the tree's factors: coordinates by unit reactions of the kept rows, and what those do to the cuts.
+    """
+    if not factorise(m, h, A):
+        return False
+    plan, w = m.plan, m.w
+    count = plan[KEPT]
     for r in range(count):
-        force[:] = 0.0
-        cut, k = loops.cuts[r], 9 * loops.rows[r]
+        for k in range(plan[SPEEDS]):
+            A[plan[PUSH] + k] = 0.0
+        cut, k = plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
         for side in range(2):
-            j = k + 3 + 3 * side
-            section_force(
-                tree, jacobians, tree.cuts[cut, AT + side], work.cut[j], work.cut[j + 1], work.cut[j + 2], force
-            )
-        solve(tree, work, jacobians, A, hinges, force, columns[r])
+            j = k + 3 * side
+            add_force(m, A, m.acts[cut, AT + side], w[j], w[j + 1], w[j + 2])
+        solve(m, A, r)
         for q in range(count):
-            square[q, r] = opening(tree, loops, work, jacobians, q, force)
-    return lu(square, pivots) if count else True
+            A[plan[SCHUR] + count * q + r] = opening(m, A, q)
+    return dense_lu.factorise(A, plan[SCHUR], count, plan, pivots)
 
 
 @njit(**OPTIONS)
-def opening(tree, loops, work, jacobians, r, speeds):
-    """Rate of a kept row by all bodies' speeds."""
-    cut, k = loops.cuts[r], 9 * loops.rows[r]
-    total = 0.0 * speeds[0]
+def opening(m, A, r):
+    """Rate of a kept row by the speeds at PUSH."""
+    plan, w = m.plan, m.w
+    cut, k = plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
+    total = 0.0 * A[plan[PUSH]]
     for side in range(2):
-        t_0, t_1, t_2 = section_twist(tree, jacobians, tree.cuts[cut, AT + side], speeds)
-        j = k + 3 + 3 * side
-        total += work.cut[j] * t_0 + work.cut[j + 1] * t_1 + work.cut[j + 2] * t_2
+        t_0, t_1, t_2 = twist_of(m, A, m.acts[cut, AT + side])
+        j = k + 3 * side
+        total += w[j] * t_0 + w[j + 1] * t_1 + w[j + 2] * t_2
     return total
 
 
 @njit(**OPTIONS)
-def solve_closed(tree, loops, work, jacobians, A, hinges, columns, square, pivots, force, dy, dl):
-    """Coordinates dy and reactions dl of the kept rows that forces over all bodies' speeds bring about, loops closed."""
-    solve(tree, work, jacobians, A, hinges, force, dy)
-    count = loops.rows.size
+def solve_closed(m, A, pivots):
+    """What the forces at PUSH bring about: coordinates in the last row of COLUMNS, and at REACTION what the kept rows
+    need to stay closed."""
+    plan = m.plan
+    count, n, x = plan[KEPT], plan[COORDINATES], plan[REACTION]
+    solve(m, A, count)
     if count:
         for r in range(count):
-            dl[r] = -opening(tree, loops, work, jacobians, r, force)
-        substitute(square, pivots, dl)
+            A[x + r] = -opening(m, A, r)
+        dense_lu.substitute(A, plan[SCHUR], count, plan, pivots, x)
+        answer = plan[COLUMNS] + n * count
         for r in range(count):
-            for i in range(dy.size):
-                dy[i] += columns[r, i] * dl[r]
+            for i in range(n):
+                A[answer + i] += A[plan[COLUMNS] + n * r + i] * A[x + r]

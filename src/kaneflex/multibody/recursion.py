@@ -8,72 +8,65 @@ stage of a collocation method asks for. Rows of the matrices are of a body's fra
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 
-from kaneflex.multibody.topology import (
-    BLOCK, DOF, FIRST, FREE, INBOARD, JACOBIAN, JOINT, KIND, LAST, MODAL, OWNER, PARENT, PRISMATIC, REVOLUTE, ROW,
-    SECTIONS, SHAPES, SQUARE, COURSE, POINT,
+from kaneflex.multibody.tables import (
+    BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGE_SIZE, HINGES,
+    INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, KIND, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
+    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y,
 )  # fmt: skip
-from kaneflex.multibody.tree import FRAME, INERTIA, JACOBIANS, OPTIONS, SEC
-
-HINGE = 8
-"""Numbers of a joint: what it moves along at its section (3), the articulated inertia times that (3), 1 over what
-resists the coordinate itself, and whether there is one."""
+from kaneflex.multibody.tree import turned
 
 
 @njit(**OPTIONS)
-def assemble(tree, kernels, y, work, mass, jacobians):
-    """Mass matrices of all bodies, and of all sections W: their twists by the speeds of frame and shapes."""
-    for b in range(tree.bodies.shape[0]):
-        c, s = work.frame[FRAME * b + 3], work.frame[FRAME * b + 4]
-        kind, i = tree.bodies[b, KIND], tree.bodies[b, MODAL]
-        kernels[INERTIA](kind, tree.blocks, tree.bodies[b, BLOCK], y, i, c, s, mass, tree.bodies[b, SQUARE])
-        for n in range(tree.bodies[b, SECTIONS], tree.bodies[b, LAST]):
-            kernels[JACOBIANS](
-                kind, tree.blocks, tree.sections[n, POINT], y, i, c, s, jacobians, tree.sections[n, JACOBIAN]
-            )
+def assemble(m, kernels):
+    """Mass matrices of all bodies, and W of all sections: their twists by the speeds of frame and shapes."""
+    plan, w = m.plan, m.w
+    for b in range(plan[BODIES]):
+        f, kind, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, KIND], plan[Y] + m.bodies[b, MODAL]
+        c, s = w[f + 3], w[f + 4]
+        kernels[INERTIA](kind, w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
+        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
+            kernels[JACOBIANS](kind, w, m.sections[n, POINT], w, i, c, s, w, plan[W] + m.sections[n, JACOBIAN])
 
 
 @njit(**OPTIONS)
-def factorise(tree, work, mass, jacobians, h, A, hinges):
-    """Factors of M + h C + h^2 K in A (squares of all bodies) and ``hinges``. False where a pivot vanishes."""
-    count = tree.bodies.shape[0]
+def factorise(m, h, A):
+    """Factors of M + h C + h^2 K in A, real or complex, where MASS, W and MIDDLE are of; False where a pivot vanishes."""
+    plan, w = m.plan, m.w
+    count, squares = plan[BODIES], plan[SQUARES]
     for b in range(count):
-        ao, n, i = tree.bodies[b, SQUARE], 3 + tree.bodies[b, SHAPES], tree.bodies[b, MODAL]
+        ao, n, i = squares + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES], m.bodies[b, MODAL]
         for k in range(n * n):
-            A[ao + k] = mass[ao + k]
+            A[ao + k] = w[plan[MASS] + m.bodies[b, SQUARE] + k]
         for j in range(n - 3):
-            A[ao + (n + 1) * (3 + j)] += h * (tree.damping[i + j] + h * tree.stiffness[i + j])
+            A[ao + (n + 1) * (3 + j)] += h * (w[plan[DAMPING] + i + j] + h * w[plan[STIFFNESS] + i + j])
     for b in range(count - 1, -1, -1):
-        ao, n = tree.bodies[b, SQUARE], 3 + tree.bodies[b, SHAPES]
-        own, up = tree.bodies[b, INBOARD], tree.bodies[b, PARENT]
-        if not _condense(A, ao, n, jacobians, tree.sections[own, JACOBIAN]):
+        ao, n = squares + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES]
+        own, up = m.bodies[b, INBOARD], m.bodies[b, PARENT]
+        if not _condense(A, ao, n, w, plan[W] + m.sections[own, JACOBIAN]):
             return False
-        g = HINGE * b
-        hinges[g + 7] = 0.0
-        kind, first = tree.bodies[b, JOINT], tree.bodies[b, FIRST]
+        g, kind, first = plan[HINGES] + HINGE_SIZE * b, m.bodies[b, JOINT], m.bodies[b, FIRST]
+        A[g + 7] = 0.0
         if kind == FREE:
             if not _small(A, ao, n):
                 return False
             continue
-        if (kind == REVOLUTE or kind == PRISMATIC) and tree.bodies[b, COURSE] < 0:
-            d_x, d_y, d_t = 0.0, 0.0, tree.joints[b, 0]
+        if (kind == REVOLUTE or kind == PRISMATIC) and m.bodies[b, COURSE_OF] < 0:
+            d_x, d_y, d_t = 0.0, 0.0, w[m.bodies[b, NUMBERS]]
             if kind == PRISMATIC:
-                c, s = math.cos(work.sec[SEC * up + 2]), math.sin(work.sec[SEC * up + 2])
-                d_x, d_y = c * tree.joints[b, 2] - s * tree.joints[b, 3], s * tree.joints[b, 2] + c * tree.joints[b, 3]
+                d_x, d_y = turned(w, w[plan[MIDDLE] + SEC * up + 2], m.bodies[b, NUMBERS] + 2)
                 d_t = 0.0
-            hinges[g], hinges[g + 1], hinges[g + 2] = d_x, d_y, d_t
+            A[g], A[g + 1], A[g + 2] = d_x, d_y, d_t
             for k in range(3):
-                hinges[g + 3 + k] = A[ao + n * k] * d_x + A[ao + n * k + 1] * d_y + A[ao + n * k + 2] * d_t
-            d = d_x * hinges[g + 3] + d_y * hinges[g + 4] + d_t * hinges[g + 5]
-            d += h * (tree.damping[first] + h * tree.stiffness[first])
+                A[g + 3 + k] = A[ao + n * k] * d_x + A[ao + n * k + 1] * d_y + A[ao + n * k + 2] * d_t
+            d = d_x * A[g + 3] + d_y * A[g + 4] + d_t * A[g + 5]
+            d += h * (w[plan[DAMPING] + first] + h * w[plan[STIFFNESS] + first])
             if not abs(d) > 0.0 or not abs(d) < 1e300:
                 return False
-            hinges[g + 6], hinges[g + 7] = 1.0 / d, 1.0
-        if tree.sections[up, OWNER] >= 0:
-            _hand_over(tree, work, b, jacobians, A, hinges)
+            A[g + 6], A[g + 7] = 1.0 / d, 1.0
+        if m.sections[up, OWNER] >= 0:
+            _hand_over(m, b, A)
     return True
 
 
@@ -166,109 +159,101 @@ def _small(A, ao, n):
 
 
 @njit(**OPTIONS)
-def _hand_over(tree, work, b, jacobians, A, hinges):
+def _hand_over(m, b, A):
     """Add a body's articulated inertia, less what its joint gives way, to the square of the body that it hangs on."""
-    ao, n, g = tree.bodies[b, SQUARE], 3 + tree.bodies[b, SHAPES], HINGE * b
-    up, own = SEC * tree.bodies[b, PARENT], SEC * tree.bodies[b, INBOARD]
-    soft = hinges[g + 6] * hinges[g + 7]
-    h_0, h_1, h_2 = hinges[g + 3], hinges[g + 4], hinges[g + 5]
-    if hinges[g + 7] == 0.0:
-        h_0, h_1, h_2 = 0.0 * soft, 0.0 * soft, 0.0 * soft
-    i_00, i_01, i_02 = A[ao] - soft * h_0 * h_0, A[ao + 1] - soft * h_0 * h_1, A[ao + 2] - soft * h_0 * h_2
-    i_11, i_12 = A[ao + n + 1] - soft * h_1 * h_1, A[ao + n + 2] - soft * h_1 * h_2
-    i_22 = A[ao + 2 * n + 2] - soft * h_2 * h_2
-    x, z = work.sec[own] - work.sec[up], work.sec[own + 1] - work.sec[up + 1]
+    plan, w = m.plan, m.w
+    ao, n, g = plan[SQUARES] + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES], plan[HINGES] + HINGE_SIZE * b
+    up, own = plan[MIDDLE] + SEC * m.bodies[b, PARENT], plan[MIDDLE] + SEC * m.bodies[b, INBOARD]
+    i_00, i_01, i_02, i_11, i_12, i_22 = A[ao], A[ao + 1], A[ao + 2], A[ao + n + 1], A[ao + n + 2], A[ao + 2 * n + 2]
+    if A[g + 7] != 0.0:
+        soft, h_0, h_1, h_2 = A[g + 6], A[g + 3], A[g + 4], A[g + 5]
+        i_00, i_01, i_02 = i_00 - soft * h_0 * h_0, i_01 - soft * h_0 * h_1, i_02 - soft * h_0 * h_2
+        i_11, i_12, i_22 = i_11 - soft * h_1 * h_1, i_12 - soft * h_1 * h_2, i_22 - soft * h_2 * h_2
+    x, z = w[own] - w[up], w[own + 1] - w[up + 1]
     i_22 += z * z * i_00 - 2.0 * x * z * i_01 + x * x * i_11 - 2.0 * z * i_02 + 2.0 * x * i_12
     i_02, i_12 = i_02 - z * i_00 + x * i_01, i_12 - z * i_01 + x * i_11
-    parent = tree.sections[tree.bodies[b, PARENT], OWNER]
-    po, m, w = tree.bodies[parent, SQUARE], 3 + tree.bodies[parent, SHAPES], tree.sections[tree.bodies[b, PARENT], JACOBIAN]
-    for i in range(m):
-        f_0, f_1, f_2 = jacobians[w + i], jacobians[w + m + i], jacobians[w + 2 * m + i]
+    parent = m.sections[m.bodies[b, PARENT], OWNER]
+    po, size = plan[SQUARES] + m.bodies[parent, SQUARE], 3 + m.bodies[parent, SHAPES]
+    v = plan[W] + m.sections[m.bodies[b, PARENT], JACOBIAN]
+    for i in range(size):
+        f_0, f_1, f_2 = w[v + i], w[v + size + i], w[v + 2 * size + i]
         if f_0 != 0.0 or f_1 != 0.0 or f_2 != 0.0:
             e_0 = f_0 * i_00 + f_1 * i_01 + f_2 * i_02
             e_1 = f_0 * i_01 + f_1 * i_11 + f_2 * i_12
             e_2 = f_0 * i_02 + f_1 * i_12 + f_2 * i_22
-            for j in range(m):
-                A[po + m * i + j] += e_0 * jacobians[w + j] + e_1 * jacobians[w + m + j] + e_2 * jacobians[w + 2 * m + j]
+            for j in range(size):
+                A[po + size * i + j] += e_0 * w[v + j] + e_1 * w[v + size + j] + e_2 * w[v + 2 * size + j]
 
 
 @njit(**OPTIONS)
-def solve(tree, work, jacobians, A, hinges, x, dy):
-    """Solve with the factors: x has forces over all bodies' speeds and is left with these speeds; dy, the coordinates'.
+def solve(m, A, row):
+    """Solve with the factors: PUSH has forces over all bodies' speeds and is left with these speeds.
 
-    Where a drive prescribes a coordinate it has none.
+    The coordinates go to a row of COLUMNS; those that a drive prescribes are zero.
     """
-    count = tree.bodies.shape[0]
+    plan, w = m.plan, m.w
+    count, x, y = plan[BODIES], plan[PUSH], plan[COLUMNS] + row * plan[COORDINATES]
     for b in range(count - 1, -1, -1):
-        ao, n, r, g = tree.bodies[b, SQUARE], 3 + tree.bodies[b, SHAPES], tree.bodies[b, ROW], HINGE * b
-        w = tree.sections[tree.bodies[b, INBOARD], JACOBIAN]
-        x[r + 2] -= jacobians[w + 2] * x[r] + jacobians[w + n + 2] * x[r + 1]
-        f_0, f_1, f_2 = x[r], x[r + 1], x[r + 2]
+        ao, n, r = plan[SQUARES] + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES], x + m.bodies[b, ROW]
+        g, v = plan[HINGES] + HINGE_SIZE * b, plan[W] + m.sections[m.bodies[b, INBOARD], JACOBIAN]
+        A[r + 2] -= w[v + 2] * A[r] + w[v + n + 2] * A[r + 1]
+        f_0, f_1, f_2 = A[r], A[r + 1], A[r + 2]
         e_0, e_1, e_2 = f_0, f_1, f_2
         for j in range(3, n):
-            x[r + j] -= jacobians[w + j] * f_0 + jacobians[w + n + j] * f_1 + jacobians[w + 2 * n + j] * f_2
-            e_0 -= A[ao + j] * x[r + j]
-            e_1 -= A[ao + n + j] * x[r + j]
-            e_2 -= A[ao + 2 * n + j] * x[r + j]
-        x[r], x[r + 1], x[r + 2] = e_0, e_1, e_2
-        if tree.bodies[b, JOINT] == FREE:
+            A[r + j] -= w[v + j] * f_0 + w[v + n + j] * f_1 + w[v + 2 * n + j] * f_2
+            e_0 -= A[ao + j] * A[r + j]
+            e_1 -= A[ao + n + j] * A[r + j]
+            e_2 -= A[ao + 2 * n + j] * A[r + j]
+        A[r], A[r + 1], A[r + 2] = e_0, e_1, e_2
+        if m.bodies[b, JOINT] == FREE:
             continue
-        if hinges[g + 7] != 0.0:
-            push = hinges[g] * e_0 + hinges[g + 1] * e_1 + hinges[g + 2] * e_2
-            dy[tree.bodies[b, FIRST]] = push
-            push = push * hinges[g + 6]
-            e_0 -= push * hinges[g + 3]
-            e_1 -= push * hinges[g + 4]
-            e_2 -= push * hinges[g + 5]
-        parent = tree.sections[tree.bodies[b, PARENT], OWNER]
+        if A[g + 7] != 0.0:
+            push = A[g] * e_0 + A[g + 1] * e_1 + A[g + 2] * e_2
+            A[y + m.bodies[b, FIRST]] = push
+            push = push * A[g + 6]
+            e_0 -= push * A[g + 3]
+            e_1 -= push * A[g + 4]
+            e_2 -= push * A[g + 5]
+        parent = m.sections[m.bodies[b, PARENT], OWNER]
         if parent >= 0:
-            up, own = SEC * tree.bodies[b, PARENT], SEC * tree.bodies[b, INBOARD]
-            e_2 += (work.sec[own] - work.sec[up]) * e_1 - (work.sec[own + 1] - work.sec[up + 1]) * e_0
-            q, m, v = tree.bodies[parent, ROW], 3 + tree.bodies[parent, SHAPES], tree.sections[tree.bodies[b, PARENT], JACOBIAN]
-            for j in range(m):
-                x[q + j] += jacobians[v + j] * e_0 + jacobians[v + m + j] * e_1 + jacobians[v + 2 * m + j] * e_2
+            up, own = plan[MIDDLE] + SEC * m.bodies[b, PARENT], plan[MIDDLE] + SEC * m.bodies[b, INBOARD]
+            e_2 += (w[own] - w[up]) * e_1 - (w[own + 1] - w[up + 1]) * e_0
+            add_force(m, A, m.bodies[b, PARENT], e_0, e_1, e_2)
     for b in range(count):
-        ao, n, r, g = tree.bodies[b, SQUARE], 3 + tree.bodies[b, SHAPES], tree.bodies[b, ROW], HINGE * b
-        first, kind = tree.bodies[b, FIRST], tree.bodies[b, JOINT]
-        parent = tree.sections[tree.bodies[b, PARENT], OWNER]
-        v_0, v_1, v_2 = 0.0 * x[r], 0.0 * x[r], 0.0 * x[r]
-        if kind == FREE:
-            v_0, v_1, v_2 = _small_solve(A, ao, n, x, r)
-            dy[first], dy[first + 1], dy[first + 2] = v_0, v_1, v_2
+        ao, n, r = plan[SQUARES] + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES], x + m.bodies[b, ROW]
+        g, first = plan[HINGES] + HINGE_SIZE * b, y + m.bodies[b, FIRST]
+        if m.bodies[b, JOINT] == FREE:
+            v_0, v_1, v_2 = _small_solve(A, ao, n, r)
+            A[first], A[first + 1], A[first + 2] = v_0, v_1, v_2
         else:
-            if parent >= 0:
-                q, m, v = tree.bodies[parent, ROW], 3 + tree.bodies[parent, SHAPES], tree.sections[tree.bodies[b, PARENT], JACOBIAN]
-                for j in range(m):
-                    v_0 += jacobians[v + j] * x[q + j]
-                    v_1 += jacobians[v + m + j] * x[q + j]
-                    v_2 += jacobians[v + 2 * m + j] * x[q + j]
-                up, own = SEC * tree.bodies[b, PARENT], SEC * tree.bodies[b, INBOARD]
-                v_0 -= (work.sec[own + 1] - work.sec[up + 1]) * v_2
-                v_1 += (work.sec[own] - work.sec[up]) * v_2
-            if hinges[g + 7] != 0.0:
-                rate = dy[first] - hinges[g + 3] * v_0 - hinges[g + 4] * v_1 - hinges[g + 5] * v_2
-                rate = rate * hinges[g + 6]
-                dy[first] = rate
-                v_0 += hinges[g] * rate
-                v_1 += hinges[g + 1] * rate
-                v_2 += hinges[g + 2] * rate
-            elif tree.bodies[b, DOF] == 1:
-                dy[first] = 0.0
-        _shapes(A, ao, n, x, r, v_0, v_1, v_2)
-        w, i = tree.sections[tree.bodies[b, INBOARD], JACOBIAN], tree.bodies[b, MODAL]
+            v_0, v_1, v_2 = twist_of(m, A, m.bodies[b, PARENT])
+            up, own = plan[MIDDLE] + SEC * m.bodies[b, PARENT], plan[MIDDLE] + SEC * m.bodies[b, INBOARD]
+            v_0 -= (w[own + 1] - w[up + 1]) * v_2
+            v_1 += (w[own] - w[up]) * v_2
+            if A[g + 7] != 0.0:
+                rate = A[first] - A[g + 3] * v_0 - A[g + 4] * v_1 - A[g + 5] * v_2
+                rate = rate * A[g + 6]
+                A[first] = rate
+                v_0 += A[g] * rate
+                v_1 += A[g + 1] * rate
+                v_2 += A[g + 2] * rate
+            elif m.bodies[b, DOF] == 1:
+                A[first] = 0.0
+        _shapes(A, ao, n, r, v_0, v_1, v_2)
+        v, i = plan[W] + m.sections[m.bodies[b, INBOARD], JACOBIAN], y + m.bodies[b, MODAL]
         for j in range(3, n):
-            dy[i + j - 3] = x[r + j]
-            v_0 -= jacobians[w + j] * x[r + j]
-            v_1 -= jacobians[w + n + j] * x[r + j]
-            v_2 -= jacobians[w + 2 * n + j] * x[r + j]
-        x[r], x[r + 1], x[r + 2] = v_0 - jacobians[w + 2] * v_2, v_1 - jacobians[w + n + 2] * v_2, v_2
+            A[i + j - 3] = A[r + j]
+            v_0 -= w[v + j] * A[r + j]
+            v_1 -= w[v + n + j] * A[r + j]
+            v_2 -= w[v + 2 * n + j] * A[r + j]
+        A[r], A[r + 1], A[r + 2] = v_0 - w[v + 2] * v_2, v_1 - w[v + n + 2] * v_2, v_2
 
 
 @njit(**OPTIONS)
-def _small_solve(A, ao, n, x, r):
-    x_0 = x[r]
-    x_1 = x[r + 1] - A[ao + n] * x_0
-    x_2 = x[r + 2] - A[ao + 2 * n] * x_0 - A[ao + 2 * n + 1] * x_1
+def _small_solve(A, ao, n, r):
+    x_0 = A[r]
+    x_1 = A[r + 1] - A[ao + n] * x_0
+    x_2 = A[r + 2] - A[ao + 2 * n] * x_0 - A[ao + 2 * n + 1] * x_1
     x_2 = x_2 * A[ao + 2 * n + 2]
     x_1 = x_1 * A[ao + n + 1] - A[ao + 2 * n + 1] * x_2
     x_0 = x_0 * A[ao] - A[ao + n] * x_1 - A[ao + 2 * n] * x_2
@@ -276,42 +261,42 @@ def _small_solve(A, ao, n, x, r):
 
 
 @njit(**OPTIONS)
-def _shapes(A, ao, n, x, r, v_0, v_1, v_2):
-    """Rates of a body's shapes, whose forces x has, with the twist of its inboard section."""
+def _shapes(A, ao, n, r, v_0, v_1, v_2):
+    """Rates of a body's shapes, whose forces are at r, with the twist of its inboard section."""
     for i in range(3, n):
-        total = x[r + i]
+        total = A[r + i]
         for j in range(3, i):
-            total -= A[ao + n * i + j] * x[r + j]
-        x[r + i] = total
+            total -= A[ao + n * i + j] * A[r + j]
+        A[r + i] = total
     for i in range(3, n):
-        x[r + i] *= A[ao + n * i + i]
+        A[r + i] *= A[ao + n * i + i]
     for i in range(n - 1, 2, -1):
-        answer = x[r + i]
+        answer = A[r + i]
         for j in range(3, i):
-            x[r + j] -= A[ao + n * i + j] * answer
+            A[r + j] -= A[ao + n * i + j] * answer
     for j in range(3, n):
-        x[r + j] -= A[ao + j] * v_0 + A[ao + n + j] * v_1 + A[ao + 2 * n + j] * v_2
+        A[r + j] -= A[ao + j] * v_0 + A[ao + n + j] * v_1 + A[ao + 2 * n + j] * v_2
 
 
 @njit(**OPTIONS)
-def section_twist(tree, jacobians, n, x):
-    """Twist of a section from all bodies' speeds."""
-    b = tree.sections[n, OWNER]
-    t_0, t_1, t_2 = 0.0 * x[0], 0.0 * x[0], 0.0 * x[0]
+def twist_of(m, A, n):
+    """Twist of a section from the speeds at PUSH."""
+    w, b, r = m.w, m.sections[n, OWNER], m.plan[PUSH]
+    t_0, t_1, t_2 = 0.0 * A[r], 0.0 * A[r], 0.0 * A[r]
     if b >= 0:
-        r, m, w = tree.bodies[b, ROW], 3 + tree.bodies[b, SHAPES], tree.sections[n, JACOBIAN]
-        for j in range(m):
-            t_0 += jacobians[w + j] * x[r + j]
-            t_1 += jacobians[w + m + j] * x[r + j]
-            t_2 += jacobians[w + 2 * m + j] * x[r + j]
+        r, size, v = r + m.bodies[b, ROW], 3 + m.bodies[b, SHAPES], m.plan[W] + m.sections[n, JACOBIAN]
+        for j in range(size):
+            t_0 += w[v + j] * A[r + j]
+            t_1 += w[v + size + j] * A[r + j]
+            t_2 += w[v + 2 * size + j] * A[r + j]
     return t_0, t_1, t_2
 
 
 @njit(**OPTIONS)
-def section_force(tree, jacobians, n, f_0, f_1, f_2, x):
-    """Add a section's force and moment to forces over all bodies' speeds."""
-    b = tree.sections[n, OWNER]
+def add_force(m, A, n, f_0, f_1, f_2):
+    """Add a section's force and moment to the forces at PUSH."""
+    w, b = m.w, m.sections[n, OWNER]
     if b >= 0:
-        r, m, w = tree.bodies[b, ROW], 3 + tree.bodies[b, SHAPES], tree.sections[n, JACOBIAN]
-        for j in range(m):
-            x[r + j] += jacobians[w + j] * f_0 + jacobians[w + m + j] * f_1 + jacobians[w + 2 * m + j] * f_2
+        r, size, v = m.plan[PUSH] + m.bodies[b, ROW], 3 + m.bodies[b, SHAPES], m.plan[W] + m.sections[n, JACOBIAN]
+        for j in range(size):
+            A[r + j] += w[v + j] * f_0 + w[v + size + j] * f_1 + w[v + 2 * size + j] * f_2

@@ -1,0 +1,95 @@
+"""Where compiled recursions find what they walk: the columns and places of a mechanism's tables.
+
+A function of compiled code takes seven words an array, and a tuple of thirty arrays would cost more to hand over than
+most of these functions compute. So all numbers, of the mechanism and of the motion, lie in one array, whose places the
+plan names; and what is whole numbers, in three tables.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numba.types import FunctionType, UniTuple, complex128, float64, int64, void
+
+OUTER = {"error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+OPTIONS = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
+
+V, Z = float64[::1], complex128[::1]
+
+SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, HINGE_SIZE = 9, 11, 9, 6, 8
+"""Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
+row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kaneflex.generated.joints`), and a factorised
+joint: what it moves along at its section (3), the articulated inertia times that (3), 1 over what resists its
+coordinate, and whether there is one."""
+
+KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS = range(15)
+"""Columns of ``bodies``, in the order of the tree: which pair of shape counts; where its block of numbers begins; its
+joint's first coordinate, their count, the joint's kind; its first modal coordinate and their count; the section that it
+hangs on and its own there; the course that prescribes its joint, or -1; its first section and the one after its last;
+where its rows begin in forces over all bodies' speeds, and its square in matrices; its joint's numbers: sign, angle, and
+direction in the parent section's axes."""
+OWNER, POINT, JACOBIAN = range(3)
+"""Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
+WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
+"""Columns of ``acts`` (cuts, drives, loads, springs): its kind; two sections; a cut's course or -1, a drive's coordinate
+or -1; a cut's first row; its numbers: a cut's direction and angle, a drive's or a load's direction, a spring's k, c,
+free length or angle."""
+
+WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE = range(6)
+"""Kinds of joints in the tree; cuts have the first three, and drives of cut joints the last two, as drives have."""
+FORCE_ALONG, FOLLOWER, TORQUE = range(3)
+"""Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
+STRAIGHT, TORSIONAL = range(2)
+"""Kinds of springs."""
+
+(
+    BODIES, COORDINATES, SPEEDS, REACTIONS, WORKS, KEPT, BENDS,
+    CUTS, DRIVES, LOADS, SPRINGS, ACTS,
+    Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, POWER,
+    GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE,
+    GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
+    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, LAST_A, LAST_R, RESISTING,
+    SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, PIVOTS, PAIR_PIVOTS, PLAN,
+) = range(59)  # fmt: skip
+"""Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions of cuts, works, kept rows; whether
+shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads and springs begin and end. Where in
+``w`` lie: the motion (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over
+all speeds, cut rows, courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces
+at inboard sections, powers; gravity, what holds and damps every coordinate, what counts as one in it, the error allowed
+in it; the gradient of the kept rows, its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself: that
+square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w`` again: mass matrices and W
+at the middle of a step, with its sections and cut rows; stages' accelerations and reactions, those of the last step,
+and stages' forces. In factors: squares of all bodies, joints, coordinates by unit reactions of the kept rows and in the
+last row the answer, what the reactions do to the cuts, forces, reactions; in ``plan``, the pivots of either factors."""
+
+
+class Tables(NamedTuple):
+    """Of one mechanism: plan (int64), bodies, sections, acts (int64, by row and column), w (float64)."""
+
+    plan: np.ndarray
+    bodies: np.ndarray
+    sections: np.ndarray
+    acts: np.ndarray
+    w: np.ndarray
+
+
+_I2 = int64[:, ::1]
+TABLES = types.NamedTuple([int64[::1], _I2, _I2, _I2, V], Tables)
+
+DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY, COURSES, MAGNITUDES = range(8)
+"""Places in a structure's kernels: those of its bodies by the kind of their counts, its courses, its loads' sizes."""
+KERNELS = types.Tuple(
+    (
+        FunctionType(void(int64, V, int64, V, V, V, int64, V, int64)),
+        FunctionType(void(int64, V, int64, V, int64, *(float64,) * 5, V, int64)),
+        FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
+        FunctionType(void(int64, V, int64, V, V, V, int64, *(float64,) * 6, V, int64)),
+        FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
+        FunctionType(UniTuple(float64, 2)(int64, V, int64, V, V, int64, *(float64,) * 5, V)),
+        FunctionType(void(float64, V, V, int64)),
+        FunctionType(void(float64, V, int64, V, V, int64)),
+    )
+)
