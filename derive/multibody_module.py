@@ -144,7 +144,7 @@ def _program(
     expressions = [*values, *(expression for _, expression in steps.assignments)]
     read = set().union(*(expression.free_symbols for expression in expressions))
     numbers = [symbol for symbol, _ in mechanism.parameters.values() if symbol in read]
-    outputs = tuple((f"out[{k}]", value) for k, value in enumerate(values))
+    outputs = tuple((f"out[k + {k}]", value) for k, value in enumerate(values))
     return Program(name, (T, *states, *numbers), tuple(steps.assignments), outputs)
 
 
@@ -152,12 +152,12 @@ _DOCS = {
     "courses": "Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each.",
     "magnitudes": "Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES.",
 }
-_ARGUMENTS = {"courses": ("t", "p", "out"), "magnitudes": ("t", "x", "p", "out")}
+_ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
 
 
 def _kernel(raw: Program, mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]]) -> emit.Kernel:
     states = (symbol for name in mechanism.drives for symbol in _state(name))
-    reads = [(symbol, f"x[{k}]") for k, symbol in enumerate(states)] if raw.name == "magnitudes" else []
+    reads = [(symbol, f"x[i + {k}]") for k, symbol in enumerate(states)] if raw.name == "magnitudes" else []
     reads += [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(parameters.values())]
     return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), _DOCS[raw.name], zeros=True)
 

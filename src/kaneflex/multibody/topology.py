@@ -3,155 +3,188 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint
+from kaneflex.multibody import tables as at
+from kaneflex.multibody.blocks import Blocks
+from kaneflex.support.contract import BODY_BLOCK, block_shapes
 
-KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE, SECTIONS, LAST, ROW, SQUARE, BODY_FIELDS = range(15)
-"""Columns of ``Tree.bodies``: which pair of shape counts; where its block of numbers begins; its joint's first
-coordinate, their count and the joint's kind; its first modal coordinate and their count; the section that it hangs on
-and its own there; the course that prescribes its joint, or -1; its first section and the one after its last; where
-its rows begin in vectors over all bodies' speeds, and its square in matrices."""
-WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE = range(6)
-"""Kinds of joints in the tree; cuts have the first three, and drives of cut joints the last two."""
-OWNER, POINT, JACOBIAN, SECTION_FIELDS = range(4)
-"""Columns of ``Tree.sections``: the body, or -1; where the point's block begins; where its W begins."""
-AT, ON, CUT_COURSE, CUT_ROW, CUT_FIELDS = 1, 2, 3, 4, 5
-"""Columns of ``Tree.cuts`` after the kind: first and second section, the course of a drive or -1, its first row."""
-
-_KINDS = {"weld": WELD, "revolute": REVOLUTE, "prismatic": PRISMATIC}
-ROWS = {WELD: 3, REVOLUTE: 2, PRISMATIC: 2, TURN: 1, SLIDE: 1}
+_KINDS = {"weld": at.WELD, "revolute": at.REVOLUTE, "prismatic": at.PRISMATIC}
+ROWS = {at.WELD: 3, at.REVOLUTE: 2, at.PRISMATIC: 2, at.TURN: 1, at.SLIDE: 1}
 """Constraints of a cut by its kind."""
-FORCE, FOLLOWER, TORQUE = range(3)
-"""Kinds of loads: along a global direction, along one that turns with a section, between two sections."""
+
+Branch = tuple[str, Joint | None, int]
+"""A body, its inboard joint (None: it floats freely) and which of the joint's sides is its own."""
 
 
-class Tree(NamedTuple):
-    """Tables of one mechanism (int64 (n, fields), float64) for the compiled recursions.
+@dataclass(frozen=True)
+class Layout:
+    """Names for what the tables count.
 
-    bodies, joints: of every body in the order of the tree, its fields and its inboard joint's numbers (sign, angle,
-    direction in the parent section's axes [2], stiffness, damping). sections: the ground's first. cuts, guides: of
-    every cut its fields, and direction and angle. drives: of every drive its coordinate in y or -1, its kind, its
-    sections; its direction is in ``slides``. loads, directions; springs, rates: fields and numbers (k, c, free).
-    blocks: numbers of bodies and points. fixed: poses of the ground's sections (x, y, theta). gravity [m/s^2].
-    stiffness, damping: of every coordinate of y, what springs and modes hold it with.
+    Attributes
+    ----------
+    bodies : tuple of str
+        In the order of the tree.
+    inboard : tuple of (str or None, int)
+        Of every body its inboard joint and which side of it is the body's.
+    sections : mapping
+        (body, point) -> its number; the ground's first.
+    cuts : tuple of str
+        Joint of every cut; a driven one is there twice.
+    coordinates : tuple of (str, str)
+        Of every coordinate its joint or body, and its unit.
     """
 
-    bodies: np.ndarray
-    joints: np.ndarray
-    sections: np.ndarray
-    cuts: np.ndarray
-    guides: np.ndarray
-    drives: np.ndarray
-    slides: np.ndarray
-    loads: np.ndarray
-    directions: np.ndarray
-    springs: np.ndarray
-    rates: np.ndarray
-    blocks: np.ndarray
-    fixed: np.ndarray
-    gravity: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-
-
-class Layout(NamedTuple):
-    """Names for what the tables count: bodies in the tree's order, sections, and each joint's place."""
-
     bodies: tuple[str, ...]
-    inboard: tuple[str | None, ...]
+    inboard: tuple[tuple[str | None, int], ...]
     sections: Mapping[tuple[str, str], int]
     cuts: tuple[str, ...]
     coordinates: tuple[tuple[str, str], ...]
 
 
-def build_tree(
-    mechanism: Mechanism, counts: Mapping[str, Sequence[int]], block, point_block, kinds: Sequence[tuple[int, int]]
-) -> tuple[Tree, Layout]:
-    """The tables of a mechanism.
+class _Numbers:
+    """The array w as it grows."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.size = 0
+
+    def put(self, numbers: np.ndarray | Sequence[float]) -> int:
+        """Where the numbers begin."""
+        self.parts.append(np.asarray(numbers, float).ravel())
+        self.size += self.parts[-1].size
+        return self.size - self.parts[-1].size
+
+    def room(self, count: int) -> int:
+        return self.put(np.zeros(count))
+
+
+def build_tables(
+    mechanism: Mechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks,
+    measure: float,
+) -> tuple[at.Tables, Layout, tuple[int, int]]:  # fmt: skip
+    """The tables of a mechanism, nothing in motion and no loop closed yet.
 
     Parameters
     ----------
     counts : mapping
         Body -> its numbers of axial and of transverse shapes.
-    block, point_block : callable
-        From a body, or from a body and a point's name, to its block of numbers.
     kinds : sequence
         The pairs of counts that there are.
+    measure : float
+        What counts as one in lengths [m].
+
+    Returns
+    -------
+    tables, layout, sizes
+        sizes: of the room for real and for complex factors.
     """
     order = _order(mechanism)
-    sections = _sections(mechanism, order, counts)
-    index = {key: k for k, key in enumerate(sections)}
-    blocks: list[np.ndarray] = []
-    filled = 0
-
-    def put(numbers: np.ndarray) -> int:
-        nonlocal filled
-        blocks.append(numbers)
-        filled += len(numbers)
-        return filled - len(numbers)
-
-    bodies = np.zeros((len(order), BODY_FIELDS), np.int64)
-    joints = np.zeros((len(order), 6))
-    table = np.full((len(sections), SECTION_FIELDS), -1, np.int64)
+    names = _sections(mechanism, order)
+    index = {key: k for k, key in enumerate(names)}
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
-    names: list[tuple[str, str]] = []
+    numbers, coordinates = _Numbers(), []
+    bodies = np.zeros((len(order), at.NUMBERS + 1), np.int64)
+    sections = np.full((len(names), 3), -1, np.int64)
+    hold: list[tuple[float, float]] = []
     row = square = jacobian = 0
     for k, (body, joint, child) in enumerate(order):
-        shapes = sum(counts.get(body, (0, 0))[:2])
-        own = [n for n, (owner, _) in enumerate(sections) if owner == body]
-        dof = 3 if joint is None else int(joint.kind != "weld")
-        inboard = (body, "start") if joint is None else _key(joint.sides[child])
-        parent = 0 if joint is None else index[_key(joint.sides[1 - child])]
-        kind = FREE if joint is None else _KINDS[joint.kind]
-        course = prescribed.index(joint.name) if joint is not None and joint.name in prescribed else -1
-        pair = tuple(counts.get(body, (0, 0))[:2])
-        bodies[k] = (
-            kinds.index(pair), put(block(body)), len(names), dof, kind, len(names) + dof, shapes, parent,
-            index[inboard], course, own[0], own[-1] + 1, row, square,
-        )  # fmt: skip
+        axial, transverse = pair = tuple(counts.get(body, (0, 0))[:2])
+        shapes, own = axial + transverse, [n for n, (owner, _) in enumerate(names) if owner == body]
         for n in own:
-            table[n] = k, put(point_block(*sections[n])), jacobian
+            sections[n] = k, numbers.put(blocks.point(*names[n])), jacobian
             jacobian += 3 * (3 + shapes)
+        block = blocks.body(body)
         if joint is None:
-            joints[k, 0] = 1.0
+            kind, units, inboard, parent, course = at.FREE, ("m", "m", "rad"), (body, "start"), 0, -1
+            joint_numbers, held = (1.0, 0.0, 1.0, 0.0), [(0.0, 0.0)] * 3
         else:
-            joints[k] = _tree_joint(mechanism, joint, child)
-        owner = body if joint is None else joint.name
-        names += [(owner, str(j)) for j in range(dof)] + [(body, f"mode {j}") for j in range(shapes)]
+            kind, inboard, parent = _KINDS[joint.kind], _key(joint.sides[child]), index[_key(joint.sides[1 - child])]
+            units = {at.WELD: (), at.REVOLUTE: ("rad",), at.PRISMATIC: ("m",)}[kind]
+            course = prescribed.index(joint.name) if joint.name in prescribed else -1
+            joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
+        bodies[k] = (
+            kinds.index(pair), numbers.put(block), len(coordinates), len(units), kind, len(coordinates) + len(units),
+            shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square, numbers.put(joint_numbers),
+        )  # fmt: skip
+        hold += held + _shape_holding(block, axial, transverse)
+        coordinates += [(body if joint is None else joint.name, unit) for unit in units] + [(body, "m")] * shapes
         row += 3 + shapes
         square += (3 + shapes) ** 2
-    fixed = np.array([(*_ground(mechanism, name), 0.0) for owner, name in sections if owner == GROUND])
-    inboard_joints = [joint for _, joint, _ in order]
-    cuts, guides, cut_names = _cuts(mechanism, inboard_joints, index, prescribed)
-    drives, slides = _drives(mechanism, order, bodies, index)
-    loads, directions = _loads(mechanism, index)
-    springs, rates = _springs(mechanism, index)
-    stiffness, damping = np.zeros(len(names)), np.zeros(len(names))
-    for k in range(len(order)):
-        if bodies[k, DOF] == 1:
-            stiffness[bodies[k, FIRST]], damping[bodies[k, FIRST]] = joints[k, 4:6]
-    tree = Tree(
-        bodies, joints, table, cuts, guides, drives, slides, loads, directions, springs, rates,
-        np.concatenate(blocks), fixed.ravel(), np.array(mechanism.gravity, float), stiffness, damping,
-    )  # fmt: skip
-    layout = Layout(
-        tuple(body for body, _, _ in order), tuple(None if j is None else j.name for j in inboard_joints), index,
-        tuple(cut_names), tuple(names),
-    )  # fmt: skip
-    return tree, layout
+    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers)
+    plan = np.zeros(at.PLAN, np.int64)
+    n, reactions = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
+    works = 1 + len(mechanism.loads) + len(prescribed)
+    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
+    plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.ACTS]] = ranges
+    spans = {
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * len(names), at.LOCAL: at.SEC * len(names),
+        at.FRAME: at.FRAME_SIZE * len(order), at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
+        at.COURSE: 3 * len(prescribed), at.X: 2 * len(mechanism.drives), at.SIZE: len(mechanism.loads),
+        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
+        at.JOINTS: 3 * len(order), at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
+        at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
+        at.MIDDLE: at.SEC * len(names), at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
+        at.STAGE_R: 3 * reactions, at.LAST_A: 3 * n, at.LAST_R: 3 * reactions, at.RESISTING: 3 * row,
+    }  # fmt: skip
+    for what, count in spans.items():
+        plan[what] = numbers.room(count)
+    plan[at.GRAVITY] = numbers.put(mechanism.gravity)
+    plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
+    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
+    factors = {
+        at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (reactions + 1) * n,
+        at.SCHUR: reactions**2, at.PUSH: row, at.REACTION: reactions,
+    }  # fmt: skip
+    size = 0
+    for what, count in factors.items():
+        plan[what], size = size, size + count
+    ends = at.PLAN
+    for what in (at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT, at.PIVOTS, at.PAIR_PIVOTS):
+        plan[what], ends = ends, ends + reactions
+    plan = np.concatenate([plan, np.zeros(ends - at.PLAN, np.int64)])
+    w = np.concatenate(numbers.parts)
+    _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in names if owner == GROUND])
+    inboard = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
+    layout = Layout(tuple(body for body, _, _ in order), inboard, index, tuple(cut_names), tuple(coordinates))
+    return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
+
+
+def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]) -> None:
+    """What never changes: sections of the ground, and points of bodies without shapes in their axes."""
+    for k, place in enumerate(ground):
+        w[plan[at.SECTION] + at.SEC * k : plan[at.SECTION] + at.SEC * k + 2] = place
+    for k, (owner, point, _) in enumerate(sections):
+        if owner >= 0:
+            w[plan[at.LOCAL] + at.SEC * k : plan[at.LOCAL] + at.SEC * k + 2] = w[point + 1 : point + 3]
+
+
+def _shape_holding(block: np.ndarray, axial: int, transverse: int) -> list[tuple[float, float]]:
+    """Stiffness and damping of a body's every shape by itself."""
+    found, filled = {}, 0
+    for name, shape in block_shapes(BODY_BLOCK, axial, transverse).items():
+        found[name] = block[filled : filled + math.prod(shape)].reshape(shape)
+        filled += math.prod(shape)
+    return list(zip(found["K"].tolist(), np.diag(found["C"]).tolist(), strict=True))
+
+
+def _holding(mechanism: Mechanism, joint: Joint) -> tuple[float, float]:
+    """Stiffness and damping of the springs at a joint."""
+    springs = [spring for spring in mechanism.springs.values() if spring.joint == joint.name]
+    return sum(float(spring.stiffness) for spring in springs), sum(float(spring.damping) for spring in springs)
 
 
 def _key(point: BodyPoint) -> tuple[str, str]:
     return point.body, point.name
 
 
-def _order(mechanism: Mechanism) -> list[tuple[str, Joint | None, int]]:
-    """Every body with its inboard joint (None: it floats freely) and which of the joint's sides is its own.
+def _order(mechanism: Mechanism) -> list[Branch]:
+    """Every body with its branch of the tree.
 
     From the ground outwards, over the joints that leave least open first: prescribed ones and welds, pins, guides. What
     no joint connects with the ground hangs on it by a free joint.
@@ -164,7 +197,7 @@ def _order(mechanism: Mechanism) -> list[tuple[str, Joint | None, int]]:
             return 0
         return 1 if drive is not None else 2
 
-    found: list[tuple[str, Joint | None, int]] = []
+    found: list[Branch] = []
     reached = [GROUND]
     waiting = list(mechanism.bodies)
     while waiting:
@@ -184,90 +217,87 @@ def _order(mechanism: Mechanism) -> list[tuple[str, Joint | None, int]]:
     return found
 
 
-def _sections(mechanism: Mechanism, order, counts) -> list[tuple[str, str]]:
-    """(body, point) of every section, the ground's first, then body by body; spread loads have one of their own."""
-    points = [side for joint in mechanism.joints.values() for side in joint.sides]
-    points += [side for spring in mechanism.springs.values() for side in spring.sides]
+def _points(mechanism: Mechanism) -> Iterator[BodyPoint]:
+    """Points at which joints, springs and loads act; a load spread over a body acts on a section of its own."""
+    for held in (*mechanism.joints.values(), *mechanism.springs.values()):
+        yield from held.sides
     for load in mechanism.loads.values():
-        points += [load.point] if load.point is not None else []
-        points += [load.spread[0], BodyPoint(load.spread[0].body, f"loads.{load.name}", (0.0, 0.0))] if load.spread else []
-    found = {(GROUND, "start"): None} | {_key(point): None for point in points if point.body == GROUND}
-    for body, joint, _ in order:
-        if joint is None:
-            found[(body, "start")] = None
-        found |= {_key(point): None for point in points if point.body == body}
-    return list(found)
+        if load.point is not None:
+            yield load.point
+        if load.spread is not None:
+            yield load.spread[0]
+            yield BodyPoint(load.spread[0].body, f"loads.{load.name}", (0.0, 0.0))
+
+
+def _sections(mechanism: Mechanism, order: Sequence[Branch]) -> list[tuple[str, str]]:
+    """(body, point) of every section, the ground's first, then body by body."""
+    points = [_key(point) for point in _points(mechanism)]
+    floating = [(body, "start") for body, joint, _ in order if joint is None]
+    owners = [GROUND, *(body for body, _, _ in order)]
+    wanted = dict.fromkeys([(GROUND, "start"), *floating, *points])
+    return [key for owner in owners for key in wanted if key[0] == owner]
 
 
 def _ground(mechanism: Mechanism, name: str) -> tuple[float, float]:
-    points = [side for joint in mechanism.joints.values() for side in joint.sides]
-    points += [side for spring in mechanism.springs.values() for side in spring.sides]
-    return next((point.at for point in points if _key(point) == (GROUND, name)), (0.0, 0.0))
+    return next((point.at for point in _points(mechanism) if _key(point) == (GROUND, name)), (0.0, 0.0))
 
 
-def _tree_joint(mechanism: Mechanism, joint: Joint, child: int) -> tuple[float, ...]:
-    """Sign of the coordinate, angle and direction of the child's section in the parent's, and springs at the joint.
+def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
+    """Sign of the coordinate, angle and direction of the child's section in the parent's.
 
     Where the child is the joint's first body all is seen from its second: the direction turns back by the angle.
     """
     sign = 1.0 if child == 1 else -1.0
     angle = sign * float(joint.angle) if joint.kind != "revolute" else 0.0
-    d = joint.direction
+    x, y = joint.direction
     if child == 0:
         c, s = math.cos(joint.angle), math.sin(joint.angle)
-        d = (-(c * d[0] + s * d[1]), -(c * d[1] - s * d[0]))
-    springs = [spring for spring in mechanism.springs.values() if spring.joint == joint.name]
-    k, c_ = sum(float(s.stiffness) for s in springs), sum(float(s.damping) for s in springs)
-    return sign, angle, float(d[0]), float(d[1]), k, c_
+        x, y = -(c * x + s * y), -(c * y - s * x)
+    return sign, angle, float(x), float(y)
 
 
-def _cuts(mechanism: Mechanism, inboard, index, prescribed) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    fields, guides, names, row = [], [], [], 0
-    taken = {joint.name for joint in inboard if joint is not None}
+def _acts(
+    mechanism: Mechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
+    prescribed: Sequence[str], numbers: _Numbers,
+) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
+    """Cuts, drives, loads and springs; where each kind of them begins, and the end; the cuts' joints."""
+    taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
+    found: list[tuple[int, ...]] = []
+    ends, names, row = [0], [], 0
+
+    def sides(of: Joint) -> tuple[int, int]:
+        return index[_key(of.first)], index[_key(of.second)]
+
     for joint in mechanism.joints.values():
         if joint.name in taken:
             continue
         kinds = [(_KINDS[joint.kind], -1)]
         if joint.name in prescribed:
-            kinds.append((SLIDE if joint.slides else TURN, prescribed.index(joint.name)))
+            kinds.append((at.SLIDE if joint.slides else at.TURN, prescribed.index(joint.name)))
         for kind, course in kinds:
-            fields.append((kind, *(index[_key(side)] for side in joint.sides), course, row))
-            guides.append((*joint.direction, joint.angle if kind in (WELD, PRISMATIC) else 0.0))
+            angle = float(joint.angle) if kind in (at.WELD, at.PRISMATIC) else 0.0
+            found.append((kind, *sides(joint), course, row, numbers.put([*joint.direction, angle])))
             names.append(joint.name)
             row += ROWS[kind]
-    return np.array(fields, np.int64).reshape(-1, CUT_FIELDS), np.array(guides, float).reshape(-1, 3), names
-
-
-def _drives(mechanism: Mechanism, order, bodies, index) -> tuple[np.ndarray, np.ndarray]:
-    place = {joint.name: int(bodies[k, FIRST]) for k, (_, joint, _) in enumerate(order) if joint is not None}
-    fields, slides = [], []
+    ends.append(len(found))
     for name in mechanism.drives:
         joint = mechanism.joints[name]
-        kind = SLIDE if joint.slides else TURN
-        fields.append((place.get(name, -1), kind, *(index[_key(side)] for side in joint.sides)))
-        slides.append(joint.direction)
-    return np.array(fields, np.int64).reshape(-1, 4), np.array(slides, float).reshape(-1, 2)
-
-
-def _loads(mechanism: Mechanism, index) -> tuple[np.ndarray, np.ndarray]:
-    """Kind, section, and the section that the direction turns with, or the second one of a torque."""
-    fields, directions = [], []
+        place = int(bodies[taken[name], at.FIRST]) if name in taken else -1
+        kind = at.SLIDE if joint.slides else at.TURN
+        found.append((kind, *sides(joint), place, -1, numbers.put(joint.direction)))
+    ends.append(len(found))
     for load in mechanism.loads.values():
         if load.joint is not None:
-            first, second = (index[_key(side)] for side in mechanism.joints[load.joint].sides)
-            fields.append((TORQUE, first, second))
-            directions.append((0.0, 0.0))
+            found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), -1, -1, -1))
             continue
-        at = load.point if load.spread is None else load.spread[0]
-        on = index[_key(at)] if load.spread is None else index[(at.body, f"loads.{load.name}")]
-        fields.append((FORCE if load.axes == "global" else FOLLOWER, on, index[_key(at)]))
-        directions.append(load.direction)
-    return np.array(fields, np.int64).reshape(-1, 3), np.array(directions, float).reshape(-1, 2)
-
-
-def _springs(mechanism: Mechanism, index) -> tuple[np.ndarray, np.ndarray]:
-    """Whether it is torsional, its sections; stiffness, damping, free length or angle."""
-    springs = mechanism.springs.values()
-    fields = [(int(s.joint is not None), *(index[_key(side)] for side in s.sides)) for s in springs]
-    rates = [(s.stiffness, s.damping, s.free) for s in springs]
-    return np.array(fields, np.int64).reshape(-1, 3), np.array(rates, float).reshape(-1, 3)
+        point = load.point if load.spread is None else load.spread[0]
+        on = index[_key(point) if load.spread is None else (point.body, f"loads.{load.name}")]
+        kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
+        found.append((kind, on, index[_key(point)], -1, -1, numbers.put(load.direction)))
+    ends.append(len(found))
+    for spring in mechanism.springs.values():
+        kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL
+        place = numbers.put([spring.stiffness, spring.damping, spring.free])
+        found.append((kind, *(index[_key(side)] for side in spring.sides), -1, -1, place))
+    ends.append(len(found))
+    return np.array(found, np.int64).reshape(-1, 6), ends, names

@@ -1,0 +1,151 @@
+"""A mechanism's tables with its structure's kernels: what is asked of the compiled engine, as numpy sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.multibody import collocation, tables as at, unfolding
+from kaneflex.multibody.collocation import Table
+from kaneflex.multibody.topology import Layout
+
+_FIRM, _RANK = 1e-4, 1e-9
+"""Shares of a row's largest derivative: a joint's coordinate with a larger one is dependent before any shape; below the
+second one a row follows from the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Engine:
+    """The tables of one mechanism and the kernels of its structure.
+
+    Attributes
+    ----------
+    kernels : tuple
+        Of the structure's module, in the order of :mod:`kaneflex.multibody.tables`.
+    p : ndarray
+        The module's PARAMETERS with its tables.
+    real, pair : ndarray
+        Room for factors.
+    """
+
+    tables: at.Tables
+    layout: Layout
+    kernels: tuple
+    p: np.ndarray
+    real: np.ndarray
+    pair: np.ndarray
+
+    def count(self, of: int) -> int:
+        """A number of the plan."""
+        return int(self.tables.plan[of])
+
+    def numbers(self, where: int, count: int) -> np.ndarray:
+        """A view of numbers of the tables."""
+        first = self.count(where)
+        return self.tables.w[first : first + count]
+
+    @property
+    def size(self) -> int:
+        """Coordinates of the tree."""
+        return self.count(at.COORDINATES)
+
+    @property
+    def motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Views of coordinates, rates, accelerations and reactions of the cuts."""
+        n = self.size
+        return (*(self.numbers(part, n) for part in (at.Y, at.RATE, at.ACCEL)),
+                self.numbers(at.NOW, self.count(at.REACTIONS)))  # fmt: skip
+
+    def fold(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Take coordinates and rates of the bodies, in the order of the tree."""
+        unfolding.fold(self.tables, *self.kernels, q, v)
+
+    def openings(self, t: float) -> np.ndarray:
+        """How far every row of the cuts is open [m or rad] where the coordinates are."""
+        out = np.zeros(self.count(at.REACTIONS))
+        unfolding.openings(self.tables, *self.kernels, self.p, t, out)
+        return out
+
+    def choose(self, t: float) -> np.ndarray:
+        """Choose the dependent coordinates at the place of the coordinates; rows that follow from others are dropped.
+
+        Joints' coordinates come first, the one with the largest share in a row at a time; shapes where those are too
+        few, as in a frame that can't move. Returns the rows that are dropped.
+        """
+        self.openings(t)
+        plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
+        G = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
+        joints, shapes = self._free_columns()
+        left, kept, dependent = list(range(rows)), [], []
+        G = G / np.maximum(abs(G).max(axis=1, initial=0.0), 1e-300)[:, None]
+        for columns, least in ((joints, _FIRM), (joints + shapes, _RANK)):
+            columns = [k for k in columns if k not in dependent]
+            while left and columns:
+                part = abs(G[np.ix_(left, columns)])
+                i, j = np.unravel_index(int(part.argmax()), part.shape)
+                if part[i, j] < least:
+                    break
+                row, column = left.pop(i), columns.pop(j)
+                kept.append(row)
+                dependent.append(column)
+                for other in left:
+                    G[other] -= G[other, column] / G[row, column] * G[row]
+        order = np.argsort(kept)
+        kept, dependent = [np.array(part, int)[order] for part in (kept, dependent)]
+        cut_rows = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT]
+        for where, values in (
+            (at.ROW_OF, kept), (at.DEPENDENT, dependent), (at.CUT_OF, np.searchsorted(cut_rows, kept, side="right") - 1),
+        ):  # fmt: skip
+            first = self.count(where)
+            plan[first : first + len(kept)] = values
+        plan[at.KEPT], plan[at.BENDS] = len(kept), bool(set(dependent.tolist()) & set(shapes))
+        return np.array(left, int)
+
+    def _free_columns(self) -> tuple[list[int], list[int]]:
+        """Coordinates of joints that no drive prescribes, and of shapes."""
+        joints: list[int] = []
+        shapes: list[int] = []
+        for fields in self.tables.bodies:
+            if fields[at.COURSE_OF] < 0:
+                joints += range(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
+            shapes += range(fields[at.MODAL], fields[at.MODAL] + fields[at.SHAPES])
+        return joints, shapes
+
+    @property
+    def dependent(self) -> np.ndarray:
+        """Coordinates that follow from the loops."""
+        first = self.count(at.DEPENDENT)
+        return self.tables.plan[first : first + self.count(at.KEPT)]
+
+    def settle(self, t: float) -> bool:
+        """Close the loops where the independent coordinates are, and find accelerations and reactions there."""
+        return bool(collocation.settle(self.tables, *self.kernels, self.p, t, self.real))
+
+    def integrate(
+        self, table: Table, control: np.ndarray, here: np.ndarray, given: np.ndarray, times: np.ndarray,
+        rows: np.ndarray, counts: np.ndarray, ends: np.ndarray,
+    ) -> int:  # fmt: skip
+        """See :func:`kaneflex.multibody.collocation.integrate`."""
+        return int(collocation.integrate(
+            self.tables, *self.kernels, self.p, table, control, here, given, times, rows, counts, ends, self.real,
+            self.pair,
+        ))  # fmt: skip
+
+    def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...] | None:
+        """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration; None: singular."""
+        count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
+        widths = (size, size, size, 3 * bodies + self.count(at.REACTIONS), 4, self.count(at.WORKS))
+        out = tuple(np.zeros((count, width)) for width in widths)
+        done = unfolding.unfold(self.tables, *self.kernels, self.p, np.ascontiguousarray(rows), *out)
+        return out if done else None
+
+
+def compile_engine(functions: Sequence | None = None) -> None:
+    """Compile what all mechanisms share, once on a machine: importing these files compiles nothing."""
+    known = collocation.SIGNATURES | unfolding.SIGNATURES
+    for function in functions or known:
+        if not function.overloads:
+            function.compile(known[function])
+            function.disable_compile()

@@ -1,0 +1,153 @@
+"""Compiled ways between the tree's coordinates and those of the bodies, with energies and what joints exert."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+from numba.types import boolean, float64, void
+
+from kaneflex.generated import joints as laws
+from kaneflex.multibody import collocation, dense_lu, loops, recursion, tables, tree
+from kaneflex.multibody.collocation import MATRIX, energies, powers
+from kaneflex.multibody.loops import bent, follow, gradient
+from kaneflex.multibody.tables import (
+    ACCEL, BODIES, COORDINATES, CUT, CUTS, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
+    KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, POINT, POWER, PRISMATIC, RATE, REACTIONS,
+    REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SUMS, TABLES, WELD, WORKS, V, Y,
+)  # fmt: skip
+from kaneflex.multibody.tree import cut_rows, deform, place, prescribe, resist, turned
+from kaneflex.support.fingerprint import made_of
+
+_made_of_parts = made_of(*(m.__file__ for m in (collocation, dense_lu, laws, loops, recursion, tables, tree)))
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def fold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, q, v):
+    """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
+    plan, w = m.plan, m.w
+    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    k = 0
+    for b in range(plan[BODIES]):
+        f, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL]
+        w[f], w[f + 1], w[f + 2], w[f + 3], w[f + 4] = q[k], q[k + 1], q[k + 2], math.cos(q[k + 2]), math.sin(q[k + 2])
+        w[f + 5], w[f + 6], w[f + 7] = v[k], v[k + 1], v[k + 2]
+        for j in range(m.bodies[b, SHAPES]):
+            w[plan[Y] + i + j], w[plan[RATE] + i + j] = q[k + 3 + j], v[k + 3 + j]
+        k += 3 + m.bodies[b, SHAPES]
+    deform(m, kernels)
+    for b in range(plan[BODIES]):
+        f = plan[FRAME] + FRAME_SIZE * b
+        c, s, omega = w[f + 3], w[f + 4], w[f + 7]
+        for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
+            k, l, share = plan[SECTION] + SEC * n, plan[LOCAL] + SEC * n, w[m.sections[n, POINT]]
+            arm_x, arm_y = c * w[l] - s * w[l + 1], s * w[l] + c * w[l + 1]
+            w[k], w[k + 1], w[k + 2] = share * w[f] + arm_x, share * w[f + 1] + arm_y, w[f + 2] + w[l + 2]
+            w[k + 3] = share * w[f + 5] - omega * arm_y + c * w[l + 3] - s * w[l + 4]
+            w[k + 4] = share * w[f + 6] + omega * arm_x + s * w[l + 3] + c * w[l + 4]
+            w[k + 5] = omega + w[l + 5]
+    for b in range(plan[BODIES]):
+        up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
+        y, r, j = plan[Y] + m.bodies[b, FIRST], plan[RATE] + m.bodies[b, FIRST], m.bodies[b, NUMBERS]
+        if m.bodies[b, JOINT] == REVOLUTE:
+            w[y], w[r] = w[j] * (w[own + 2] - w[up + 2] - w[j + 1]), w[j] * (w[own + 5] - w[up + 5])
+        elif m.bodies[b, JOINT] == PRISMATIC:
+            d_x, d_y = turned(w, w[up + 2], j + 2)
+            x, z = w[own] - w[up], w[own + 1] - w[up + 1]
+            w[y] = d_x * x + d_y * z
+            w[r] = d_x * (w[own + 3] - w[up + 3]) + d_y * (w[own + 4] - w[up + 4]) + w[up + 5] * (d_x * z - d_y * x)
+        elif m.bodies[b, JOINT] == FREE:
+            for i in range(3):
+                w[y + i], w[r + i] = w[own + i], w[own + 3 + i]
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, rows, q, v, a, exerted, sums, rates):
+    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and what it costs.
+
+    exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
+    the cuts' reactions; on the joint's second body. sums: kinetic energy, strain energy, dissipated power, potential
+    energy of the weight. rates: powers of dissipation, loads, drives. False where a loop doesn't close.
+    """
+    plan, w = m.plan, m.w
+    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    n = plan[COORDINATES]
+    for row in range(rows.shape[0]):
+        for i in range(n):
+            w[plan[Y] + i], w[plan[RATE] + i] = rows[row, 1 + i], rows[row, 1 + n + i]
+            w[plan[ACCEL] + i] = rows[row, 1 + 2 * n + i]
+        for r in range(plan[REACTIONS]):
+            w[plan[NOW] + r] = rows[row, 1 + 3 * n + r]
+        if not follow(m, kernels, p, rows[row, 0]):
+            return False
+        resist(m, kernels, p, rows[row, 0])
+        powers(m, kernels)
+        k = 0
+        for b in range(plan[BODIES]):
+            f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
+            for j in range(3):
+                q[row, k + j], v[row, k + j], a[row, k + j] = w[f + j], w[f + 5 + j], w[f + 8 + j]
+            for j in range(size):
+                q[row, k + 3 + j], v[row, k + 3 + j] = w[plan[Y] + i + j], w[plan[RATE] + i + j]
+                a[row, k + 3 + j] = w[plan[ACCEL] + i + j]
+            k += 3 + size
+            exerted[row, 3 * b], exerted[row, 3 * b + 1], exerted[row, 3 * b + 2] = _exerted(m, b)
+        for r in range(plan[REACTIONS]):
+            exerted[row, 3 * plan[BODIES] + r] = w[plan[NOW] + r]
+        for j in range(4):
+            sums[row, j] = w[plan[SUMS] + j]
+        for j in range(plan[WORKS]):
+            rates[row, j] = w[plan[POWER] + j]
+    return True
+
+
+@njit(**OPTIONS)
+def _exerted(m, b):
+    """What a body's inboard joint exerts on the joint's second body, by the rows of the joint, then along its coordinate.
+
+    ``NUMBERS`` has a sign of -1 where the body is the first one: then its normal force has the guide's arm besides.
+    """
+    plan, w = m.plan, m.w
+    k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
+    x, z, turn, sign = w[k], w[k + 1], w[k + 2], w[j]
+    if m.bodies[b, JOINT] != PRISMATIC:
+        return sign * x, sign * z, sign * turn
+    up, own = plan[SECTION] + SEC * m.bodies[b, PARENT], plan[SECTION] + SEC * m.bodies[b, INBOARD]
+    d_x, d_y = turned(w, w[up + 2], j + 2)
+    normal, along = d_x * z - d_y * x, d_x * x + d_y * z
+    if sign < 0.0:  # the direction is turned round with the sides: n . F and d . F keep their signs
+        arm = d_x * (w[own] - w[up]) + d_y * (w[own + 1] - w[up + 1])
+        turn = -turn - normal * arm
+    return normal, turn, along
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def openings(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, out):
+    """Residuals of all rows of the cuts where the coordinates put them; at GRADIENT their derivatives by all of y."""
+    plan, w = m.plan, m.w
+    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    prescribe(m, kernels, p, t)
+    deform(m, kernels)
+    place(m)
+    cut_rows(m)
+    bent(m, kernels)
+    n = plan[COORDINATES]
+    for i in range(plan[REACTIONS] * n):
+        w[plan[GRADIENT] + i] = 0.0
+    for cut in range(plan[CUTS], plan[DRIVES]):
+        after = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[DRIVES] else plan[REACTIONS]
+        for row in range(m.acts[cut, ROW_AT], after):
+            gradient(m, row, cut, True, plan[GRADIENT] + n * row)
+            out[row] = w[plan[CUT] + 9 * row]
+
+
+_STRUCTURE = (TABLES, *KERNELS.types)
+SIGNATURES = {
+    fold: void(*_STRUCTURE, V, V),
+    unfold: boolean(*_STRUCTURE, V, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX),
+    openings: void(*_STRUCTURE, V, float64, V),
+}
+"""What is compiled once for the mechanisms of all scenes, and for which arguments."""
