@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
-from kaneflex.multibody import collocation, tables as at, unfolding
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.multibody import collocation, unfolding
+from kaneflex.multibody import tables as at
+from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.collocation import Table
-from kaneflex.multibody.topology import Layout
+from kaneflex.multibody.topology import Layout, build_tables
 
 _FIRM, _RANK = 1e-4, 1e-9
 """Shares of a row's largest derivative: a joint's coordinate with a larger one is dependent before any shape; below the
@@ -57,6 +61,23 @@ class Engine:
         n = self.size
         return (*(self.numbers(part, n) for part in (at.Y, at.RATE, at.ACCEL)),
                 self.numbers(at.NOW, self.count(at.REACTIONS)))  # fmt: skip
+
+    def row(self, t: float) -> np.ndarray:
+        """The motion as it stands at t [s], as a row of the integration; no work has been done."""
+        return np.concatenate([[t], *self.motion, np.zeros(self.count(at.WORKS))])
+
+    def stand(self, row: np.ndarray) -> None:
+        """Take the motion of a row."""
+        first = 1
+        for part in self.motion:
+            part[:] = row[first : first + len(part)]
+            first += len(part)
+
+    def courses(self, t: float) -> dict[str, float]:
+        """Coordinates that the drives prescribe at t [s], by joint [rad or m]."""
+        out = np.zeros(3 * len(self.layout.driven))
+        self.kernels[at.COURSES](t, self.p, out, 0)
+        return dict(zip(self.layout.driven, out[::3].tolist(), strict=True))
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Take coordinates and rates of the bodies, in the order of the tree."""
@@ -140,6 +161,21 @@ class Engine:
         out = tuple(np.zeros((count, width)) for width in widths)
         done = unfolding.unfold(self.tables, *self.kernels, self.p, np.ascontiguousarray(rows), *out)
         return out if done else None
+
+
+def build_engine(mechanism: NumericMechanism, module: ModuleType, blocks: Blocks, p: np.ndarray) -> Engine:
+    """The engine of a mechanism, with its structure's module and the module's parameters; at rest, no loop closed."""
+    tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, module.KINDS, blocks, mechanism.size)
+    kernels = tuple(getattr(module, name) for name in at.KERNEL_NAMES)
+    return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))
+
+
+def compile_kernels(module: ModuleType) -> None:
+    """Compile the kernels of a structure's module."""
+    for name, kind in zip(at.KERNEL_NAMES, at.KERNELS.types, strict=True):
+        kernel = getattr(module, name)
+        if not kernel.overloads:
+            kernel.compile(kind.signature.args)
 
 
 def compile_engine(functions: Sequence | None = None) -> None:

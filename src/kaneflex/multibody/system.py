@@ -1,4 +1,4 @@
-"""A scene bound to its coupled module: kernels, numbers, and how the state is laid out."""
+"""A scene bound to its coupled module: the engine's tables, numbers, and how the state is laid out."""
 
 from __future__ import annotations
 
@@ -11,111 +11,175 @@ import numpy as np
 
 from kaneflex.fem.links import Link, build_link, mesh
 from kaneflex.mechanism.floating_frames import frame_of, modes_of, shape_counts, stations
+from kaneflex.mechanism.joints import coordinate, drive_reaction, reactions, residuals
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.planar import Pose, pose_at
+from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module
-from kaneflex.multibody.inertia_integrals import body_numbers
+from kaneflex.multibody.blocks import Blocks
+from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.shape_families import check_family
 from kaneflex.multibody.shapes import Shapes, alike, link_shapes, spanned
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
-MOST_MODES = 12
-"""Modes of a link beyond which deriving its equations would take minutes."""
+MOST_MODES = 40
+"""Modes of a link that the equations take."""
 BODY = 3
 """Coordinates x, y, phi of every body, before its modal ones."""
-_RANK = 1e-9
-"""Share of a unit vector below which a direction counts as none."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoupledSystem:
     """The coupled equations of a scene with its numbers.
 
+    The engine moves a tree of bodies by joint coordinates and shapes; here a state is that of the bodies, each by its
+    frame and its shapes: q, v (size,) in the order of ``coordinates``.
+
     Attributes
     ----------
     module : ModuleType
-        Generated kernels ``equations``, ``constraints``, ``tangent`` and ``energy``.
-    parameters : ndarray
-        Their argument p.
+        Generated: bodies and joints, courses of drives and sizes of loads.
+    engine : Engine
+    mechanism : NumericMechanism
     links, shapes : mapping of str
         Finite elements and modal coordinates of every elastic link.
     """
 
     module: ModuleType
-    parameters: np.ndarray
+    engine: Engine
+    mechanism: NumericMechanism
     links: Mapping[str, Link]
     shapes: Mapping[str, Shapes]
 
     @property
     def size(self) -> int:
         """Coordinates of all bodies."""
-        return len(self.module.COORDINATES)
+        return len(self.coordinates)
+
+    @cached_property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of every body's coordinates: its frame's x, y, phi, then its shapes."""
+        found: list[tuple[str, str]] = []
+        for body, (axial, transverse, *_) in self.module.BODIES.items():
+            found += [(f"{body}.x", "m"), (f"{body}.y", "m"), (f"{body}.phi", "rad")]
+            found += [(f"{body}.axial_{k}", "m") for k in range(axial)]
+            found += [(f"{body}.transverse_{k}", "m") for k in range(transverse)]
+        return tuple(found)
+
+    @cached_property
+    def reactions(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning of what joints exert, then of forces and torques of prescribed drives."""
+        joints = self.mechanism.joints
+        found = [row for joint in joints.values() for row in reactions(joint)]
+        driven = [name for name, drive in self.mechanism.drives.items() if not drive.free]
+        return (*found, *(drive_reaction(joints[name]) for name in driven))
 
     @property
     def constraints(self) -> tuple[str, ...]:
-        """Names of the multipliers: joint reactions, then forces and torques of prescribed drives."""
-        return tuple(name for name, *_ in self.module.CONSTRAINTS)
+        """Names of the reactions."""
+        return tuple(name for name, *_ in self.reactions)
 
     @cached_property
     def start(self) -> dict[str, int]:
         """Body -> where its coordinates begin in q."""
         found, offset = {}, 0
-        for name, (axial, transverse) in self.module.BODIES.items():
+        for name, (axial, transverse, *_) in self.module.BODIES.items():
             found[name] = offset
             offset += BODY + axial + transverse
         return found
 
     def modal(self, body: str) -> slice:
         """Where a body's modal coordinates are in q."""
-        first = self.start[body] + BODY
-        return slice(first, first + sum(self.module.BODIES[body]))
+        first, (axial, transverse, *_) = self.start[body] + BODY, self.module.BODIES[body]
+        return slice(first, first + axial + transverse)
 
-    def compile(self) -> None:
-        """Call every kernel once, so that compiling is seen and timed apart from computing."""
-        n, m = self.size, len(self.constraints)
-        q, v, a, multipliers = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m)
-        self.module.equations(0.0, q, v, self.parameters, np.zeros((n, n)), np.zeros(n))
-        self.module.constraints(0.0, q, v, self.parameters, np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m))
-        self.module.tangent(0.0, q, v, a, multipliers, self.parameters, np.zeros((n + m, n)), np.zeros((n + m, n)))
-        self.module.energy(0.0, q, v, self.parameters, np.zeros(3 + len(self.module.LOADS)))
+    @cached_property
+    def _order(self) -> np.ndarray:
+        """Where each coordinate of the bodies in the order of the tree is in q."""
+        ranges = [range(self.start[body], self.modal(body).stop) for body in self.engine.layout.bodies]
+        return np.array([k for part in ranges for k in part], int)
+
+    @cached_property
+    def _exerted(self) -> np.ndarray:
+        """Which of the engine's reactions each of ``reactions`` is."""
+        layout, place = self.engine.layout, {}
+        for k, (name, _) in enumerate(layout.inboard):
+            if name is not None:
+                joint = self.mechanism.joints[name]
+                rows = [row for row, *_ in reactions(joint)]
+                own = [3 * k, 3 * k + 1, 3 * k + 2]
+                place |= dict(zip([*rows, f"{name}.drive"], own, strict=False))
+        first, acts = 3 * len(layout.bodies), self.engine.tables.acts
+        for name, fields in zip(layout.cuts, acts, strict=False):
+            joint, row = self.mechanism.joints[name], first + int(fields[at.ROW_AT])
+            drives = fields[at.WHAT] in (at.TURN, at.SLIDE)
+            names = [f"{name}.drive"] if drives else [row_name for row_name, *_ in reactions(joint)]
+            place |= {each: row + j for j, each in enumerate(names)}
+        return np.array([place[name] for name in self.constraints], int)
 
     def measure(self, length: float) -> np.ndarray:
         """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
-        return np.where([unit == "rad" for _, unit in self.module.COORDINATES], 1.0, length)
-
-    def accelerations(
-        self, t: float, q: np.ndarray, v: np.ndarray, still: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q'', the multipliers and the constraints' partial rates in time, of a state that satisfies them.
-
-        Coordinates ``still`` are not accelerated, as far as the constraints don't accelerate them.
-        Raises LinAlgError where the constraints determine neither.
-        """
-        n, m = self.size, len(self.constraints)
-        M, f = np.zeros((n, n)), np.zeros(n)
-        g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m)
-        self.module.equations(t, q, v, self.parameters, M, f)
-        self.module.constraints(t, q, v, self.parameters, g, g_t, G, gamma)
-        rows = G if still is None else np.vstack([G, _left_free(G, still)])
-        square = np.block([[M, -rows.T], [rows, np.zeros((len(rows),) * 2)]])
-        x = np.linalg.solve(square, np.concatenate([f, -gamma, np.zeros(len(rows) - m)]))
-        return x[:n], x[n : n + m], g_t
+        return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
 
     @cached_property
     def rigid_rows(self) -> np.ndarray:
         """Where x, y, phi of the bodies are in q."""
         return np.array([k + j for k in self.start.values() for j in range(BODY)])
 
+    def fold(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Give the engine the coordinates and rates of the bodies."""
+        self.engine.fold(q[self._order], v[self._order])
 
-def _left_free(G: np.ndarray, still: np.ndarray) -> np.ndarray:
-    """Combinations of some coordinates (rows, n) that no constraint of G (m, n) determines."""
-    sizes = np.linalg.norm(G, axis=1, keepdims=True)
-    _, strength, directions = np.linalg.svd(G / np.where(sizes, sizes, 1.0))
-    free = directions[int((strength > _RANK).sum()) :]
-    mixed, reach, _ = np.linalg.svd(free[:, still].T)
-    count = int((reach > _RANK).sum())
-    found = np.zeros((count, G.shape[1]))
-    found[:, still] = mixed[:, :count].T
-    return found
+    def unfold(self, rows: np.ndarray) -> Unfolded | None:
+        """Motion of the bodies at rows of the engine; None where a loop doesn't close."""
+        found = self.engine.unfold(rows)
+        if found is None:
+            return None
+        q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
+        for part, of in zip((q, v, a), found, strict=False):
+            part[:, self._order] = of
+        return Unfolded(q, v, a, found[3][:, self._exerted], *found[4:])
+
+    def settle(self, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded | None:
+        """The state at t [s] with its loops closed, accelerations and reactions; None at a singular state.
+
+        Of a state off the constraints the tree's independent coordinates are kept.
+        """
+        self.fold(q, v)
+        self.engine.choose(t)
+        if not self.engine.settle(t):
+            return None
+        return self.unfold(self.engine.row(t)[None])
+
+    def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
+        """How far every joint's rows [m or rad], and every prescribed drive [m or rad], are off at t [s]: by name."""
+        self.fold(q, np.zeros(self.size))
+        engine, found = self.engine, {}
+        sections = engine.numbers(at.SECTION, at.SEC * len(engine.layout.sections)).reshape(-1, at.SEC)
+        pose: dict[tuple[str, str], Pose] = {
+            key: pose_at(*map(float, sections[k, :3])) for key, k in engine.layout.sections.items()
+        }
+        courses = engine.courses(t)
+        for joint in self.mechanism.joints.values():
+            first, second = (pose[side.body, side.name] for side in joint.sides)
+            found |= dict(zip((name for name, *_ in reactions(joint)), residuals(joint, first, second), strict=True))
+            if joint.name in courses:
+                found[f"{joint.name}.drive"] = coordinate(joint, first, second) - courses[joint.name]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Unfolded:
+    """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
+    powers (dissipation, loads, drives)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    reactions: np.ndarray
+    sums: np.ndarray
+    powers: np.ndarray
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:
@@ -131,8 +195,14 @@ def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[Coupled
     stretching = with_stretch(scene)
     links = {name: build_link(stretching, name, module, scene.bodies[name].beam.elements) for name in beams}
     shapes = {name: link_shapes(scene, link, modes_of(scene)) for name, link in links.items()}
-    numbers = body_numbers(scene, module, links, shapes)
-    return CoupledSystem(module, bind_parameters(scene, module, numbers), links, shapes), seconds
+    return _bound(scene, module, links, shapes), seconds
+
+
+def _bound(scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> CoupledSystem:
+    mechanism = mechanism_of(scene)
+    blocks = Blocks(scene, module.BODIES, links, shapes)
+    engine = build_engine(mechanism, module, blocks, bind_parameters(scene, module))
+    return CoupledSystem(module, engine, mechanism, links, shapes)
 
 
 def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> CoupledSystem:
@@ -145,8 +215,7 @@ def neighbour_system(system: CoupledSystem, scene: Scene, frozen: bool) -> Coupl
     for name, link in links.items():
         found = spanned(system.shapes[name], link) if frozen else link_shapes(scene, link, modes_of(scene))
         shapes[name] = alike(found, system.shapes[name])
-    numbers = body_numbers(scene, system.module, links, shapes)
-    return CoupledSystem(system.module, bind_parameters(scene, system.module, numbers), links, shapes)
+    return _bound(scene, system.module, links, shapes)
 
 
 def check_modes(scene: Scene, name: str) -> None:

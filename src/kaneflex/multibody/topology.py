@@ -38,6 +38,8 @@ class Layout:
         Joint of every cut; a driven one is there twice.
     coordinates : tuple of (str, str)
         Of every coordinate its joint or body, and its unit.
+    driven : tuple of str
+        Joints whose courses are prescribed.
     """
 
     bodies: tuple[str, ...]
@@ -45,6 +47,7 @@ class Layout:
     sections: Mapping[tuple[str, str], int]
     cuts: tuple[str, ...]
     coordinates: tuple[tuple[str, str], ...]
+    driven: tuple[str, ...]
 
 
 class _Numbers:
@@ -151,7 +154,8 @@ def build_tables(
     w = np.concatenate(numbers.parts)
     _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in names if owner == GROUND])
     inboard = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
-    layout = Layout(tuple(body for body, _, _ in order), inboard, index, tuple(cut_names), tuple(coordinates))
+    bodies_in_order = tuple(body for body, _, _ in order)
+    layout = Layout(bodies_in_order, inboard, index, tuple(cut_names), tuple(coordinates), tuple(prescribed))
     return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
 
 
