@@ -14,9 +14,7 @@ The pipeline, one file a stage:
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms
     flexible    Kane's equations of one free body with modal coordinates
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text
-    multibody_module  a structure's part in the coupled equations: generate_multibody(scene, counts, structure) -> text
-    coupled     -> the coupled equations of the mechanism: bodies, constraints, loads, as programs
-    coupled_module   the whole: generate_coupled(scene, shapes, structure) -> module text
+    coupled_module  a structure's part in the coupled equations: generate_coupled(scene, counts, structure) -> text
 """
 
 if __name__ == "derive":
@@ -26,9 +24,8 @@ from kaneflex.derive.closure import UnsupportedLoop
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.generate import Equations, derive_equations, generate, generate_pruned
 from kaneflex.derive.linear import StructurallySingular
-from kaneflex.derive.multibody_module import generate_multibody
 
 __all__ = [
     "Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled",
-    "generate_multibody", "generate_pruned",
+    "generate_pruned",
 ]  # fmt: skip

@@ -46,7 +46,9 @@ def modules() -> dict[str, str]:
             structure = coupled_hash(scene, shapes)
             if structure not in structures:
                 structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
-                texts[f"{structures[structure]}.py"] = generate_coupled(scene, shapes, structure)
+                texts[f"{structures[structure]}.py"] = generate_coupled(
+                    scene, shapes, structure, body=texts["body.py"]
+                )
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
     served = "".join(f'    "{key}": "{module}",\n' for key, module in scenes.items())
     texts["__init__.py"] = INDEX.format(entries=entries, scenes=served)

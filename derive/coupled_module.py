@@ -1,137 +1,237 @@
-"""Text of a coupled module: the kernels of the coupled equations, beside the element that their moments come from."""
+"""Text of a coupled module: what of a structure the one engine can't know before it meets it.
+
+The bodies' kernels are printed for any numbers of shapes (``generated/body.py``), those of joints and springs once
+(``generated/joints.py``). A structure's own are which bodies there are and how many shapes they have, with a call of
+their kernels by kind, how its drives move, and how large its loads are.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import sympy as sm
 
 from kaneflex.derive import emit
-from kaneflex.derive.coupled import CoupledEquations, Shapes, derive_coupled, programs
-from kaneflex.derive.generate import (
-    TermRow,
-    all_terms,
-    beam_of,
-    element_tables,
-    import_element,
-    operations_table,
-    table_paths,
-)
+from kaneflex.derive.generate import all_terms, beam_of, element_tables, operations_table, table_paths
+from kaneflex.derive.laws import law_expression
 from kaneflex.derive.links import forced_points
-from kaneflex.derive.mechanism import read_structure
-from kaneflex.derive.program import share
-from kaneflex.support.contract import FORMAT
+from kaneflex.derive.lookups import T, table
+from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
+from kaneflex.derive.motion import drive_courses, law_names
+from kaneflex.derive.program import Program, share
+from kaneflex.derive.steps import Steps
+from kaneflex.mechanism.parts import Load
+from kaneflex.support.contract import ELEMENT_KERNELS, FORMAT
 
 Progress = Callable[[str], None]
+Shapes = Mapping[str, tuple[int, ...]]
+"""Link with shapes -> numbers of its axial and transverse ones, and 1 where its start moves in its frame."""
 
-_DOCS = {
-    "equations": "Mass matrix M (n x n) and forces f (n,) of all free bodies: M q'' = f + G^T lambda.",
-    "constraints": "Residual g of every constraint, its rate g_t at rest, Jacobian G, and gamma in G q'' + gamma = 0.",
-    "tangent": "K = dR/dq and C = dR/dv of R = (M a - f - G^T lambda, G a + gamma), both (n + m) x n.",
-    "energy": "Potential energy of the weight, strain energy [J], dissipated power, then the power of every load [W].",
+BODY_KERNELS = {
+    "deform": "p, o, q, v, a, i, out, k",
+    "push": "p, o, q, i, c, s, x, y, turn, out, k",
+    "jacobian": "p, o, q, i, c, s, out, k",
+    "inverse": "p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k",
+    "inertia": "p, o, q, i, c, s, out, k",
+    "energy": "p, o, q, v, i, c, s, v_x, v_y, omega, out",
 }
-_ARGUMENTS = {
-    "equations": ("t", "q", "v", "p", "M", "f"),
-    "constraints": ("t", "q", "v", "p", "g", "g_t", "G", "gamma"),
-    "tangent": ("t", "q", "v", "a", "multipliers", "p", "K", "C"),
-    "energy": ("t", "q", "v", "p", "out"),
-}
+"""Kernel that ``kernels(axial, transverse)`` of ``generated/body.py`` makes of a body -> its arguments."""
 
 
-def generate_coupled(scene: Any, shapes: Shapes, structure: str, progress: Progress = lambda stage: None) -> str:
-    """Text of the coupled module of a scene with so many (axial, transverse) shapes for each elastic link."""
-    progress("Kane's equations of the coupled motion")
+@dataclass(frozen=True)
+class Topology:
+    """Bodies with their numbers of shapes, by the mechanism's numbers of them, and the kinds of bodies that this makes.
+
+    ``bodies`` maps a body to its axial and transverse shapes and to 1 where its start moves in its frame.
+    """
+
+    mechanism: SymbolicMechanism
+    bodies: dict[str, tuple[int, int, int]]
+
+    @property
+    def kinds(self) -> list[tuple[int, int]]:
+        """The different numbers of axial and transverse shapes."""
+        return list(dict.fromkeys((axial, transverse) for axial, transverse, _ in self.bodies.values()))
+
+    @property
+    def jumps(self) -> list[tuple[str, str, str]]:
+        """Forces on links between their ends: by what the axial force grows there."""
+        return [
+            (f"{body}.link.jump_{point}", "N", f"growth of the axial force at {point}")
+            for body, (axial, transverse, _) in self.bodies.items()
+            if axial + transverse
+            for point in sorted(forced_points(self.mechanism, body) - {"start", "end"})
+        ]
+
+
+def generate_coupled(
+    scene: Any, counts: Shapes, structure: str, progress: Progress = lambda stage: None, body: str | None = None
+) -> str:
+    """Text of the coupled module of a scene with so many shapes of each link that has some.
+
+    ``body`` is the text of the module of a body's kernels, where it is another one than lies in ``generated/``.
+    """
+    progress("courses and loads")
     description = scene.structure()
-    equations = equations_of(description, shapes)
-    names = equations.mechanism.names
-    progress("programs")
-    kernels = [(_kernel(equations, raw), raw) for raw in programs(equations)]
-    terms = all_terms(equations.mechanism) if shapes else ()
+    mechanism = read_structure(description)
+    number = mechanism.names.number
+    shapes = {number["body", name]: count for name, count in counts.items()}
+    topology = Topology(mechanism, {name: (*shapes.get(name, ()), 0, 0, 0)[:3] for name in mechanism.bodies})
+    programs = [courses(mechanism), magnitudes(mechanism)]
+    read = {symbol for raw in programs for symbol in raw.inputs}
+    parameters = {path: entry for path, entry in mechanism.parameters.items() if entry[0] in read}
+    kernels = [(_kernel(raw, mechanism, parameters), raw) for raw in programs]
     progress("module text")
-    counts = emit.operations(kernels)
-    imports = emit.import_lookups([raw for _, raw in kernels])
-    if terms:
-        imports = [import_element(beam_of(description), terms, tuple(counts)), *imports]
+    counted = emit.operations(kernels)
+    beam = beam_of(description) if counts else ""
+    imports = [_import_element(beam)] if beam else []
+    imports.append(emit.import_called("body", ["kernels"], _installed("body") if body is None else body))
+    imports += emit.import_lookups(programs)
     return emit.MODULE.format(
-        title="Coupled equations of a mechanism, generated by kaneflex. Do not edit.",
-        about=_about(structure, counts),
-        imports="\n".join(["import math\n", "from numba import njit", *([""] if imports else []), *imports]),
+        title="A structure's part in the coupled equations, generated by kaneflex. Do not edit.",
+        about=_about(structure),
+        imports="\n".join(["import math\n", "from numba import njit\n", *imports]),
         constants=f'FORMAT = {FORMAT}\nSTRUCTURE = "{structure}"',
-        tables="\n".join(_tables(equations, terms, counts)),
-        kernels="\n\n".join(emit.print_kernels((kernel for kernel, _ in kernels), names)),
+        tables="\n".join(_tables(topology, parameters, beam, counted)),
+        kernels="\n\n".join([
+            *emit.print_kernels((kernel for kernel, _ in kernels), mechanism.names),
+            *_dispatchers(topology.kinds),
+        ]),
+    )  # fmt: skip
+
+
+def courses(mechanism: SymbolicMechanism) -> Program:
+    """Coordinate, speed and acceleration of every prescribed drive."""
+    prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
+    found = drive_courses(mechanism, prescribed, steps).values()
+    return _program("courses", mechanism, [], steps, [v for d in found for v in (d.angle, d.speed, d.acceleration)])
+
+
+def magnitudes(mechanism: SymbolicMechanism) -> Program:
+    """Size of every load, by the time and the drives' coordinates and speeds."""
+    states = {name: _state(name) for name in mechanism.drives}
+    inputs = [symbol for state in states.values() for symbol in state]
+    steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
+    return _program(
+        "magnitudes", mechanism, inputs, steps, [_size(mechanism, load, states) for load in mechanism.loads.values()]
     )
 
 
-def equations_of(description: Mapping[str, Any], shapes: Shapes) -> CoupledEquations:
-    """The coupled equations of a scene's structure."""
-    rotary = {name for name, body in description["bodies"].items() if "theory" in body}
-    rotary |= {mass["at"].partition(".")[0] for mass in description["masses"].values() if mass["inertia"] != 0}
-    mechanism = read_structure(description)
-    number = {name: code for (kind, name), code in mechanism.names.number.items() if kind == "body"}
-    counts = {number[name]: count for name, count in shapes.items()}
-    return derive_coupled(mechanism, counts, {number[name] for name in rotary})
+def _state(drive: str) -> tuple[sm.Symbol, sm.Symbol]:
+    return sm.Symbol(f"{drive}_coordinate"), sm.Symbol(f"{drive}_rate")
 
 
-def state_reads(equations: CoupledEquations) -> list[tuple[sm.Symbol, str]]:
-    """Where every kernel finds q, v and the parameters."""
-    reads = [(symbol, f"q[{k}]") for k, symbol in enumerate(equations.q)]
-    reads += [(symbol, f"v[{k}]") for k, symbol in enumerate(equations.v)]
-    return reads + [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(equations.parameters.values())]
+def _size(mechanism: SymbolicMechanism, load: Load, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]]) -> sm.Expr:
+    path = f"loads.{load.name}"
+    if load.kind == "constant":
+        return mechanism.symbol(f"{path}.value")
+    if load.kind == "table":
+        x = states[load.against][0] if load.against in states else T
+        return table(x - mechanism.symbol(f"{path}.offset"), mechanism.symbol(f"{path}.table"))
+    return law_expression(load.law, law_names(mechanism, states), mechanism.names.text(f"{path}.law"))
 
 
-def _kernel(equations: CoupledEquations, raw) -> emit.Kernel:
-    reads = state_reads(equations)
-    if raw.name == "tangent":
-        size = len(equations.q)
-        more = raw.inputs[-size - len(equations.rows) :]
-        reads += [(symbol, f"a[{k}]") for k, symbol in enumerate(more[:size])]
-        reads += [(symbol, f"multipliers[{k}]") for k, symbol in enumerate(more[size:])]
-    doc = f"{_DOCS[raw.name]}\n\nq, v: COORDINATES and rates. p: PARAMETERS, then the tables' blocks. Outputs: zeros."
-    return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), doc)
+def _program(
+    name: str, mechanism: SymbolicMechanism, states: Iterable[sm.Symbol], steps: Steps, values: Iterable[sm.Expr]
+) -> Program:
+    """A program whose inputs are t, states and, of the parameters, those that it reads."""
+    values = [sm.sympify(value) for value in values]
+    expressions = [*values, *(expression for _, expression in steps.assignments)]
+    read = set().union(*(expression.free_symbols for expression in expressions))
+    numbers = [symbol for symbol, _ in mechanism.parameters.values() if symbol in read]
+    outputs = tuple((f"out[k + {k}]", value) for k, value in enumerate(values))
+    return Program(name, (T, *states, *numbers), tuple(steps.assignments), outputs)
 
 
-def _about(structure: str, counts: dict[str, tuple[int, int]]) -> str:
+_DOCS = {
+    "courses": "Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each.",
+    "magnitudes": "Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES.",
+}
+_ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
+
+
+def _kernel(raw: Program, mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]]) -> emit.Kernel:
+    states = (symbol for name in mechanism.drives for symbol in _state(name))
+    reads = [(symbol, f"x[i + {k}]") for k, symbol in enumerate(states)] if raw.name == "magnitudes" else []
+    reads += [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(parameters.values())]
+    return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), _DOCS[raw.name], zeros=True)
+
+
+def _import_element(beam: str) -> str:
+    """What the finite elements of the links take of their element, as it is."""
+    names = ["ELEMENT_PARAMETERS", "LINK_SCALARS", "TERMS", *ELEMENT_KERNELS, "element_matrices"]
+    return f"from kaneflex.generated import {beam} as beam\n{emit.import_names(beam, names)}"
+
+
+def _installed(module: str) -> str:
+    """Text of a generated module."""
+    return Path(find_spec(f"kaneflex.generated.{module}").origin).read_text(encoding="utf-8")
+
+
+def _kernels_of_kinds(kinds: list[tuple[int, int]]) -> list[str]:
+    """The bodies' kernels by names of their own, as numba reads them from a module: deform_0, deform_1 ..."""
+    lines = ["of_kinds = [kernels(*counts) for counts in KINDS]"]
+    for name in BODY_KERNELS:
+        own = ", ".join(f"{name}_{k}" for k in range(len(kinds)))
+        lines.append(f"{own}{',' * (len(kinds) == 1)} = (kind.{name} for kind in of_kinds)")
+    return [*lines, ""]
+
+
+def _dispatchers(kinds: list[tuple[int, int]]) -> Iterable[str]:
+    """Each kernel of a body with the body's kind before its arguments: what the engine calls."""
+    for name, arguments in BODY_KERNELS.items():
+        lines = ["@njit(**OPTIONS)", f"def {name}(kind, {arguments}):"]
+        for k in range(len(kinds) - 1):
+            lines += [f"    if kind == {k}:", f"        return {name}_{k}({arguments})"]
+        yield "\n".join([*lines, f"    return {name}_{len(kinds) - 1}({arguments})", ""])
+
+
+def _about(structure: str) -> str:
     lines = [
         f"Structure {structure}, format {FORMAT}, SymPy {emit.version()}",
         "Made by: kaneflex derive SCENE --coupled -o FILE.py",
         "",
-        "    M(q) q'' = f(t, q, q') + G^T lambda,  g(t, q) = 0,  G q'' + gamma = 0",
-        "    q: x, y, phi and modal coordinates of every body; lambda: joint reactions, forces and torques of drives",
+        "What the engine of all structures must be told of this one: its bodies and joints, how its drives move, how",
+        "large its loads are, and the kernels of a body by its kind: by its numbers of axial and transverse shapes.",
         "",
-        *emit.operation_lines(counts),
-        *emit.UNCHECKED,
+        "Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module)",
+        "has courses, magnitudes and the kernels of elements with a check before each call that names the argument.",
     ]
     return "\n".join(lines)
 
 
-def _tables(equations: CoupledEquations, terms: Sequence[TermRow], counts) -> list[str]:
-    parameters = [(path, unit) for path, (_, unit) in equations.parameters.items()]
-    names, tables = equations.mechanism.names, table_paths(equations.mechanism)
-    loads = [name for name, _ in equations.loads]
-    bodies = {body.name: (body.axial, body.transverse) for body in equations.bodies}
-    coordinates = []
-    for body in equations.bodies:
-        coordinates += [(f"{body.name}.x", "m"), (f"{body.name}.y", "m"), (f"{body.name}.phi", "rad")]
-        coordinates += [(f"{body.name}.axial_{k}", "m") for k in range(body.axial)]
-        coordinates += [(f"{body.name}.transverse_{k}", "m") for k in range(body.transverse)]
-    rows = [(row.name, row.unit, row.meaning) for row in equations.rows]
-    jumps = [
-        (f"{body.name}.link.jump_{point}", "N", f"growth of the axial force at {point}")
-        for body in equations.bodies
-        if body.axial + body.transverse
-        for point in sorted(forced_points(equations.mechanism, body.name) - {"start", "end"})
-    ]
+def _tables(topology: Topology, parameters, beam: str, counted: Mapping[str, tuple[int, int]]) -> list[str]:
+    mechanism, told = topology.mechanism, topology.mechanism.names.told
+    drives = {name: drive.kind for name, drive in mechanism.drives.items()}
+    joints = {
+        joint.name: (joint.kind, *(f"{side.body}.{side.name}" for side in joint.sides), drives.get(joint.name, ""))
+        for joint in mechanism.joints.values()
+    }
+    terms = all_terms(mechanism) if beam else ()
     return [
-        emit.literal("PARAMETERS", names.told(parameters), "p: path of the number, unit"),
-        emit.literal("TABLES", names.told(tables), "what has a table in p, which begins where <path>.table says"),
-        emit.literal(
-            "BODIES", names.told(bodies), "body -> its numbers of axial and of transverse shapes, in COORDINATES' order"
-        ),
-        emit.literal("COORDINATES", names.told(coordinates), "q: name, unit"),
-        emit.literal("CONSTRAINTS", names.told(rows), "multipliers: name, unit, meaning"),
-        emit.literal("LOADS", names.told(loads), "loads, in the order of their powers in energy"),
-        emit.literal("SCALARS", names.told(jumps), "scalars of the links beside LINK_SCALARS: name, unit, meaning"),
-        *element_tables(terms),
-        operations_table(counts, terms),
-    ]  # fmt: skip
+        emit.literal("PARAMETERS", told([(path, unit) for path, (_, unit) in parameters.items()]), "p: path, unit"),
+        emit.literal("BODIES", told(topology.bodies), "axial, transverse shapes; 1 where its start moves in its frame"),
+        emit.literal("JOINTS", told(joints), "kind, first and second point, kind of the drive"),
+        _row("TABLES", told(table_paths(mechanism)), "what has a table in p, which begins where <path>.table says"),
+        _row("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
+        _row("LOADS", told(list(mechanism.loads)), "in the order of magnitudes"),
+        _row("SPRINGS", told(list(mechanism.springs)), "between points and at joints"),
+        _row("SCALARS", told(topology.jumps), "of the links beside LINK_SCALARS: name, unit, meaning"),
+        *([] if beam else element_tables(())),
+        _row("KINDS", topology.kinds, "of bodies: axial and transverse shapes"),
+        "BODY_KINDS = tuple(KINDS.index(counts[:2]) for counts in BODIES.values())",
+        *_kernels_of_kinds(topology.kinds),
+        operations_table(counted, terms),
+    ]
+
+
+def _row(name: str, value: Collection[object], comment: str) -> str:
+    """A table on one line where that holds it."""
+    value = value if isinstance(value, dict) else tuple(value)
+    line = f"{name} = {value!r}  # {comment}"
+    return line if len(line) <= 120 else emit.literal(name, value, comment)

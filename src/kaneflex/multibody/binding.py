@@ -24,8 +24,6 @@ from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
 
 Progress = Callable[[str], None]
-_MOMENT = 15.0
-"""Seconds of deriving that are announced."""
 
 
 def find_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
@@ -42,13 +40,8 @@ Counts = Mapping[str, tuple[int, ...]]
 
 def find_coupled_module(scene: Scene, shapes: Counts, progress: Progress) -> tuple[ModuleType, float]:
     """The coupled module of a scene's structure with so many shapes; otherwise as :func:`find_module`."""
-    structure, seconds = coupled_hash(scene, shapes), seconds_to_derive(shapes)
-    return _find(structure, lambda stage: coupled_text(scene, shapes, stage), COUPLED_ATTRIBUTES, progress, seconds)
-
-
-def seconds_to_derive(shapes: Counts) -> float:
-    """About how long deriving the coupled equations takes [s], by the times of docs/derive-times.md."""
-    return sum(0.2 * transverse**2 for _, transverse, *_ in shapes.values())
+    structure = coupled_hash(scene, shapes)
+    return _find(structure, lambda stage: coupled_text(scene, shapes, stage), COUPLED_ATTRIBUTES, progress)
 
 
 def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage: None) -> str:
@@ -59,9 +52,9 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
 
 
 def _find(
-    structure: str, text: Callable[[Progress], str], required: Sequence[str], progress: Progress, expected: float = 0.0
+    structure: str, text: Callable[[Progress], str], required: Sequence[str], progress: Progress
 ) -> tuple[ModuleType, float]:
-    """The module and the seconds of deriving it; ``expected`` is how many it may take."""
+    """The module and the seconds of deriving it."""
     from kaneflex.generated import STRUCTURES
 
     if structure in STRUCTURES:
@@ -71,11 +64,10 @@ def _find(
     path = cache_folder() / f"{structure}.py"
     data, seconds = kept(path), 0.0
     if data is None:
-        about = f", some {expected:.0f} s" if expected > _MOMENT else ""
-        progress(f"deriving the equations, first time only{about}" if not path.exists() else
+        progress("deriving the equations, first time only" if not path.exists() else
                  "deriving the equations anew: what was kept of them is not as it was written")  # fmt: skip
         started = time.perf_counter()
-        data = sealed(text(lambda stage: progress(f"deriving the equations{about}: {stage}")))
+        data = sealed(text(lambda stage: progress(f"deriving the equations: {stage}")))
         keep(path, data)
         seconds = time.perf_counter() - started
     return _execute(data, path, structure, required), seconds

@@ -15,6 +15,8 @@ from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.collocation import Table
 from kaneflex.multibody.topology import Layout, build_tables
 
+_HUGE = 1e9
+"""Mass of a held coordinate, in those of the mechanism."""
 _FIRM, _RANK = 1e-4, 1e-9
 """Shares of a row's largest derivative: a joint's coordinate with a larger one is dependent before any shape; below the
 second one a row follows from the others."""
@@ -135,6 +137,11 @@ class Engine:
         return joints, shapes
 
     @property
+    def prescribed(self) -> list[int]:
+        """Coordinates that drives prescribe."""
+        return [int(fields[at.FIRST]) for fields in self.tables.bodies if fields[at.COURSE_OF] >= 0]
+
+    @property
     def dependent(self) -> np.ndarray:
         """Coordinates that follow from the loops."""
         first = self.count(at.DEPENDENT)
@@ -143,6 +150,18 @@ class Engine:
     def settle(self, t: float) -> bool:
         """Close the loops where the independent coordinates are, and find accelerations and reactions there."""
         return bool(collocation.settle(self.tables, *self.kernels, self.p, t, self.real))
+
+    def held(self, t: float, columns: Sequence[int]) -> bool:
+        """Accelerations and reactions where the coordinates and rates are, as if some coordinates had a huge mass."""
+        n, mass = self.size, sum(self.tables.w[block] for block in self.tables.bodies[:, at.BLOCK])
+        hold = np.zeros(n)
+        hold[list(columns)] = _HUGE * mass
+        stiffness, damping = (self.numbers(part, n) for part in (at.STIFFNESS, at.DAMPING))
+        kept = stiffness.copy(), damping.copy()
+        stiffness[:], damping[:] = hold, 0.0
+        done = unfolding.held(self.tables, *self.kernels, self.p, t, self.real)
+        stiffness[:], damping[:] = kept
+        return bool(done)
 
     def integrate(
         self, table: Table, control: np.ndarray, here: np.ndarray, given: np.ndarray, times: np.ndarray,

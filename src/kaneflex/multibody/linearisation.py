@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.run import CoupledTrajectory, energies, rigid_state
+from kaneflex.multibody.run import CoupledTrajectory, rigid_state
 from kaneflex.multibody.system import BODY, CoupledSystem
 
 _DIFFERENCE = 1e-6

@@ -194,7 +194,7 @@ class Model:
         if self.coupled is not None:
             raise SceneError(
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",
-                "Take equations(t, q, v, p, M, f) of model.coupled.module, or another preset",
+                "Take model.coupled.engine, which moves the bodies, or another preset",
             )  # fmt: skip
         points = {
             f"{name}.{point}": (name, place)

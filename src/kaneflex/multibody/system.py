@@ -152,6 +152,33 @@ class CoupledSystem:
             return None
         return self.unfold(self.engine.row(t)[None])
 
+    def held(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray) -> Unfolded:
+        """States (n_times, size) on the constraints, with accelerations and reactions as if some shapes were held.
+
+        Shapes ``still`` (places in q) are not accelerated, as far as the joints leave it to them: they resist by a mass
+        beside which all others are nothing.
+        """
+        engine, rows = self.engine, []
+        columns = [self.shape_columns[k] for k in still.tolist()]
+        for t, *state in zip(times, q, v, strict=True):
+            self.fold(*state)
+            engine.choose(float(t))
+            if not engine.held(float(t), columns):
+                raise ArithmeticError(f"no accelerations at t = {t:.6g} s: the mechanism is singular there")
+            rows.append(engine.row(float(t)))
+        found = self.unfold(np.array(rows))
+        assert found is not None
+        return found
+
+    @cached_property
+    def shape_columns(self) -> dict[int, int]:
+        """Place of every shape's coordinate in q -> its place among the tree's coordinates."""
+        found = {}
+        for body, fields in zip(self.engine.layout.bodies, self.engine.tables.bodies, strict=True):
+            first = self.modal(body).start
+            found |= {first + j: int(fields[at.MODAL]) + j for j in range(fields[at.SHAPES])}
+        return found
+
     def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
         """How far every joint's rows [m or rad], and every prescribed drive [m or rad], are off at t [s]: by name."""
         self.fold(q, np.zeros(self.size))

@@ -9,12 +9,13 @@ from numba.types import boolean, float64, void
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody import collocation, dense_lu, loops, recursion, tables, tree
-from kaneflex.multibody.collocation import MATRIX, energies, powers
-from kaneflex.multibody.loops import bent, follow, gradient
+from kaneflex.multibody.collocation import MATRIX, middle, powers
+from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, solve_closed
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COORDINATES, CUT, CUTS, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
-    KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, POINT, POWER, PRISMATIC, RATE, REACTIONS,
-    REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SUMS, TABLES, WELD, WORKS, V, Y,
+    ACCEL, BODIES, COLUMNS, COORDINATES, CUT, CUTS, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
+    KEPT, KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, PIVOTS, POINT, POWER, PRISMATIC, PUSH, RATE,
+    REACTION, REACTIONS,
+    REVOLUTE, ROW_AT, ROW_OF, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SUMS, TABLES, WELD, WORKS, V, Y,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, place, prescribe, resist, turned
 from kaneflex.support.fingerprint import made_of
@@ -103,6 +104,32 @@ def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnit
     return True
 
 
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def held(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, A):
+    """Accelerations and reactions where STIFFNESS is a mass that coordinates have besides; False at a singular state."""
+    plan, w = m.plan, m.w
+    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    for i in range(plan[COORDINATES]):
+        w[plan[ACCEL] + i] = 0.0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = 0.0
+    if not follow(m, kernels, p, t):
+        return False
+    middle(m, kernels)
+    if not factorise_closed(m, 1.0, A, plan[PIVOTS]):
+        return False
+    resist(m, kernels, p, t)
+    for k in range(plan[SPEEDS]):
+        A[plan[PUSH] + k] = -w[plan[FORCE] + k]
+    solve_closed(m, A, plan[PIVOTS])
+    for r in range(plan[KEPT]):
+        w[plan[NOW] + plan[plan[ROW_OF] + r]] = A[plan[REACTION] + r]
+    for i in range(plan[COORDINATES]):
+        w[plan[ACCEL] + i] += A[plan[COLUMNS] + plan[KEPT] * plan[COORDINATES] + i]
+    return follow(m, kernels, p, t)
+
+
 @njit(**OPTIONS)
 def _exerted(m, b):
     """What a body's inboard joint exerts on the joint's second body, by the rows of the joint, then along its coordinate.
@@ -147,6 +174,7 @@ def openings(m, deform_, push, jacobian, inverse, inertia, energy, courses, magn
 _STRUCTURE = (TABLES, *KERNELS.types)
 SIGNATURES = {
     fold: void(*_STRUCTURE, V, V),
+    held: boolean(*_STRUCTURE, V, float64, V),
     unfold: boolean(*_STRUCTURE, V, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX),
     openings: void(*_STRUCTURE, V, float64, V),
 }

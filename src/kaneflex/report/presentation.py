@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from kaneflex.scene.options import FIXED_STEP, has_term
+from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.solve.initial import start_coordinates
 
@@ -165,8 +165,7 @@ def _options(model: Model) -> dict[str, str]:
     if dynamics == "rigid":
         return shown
     if dynamics == "coupled":
-        error = f"error of a step {options.tolerance:g} of the longest body"
-        shown["integrator"] = f"{options.integrator}, {'steps as given' if options.integrator == FIXED_STEP else error}"
+        shown["integrator"] = f"{options.integrator}, error of a step {options.tolerance:g} of the longest body"
         shown["start"] = _STARTS[options.start]
         if not model.links:
             shown["shapes"] = "those of the modal data"

@@ -82,13 +82,11 @@ class CoupledMotion(Motion):
         """
         t, system = self.trajectory, self.system
         still = np.concatenate([np.arange(system.modal(b).start, system.modal(b).start + axial)
-                                for b, (axial, _) in system.module.BODIES.items()]).astype(int)  # fmt: skip
+                                for b, (axial, *_) in system.module.BODIES.items()]).astype(int)  # fmt: skip
         if not len(still):
             return self
-        found = [system.accelerations(*state, still) for state in zip(t.times, t.q, t.v, strict=True)]
-        a, multipliers = (np.array([each[k] for each in found]).reshape(part.shape)
-                          for k, part in enumerate((t.a, t.multipliers)))  # fmt: skip
-        return replace(self, trajectory=replace(t, a=a, multipliers=multipliers))
+        found = system.held(t.times, t.q, t.v, still)
+        return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))
 
     def body(self, name: str) -> Rates:
         """x, y [m], phi [rad] of a body's frame, (3, n_times)."""

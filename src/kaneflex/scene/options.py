@@ -125,11 +125,9 @@ UNUSED_TERMS = {
     "coupled": (),
 }
 """Term groups that each kind of dynamics has no place for: they stay out, whatever a scene says."""
-COUPLED_INTEGRATORS = ("gauss", "generalised-alpha", "scipy")
+COUPLED_INTEGRATORS = ("radau", "gauss", "scipy")
 """What preset coupled can be integrated by."""
-FIXED_STEP = "generalised-alpha"
-"""The one of them that keeps its step."""
-_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "gauss"}
+_INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "radau"}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
 

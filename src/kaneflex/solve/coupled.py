@@ -58,7 +58,7 @@ def simulate_coupled(
 def method_of(model: Model) -> Method:
     """How a model asks to be integrated."""
     options = model.options
-    return Method(options.integrator, options.tolerance, longest(model.scene), options.rho_infinity)
+    return Method(options.integrator, options.tolerance, longest(model.scene))
 
 
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -97,7 +97,7 @@ def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledT
     zero = np.zeros(count)
     energy = Energy(zero, zero, zero, zero, zero)
     multipliers = np.zeros((count, len(system.constraints)))
-    ended = (0, 0, (0.0, 0.0), Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
+    ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
     return CoupledTrajectory(np.full(count, t), q, none, none, multipliers, energy, zero, zero, *ended)
 
 

@@ -45,7 +45,7 @@ class State:
 
         Raises SceneError if the system has other coordinates, or if its joints are not where the state has them.
         """
-        wanted = [name for name, _ in system.module.COORDINATES]
+        wanted = [name for name, _ in system.coordinates]
         strange = sorted({*wanted} ^ {*self.names})
         if strange:
             owner = "the scene" if strange[0] in wanted else "the state"
@@ -66,15 +66,10 @@ def check_closed(
     system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray, length: float, key: str, source: str, cure: str
 ) -> None:
     """Raise SceneError (key, source and cure are its own) if the joints at the time t [s] are not where q has them."""
-    n, m = system.size, len(system.constraints)
-    gap = np.zeros(m)
-    system.module.constraints(t, q, v, system.parameters, gap, np.zeros(m), np.zeros((m, n)), np.zeros(m))
-    turning = [name.endswith(("moment", "drive")) for name in system.constraints]
-    share = abs(gap) / np.where(turning, 1.0, length)
-    if share.max(initial=0.0) > _OPEN:
-        name = system.constraints[int(share.argmax())]
-        opens = f"its state opens {name.rpartition('.')[0]} by {gap[share.argmax()]:.3g} (m or rad)"
-        raise SceneError(key, source, opens, cure)
+    for name, gap in system.gaps(t, q).items():
+        if abs(gap) > _OPEN * (1.0 if name.endswith(("moment", "drive")) else length):
+            opens = f"its state opens {name.rpartition('.')[0]} by {gap:.3g} (m or rad)"
+            raise SceneError(key, source, opens, cure)
 
 
 def last_state(solution: Solution) -> State:
@@ -82,7 +77,7 @@ def last_state(solution: Solution) -> State:
     if solution.model.coupled is None:
         raise _none(repr(solution))
     trajectory = solution.trajectory
-    names = tuple(name for name, _ in solution.model.coupled.module.COORDINATES)
+    names = tuple(name for name, _ in solution.model.coupled.coordinates)
     return State(repr(solution), float(trajectory.times[-1]), names, trajectory.q[-1], trajectory.v[-1])
 
 

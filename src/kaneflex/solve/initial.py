@@ -26,13 +26,13 @@ def start_coordinates(model: Model) -> tuple[str, ...]:
     """Names that ``solve.start`` can give a displacement and a velocity: what is integrated, before modes of the whole
     mechanism are taken."""
     if model.coupled is not None:
-        return tuple(name for name, _ in model.coupled.module.COORDINATES)
+        return tuple(name for name, _ in model.coupled.coordinates)
     return model.coordinates
 
 
 def _dimensions(model: Model) -> dict[str, Dimension]:
     if model.coupled is not None:
-        return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.module.COORDINATES}
+        return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.coordinates}
     last = {name: name.rpartition(".")[2] for name in model.coordinates}
     return {
         name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH

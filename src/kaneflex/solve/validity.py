@@ -11,7 +11,6 @@ from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.response.loss_of_stiffness import lost_stiffness
 from kaneflex.response.undersampling import between_steps
-from kaneflex.scene.options import FIXED_STEP
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import UserError
@@ -129,7 +128,7 @@ def _coarse(solution: Solution, lowest: float) -> list[str]:
     if per_period >= FEWEST_STEPS:
         return []
     wanted = int(model.options.steps * FEWEST_STEPS / per_period) + 1
-    if model.coupled is not None and model.options.integrator != FIXED_STEP:
+    if model.coupled is not None:
         return [
             f"{per_period:.2g} stored instants in a period of the lowest mode ({lowest:.4g} Hz): the run follows free "
             "vibrations between them, but neither its results nor their extremes show them; give solve.steps = "
@@ -252,11 +251,9 @@ def _of_coupled(solution: Solution) -> list[str]:
     motion, found = solution.motion, []
     drift = motion.energy.drift
     if drift > LARGEST_GAP:
-        options = solution.model.options
-        tighter = "" if options.integrator == FIXED_STEP else f"lower solve.tolerance from {options.tolerance:g}, or "
         found.append(
             f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; "
-            f"{tighter}ask for more steps"
+            f"lower solve.tolerance from {solution.model.options.tolerance:g}, or ask for more steps"
         )
     found.extend(_loose(solution))
     found.extend(_left_ringing(solution))
@@ -284,7 +281,7 @@ def _loose(solution: Solution) -> list[str]:
     from kaneflex.solve.coupled import longest
 
     model, motion = solution.model, solution.motion
-    if model.options.integrator == FIXED_STEP or solution.trajectory.steps == 0:
+    if solution.trajectory.steps == 0:
         return []
     allowed = model.options.tolerance * longest(model.scene)
     moved = (np.delete(motion.nodes(name)[0], np.s_[2::3], axis=0) for name in model.links)
@@ -311,7 +308,7 @@ def _left_ringing(solution: Solution) -> list[str]:
     options, length = model.options, longest(model.scene)
     felt = [abs(series[name].values).max() * {"m/s^2": 1.0, "rad/s^2": length}[series[name].unit]
             for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
-    if not felt or options.integrator == FIXED_STEP or solution.outcome is not Outcome.COMPLETED:
+    if not felt or solution.outcome is not Outcome.COMPLETED:
         return []
     highest = 2.0 * np.pi * max((mode.frequency for mode in unresolved(solution)), default=0.0)
     rings = options.tolerance * length * highest**2 > LARGEST_PART * min(felt)

@@ -74,15 +74,6 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     if not hasattr(module, "PARAMETERS"):  # a module of elements
         return found
     numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}
-    if hasattr(module, "COORDINATES"):
-        n, m = len(module.COORDINATES), len(module.CONSTRAINTS)
-        state = numbers | {"q": (n,), "v": (n,)}
-        return found | {
-            "equations": state | {"M": (n, n), "f": (n,)},
-            "constraints": state | {"g": (m,), "g_t": (m,), "G": (m, n), "gamma": (m,)},
-            "tangent": state | {"a": (n,), "multipliers": (m,), "K": (n + m, n), "C": (n + m, n)},
-            "energy": state | {"out": (3 + len(module.LOADS),)},
-        }
     if hasattr(module, "DRIVES"):  # whose kernels of bodies share long arrays by places in them
         prescribed = sum(kind != "free" for kind in module.DRIVES.values())
         return found | {

@@ -97,8 +97,8 @@ REQUIRED_ATTRIBUTES = (
 """Attributes of every structure's module; with elastic links also ``element_matrices`` and the kernels of the terms."""
 
 COUPLED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "COORDINATES", "CONSTRAINTS", "LOADS", "SCALARS",
-    "TERMS", "OPERATIONS", "equations", "constraints", "tangent", "energy",
+    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "KINDS", "JOINTS", "DRIVES", "LOADS", "SPRINGS", "SCALARS",
+    "OPERATIONS", "deform", "push", "jacobian", "inverse", "inertia", "energy", "courses", "magnitudes",
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``element_matrices``."""
 

@@ -9,7 +9,7 @@ from runs import STENCIL, model
 
 import kaneflex
 import kaneflex.generated
-from kaneflex.derive.multibody_module import BODY_KERNELS, generate_multibody
+from kaneflex.derive.coupled_module import BODY_KERNELS, generate_coupled
 from kaneflex.generated import body
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.binding import bind_parameters, import_file
@@ -22,7 +22,7 @@ MOVING = ("engine", "mathieu", "quick-return", "spin-up", "two-link-arm")
 
 def text(name, *settings):
     scene = with_settings(read_scene(name), ["solve.preset=coupled", *settings])
-    return scene, generate_multibody(scene, shape_counts(scene), structure(name))
+    return scene, generate_coupled(scene, shape_counts(scene), structure(name))
 
 
 def structure(name):
@@ -67,7 +67,7 @@ def test_no_kernel_grows_with_the_bodies(tmp_path):
         file = tmp_path / "chain.toml"
         file.write_text(chain(bars))
         scene = read_scene(str(file))
-        found.append(generate_multibody(scene, shape_counts(scene), structure("chain")))
+        found.append(generate_coupled(scene, shape_counts(scene), structure("chain")))
     few, many = (text[text.index("KINDS = ") :] for text in found)
     assert few == many and "def inverse(" in few
 
