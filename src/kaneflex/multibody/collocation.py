@@ -448,7 +448,7 @@ def integrate(
     return status
 
 
-_STRUCTURE = (TABLES, *KERNELS.types, V)
+_STRUCTURE = (TABLES, *KERNELS, V)
 SIGNATURES = {
     settle: boolean(*_STRUCTURE, float64, V),
     integrate: int64(*_STRUCTURE, TABLE, V, V, V, V, MATRIX, V, V, V, Z),

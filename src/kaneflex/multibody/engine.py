@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
+from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, unfolding
@@ -151,17 +153,36 @@ class Engine:
         """Close the loops where the independent coordinates are, and find accelerations and reactions there."""
         return bool(collocation.settle(self.tables, *self.kernels, self.p, t, self.real))
 
-    def held(self, t: float, columns: Sequence[int]) -> bool:
-        """Accelerations and reactions where the coordinates and rates are, as if some coordinates had a huge mass."""
+    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+        """Rows of states of the bodies with their loops closed, accelerations and reactions; None where one is singular."""
+        return self._states(times, q, v, False)
+
+    def held(
+        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, columns: Sequence[int]
+    ) -> np.ndarray | None:
+        """The same with accelerations and reactions as if some coordinates had a huge mass."""
         n, mass = self.size, sum(self.tables.w[block] for block in self.tables.bodies[:, at.BLOCK])
         hold = np.zeros(n)
         hold[list(columns)] = _HUGE * mass
         stiffness, damping = (self.numbers(part, n) for part in (at.STIFFNESS, at.DAMPING))
         kept = stiffness.copy(), damping.copy()
         stiffness[:], damping[:] = hold, 0.0
-        done = unfolding.held(self.tables, *self.kernels, self.p, t, self.real)
+        found = self._states(times, q, v, True)
         stiffness[:], damping[:] = kept
-        return bool(done)
+        return found
+
+    def _states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, held: bool) -> np.ndarray | None:
+        parts = [np.ascontiguousarray(part, float) for part in (times, q, v)]
+        rows = np.zeros((len(times), len(self.row(0.0))))
+        done = 0
+        while done < len(times):
+            self.fold(parts[1][done], parts[2][done])
+            self.choose(float(times[done]))
+            now = unfolding.states(self.tables, *self.kernels, self.p, *parts, done, held, self.real, rows)
+            if now == done:
+                return None
+            done = now
+        return rows
 
     def integrate(
         self, table: Table, control: np.ndarray, here: np.ndarray, given: np.ndarray, times: np.ndarray,
@@ -191,16 +212,20 @@ def build_engine(mechanism: NumericMechanism, module: ModuleType, blocks: Blocks
 
 def compile_kernels(module: ModuleType) -> None:
     """Compile the kernels of a structure's module."""
-    for name, kind in zip(at.KERNEL_NAMES, at.KERNELS.types, strict=True):
-        kernel = getattr(module, name)
-        if not kernel.overloads:
-            kernel.compile(kind.signature.args)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        for name, kind in zip(at.KERNEL_NAMES, at.KERNELS, strict=True):
+            kernel = getattr(module, name)
+            if not kernel.overloads:
+                kernel.compile(kind.signature.args)
 
 
 def compile_engine(functions: Sequence | None = None) -> None:
     """Compile what all mechanisms share, once on a machine: importing these files compiles nothing."""
     known = collocation.SIGNATURES | unfolding.SIGNATURES
-    for function in functions or known:
-        if not function.overloads:
-            function.compile(known[function])
-            function.disable_compile()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        for function in functions or known:
+            if not function.overloads:
+                function.compile(known[function])
+                function.disable_compile()

@@ -14,7 +14,6 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import collocation
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.engine import compile_engine, compile_kernels
 from kaneflex.multibody.system import BODY, CoupledSystem, Unfolded
 
 _PIECE, _FEW, _QUICK = 100, 10, 0.2
@@ -127,8 +126,7 @@ class _Run:
         self.system, self.engine, self.times, self.method = system, system.engine, times, method
         self.given: np.ndarray = given
         self.ends: list[np.ndarray] = []
-        compile_kernels(system.module)
-        compile_engine()
+        system.compile()
         engine, size = self.engine, system.engine.size
         self.counts, self.filled, self.length = np.zeros(5), 0, 0.0
         self.scale = method.tolerance * np.where([unit == "rad" for _, unit in engine.layout.coordinates], 1.0, method.length)
@@ -259,25 +257,6 @@ def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tu
     return energy, found.powers[:, 0], found.powers[:, 1:].sum(axis=1)
 
 
-def states(system: CoupledSystem, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> Unfolded:
-    """Some states (n_times, size) with their loops closed, accelerations and reactions.
-
-    Raises ArithmeticError at a singular state.
-    """
-    compile_kernels(system.module)
-    compile_engine()
-    rows = []
-    for t, *state in zip(times, q, v, strict=True):
-        system.fold(*state)
-        system.engine.choose(float(t))
-        if not system.engine.settle(float(t)):
-            raise ArithmeticError(f"singular at t = {t:.6g} s: {_SINGULAR}")
-        rows.append(system.engine.row(float(t)))
-    found = system.unfold(np.array(rows))
-    assert found is not None
-    return found
-
-
 def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
     """The motion at other instants within the run (dense output).
 
@@ -288,7 +267,7 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
 
     knots = trajectory.times
     curve = BPoly.from_derivatives(knots, np.stack([trajectory.q, trajectory.v, trajectory.a], axis=1))
-    found = states(system, times, curve(times), curve.derivative()(times))
+    found = system.states(times, curve(times), curve.derivative()(times))
     dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
     supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
     energy, loss, power = balance(found, dissipated, supplied)

@@ -17,7 +17,7 @@ from kaneflex.mechanism.planar import Pose, pose_at
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module
 from kaneflex.multibody.blocks import Blocks
-from kaneflex.multibody.engine import Engine, build_engine
+from kaneflex.multibody.engine import Engine, build_engine, compile_engine, compile_kernels
 from kaneflex.multibody.shape_families import check_family
 from kaneflex.multibody.shapes import Shapes, alike, link_shapes, spanned
 from kaneflex.scene import Scene
@@ -118,6 +118,11 @@ class CoupledSystem:
             place |= {each: row + j for j, each in enumerate(names)}
         return np.array([place[name] for name in self.constraints], int)
 
+    def compile(self) -> None:
+        """Compile all kernels, so that it is seen and timed apart from computing."""
+        compile_kernels(self.module)
+        compile_engine()
+
     def measure(self, length: float) -> np.ndarray:
         """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
         return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
@@ -158,16 +163,21 @@ class CoupledSystem:
         Shapes ``still`` (places in q) are not accelerated, as far as the joints leave it to them: they resist by a mass
         beside which all others are nothing.
         """
-        engine, rows = self.engine, []
         columns = [self.shape_columns[k] for k in still.tolist()]
-        for t, *state in zip(times, q, v, strict=True):
-            self.fold(*state)
-            engine.choose(float(t))
-            if not engine.held(float(t), columns):
-                raise ArithmeticError(f"no accelerations at t = {t:.6g} s: the mechanism is singular there")
-            rows.append(engine.row(float(t)))
-        found = self.unfold(np.array(rows))
-        assert found is not None
+        return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns))
+
+    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> Unfolded:
+        """States (n_times, size) with their loops closed, accelerations and reactions.
+
+        Raises ArithmeticError at a singular state.
+        """
+        self.compile()
+        return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order]))
+
+    def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
+        found = None if rows is None else self.unfold(rows)
+        if found is None:
+            raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
         return found
 
     @cached_property

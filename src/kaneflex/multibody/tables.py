@@ -82,15 +82,13 @@ TABLES = types.NamedTuple([int64[::1], _I2, _I2, _I2, V], Tables)
 DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY, COURSES, MAGNITUDES = range(8)
 """Places in a structure's kernels: those of its bodies by the kind of their counts, its courses, its loads' sizes."""
 KERNEL_NAMES = ("deform", "push", "jacobian", "inverse", "inertia", "energy", "courses", "magnitudes")
-KERNELS = types.Tuple(
-    (
-        FunctionType(void(int64, V, int64, V, V, V, int64, V, int64)),
-        FunctionType(void(int64, V, int64, V, int64, *(float64,) * 5, V, int64)),
-        FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
-        FunctionType(void(int64, V, int64, V, V, V, int64, *(float64,) * 6, V, int64)),
-        FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
-        FunctionType(UniTuple(float64, 2)(int64, V, int64, V, V, int64, *(float64,) * 5, V)),
-        FunctionType(void(float64, V, V, int64)),
-        FunctionType(void(float64, V, int64, V, V, int64)),
-    )
+KERNELS = (
+    FunctionType(void(int64, V, int64, V, V, V, int64, V, int64)),
+    FunctionType(void(int64, V, int64, V, int64, *(float64,) * 5, V, int64)),
+    FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
+    FunctionType(void(int64, V, int64, V, V, V, int64, *(float64,) * 6, V, int64)),
+    FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
+    FunctionType(UniTuple(float64, 2)(int64, V, int64, V, V, int64, *(float64,) * 5, V)),
+    FunctionType(void(float64, V, V, int64)),
+    FunctionType(void(float64, V, int64, V, V, int64)),
 )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from numba import njit
-from numba.types import boolean, float64, void
+from numba.types import boolean, float64, int64, void
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody import collocation, dense_lu, loops, recursion, tables, tree
-from kaneflex.multibody.collocation import MATRIX, middle, powers
+from kaneflex.multibody.collocation import MATRIX, middle, powers, settle_now
 from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, solve_closed
 from kaneflex.multibody.tables import (
     ACCEL, BODIES, COLUMNS, COORDINATES, CUT, CUTS, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
@@ -27,8 +27,12 @@ _made_of_parts = made_of(*(m.__file__ for m in (collocation, dense_lu, laws, loo
 @_made_of_parts
 def fold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, q, v):
     """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
+    _fold(m, (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes), q, v)
+
+
+@njit(**OPTIONS)
+def _fold(m, kernels, q, v):
     plan, w = m.plan, m.w
-    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
     k = 0
     for b in range(plan[BODIES]):
         f, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL]
@@ -104,12 +108,10 @@ def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnit
     return True
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def held(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, A):
+@njit(**OPTIONS)
+def _held(m, kernels, p, t, A):
     """Accelerations and reactions where STIFFNESS is a mass that coordinates have besides; False at a singular state."""
     plan, w = m.plan, m.w
-    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
     for i in range(plan[COORDINATES]):
         w[plan[ACCEL] + i] = 0.0
     for r in range(plan[REACTIONS]):
@@ -128,6 +130,33 @@ def held(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitud
     for i in range(plan[COORDINATES]):
         w[plan[ACCEL] + i] += A[plan[COLUMNS] + plan[KEPT] * plan[COORDINATES] + i]
     return follow(m, kernels, p, t)
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def states(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, times, q, v, first, held, A, rows):
+    """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
+
+    held: whether STIFFNESS is a mass that coordinates have besides. Returns the row that is singular, or their number.
+    """
+    plan, w = m.plan, m.w
+    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    n = plan[COORDINATES]
+    for row in range(first, times.size):
+        _fold(m, kernels, q[row], v[row])
+        if held:
+            done = _held(m, kernels, p, times[row], A)
+        else:
+            done = settle_now(m, kernels, p, times[row], A)
+        if not done:
+            return row
+        rows[row, 0] = times[row]
+        for i in range(n):
+            rows[row, 1 + i], rows[row, 1 + n + i] = w[plan[Y] + i], w[plan[RATE] + i]
+            rows[row, 1 + 2 * n + i] = w[plan[ACCEL] + i]
+        for r in range(plan[REACTIONS]):
+            rows[row, 1 + 3 * n + r] = w[plan[NOW] + r]
+    return times.size
 
 
 @njit(**OPTIONS)
@@ -171,10 +200,10 @@ def openings(m, deform_, push, jacobian, inverse, inertia, energy, courses, magn
             out[row] = w[plan[CUT] + 9 * row]
 
 
-_STRUCTURE = (TABLES, *KERNELS.types)
+_STRUCTURE = (TABLES, *KERNELS)
 SIGNATURES = {
     fold: void(*_STRUCTURE, V, V),
-    held: boolean(*_STRUCTURE, V, float64, V),
+    states: int64(*_STRUCTURE, V, V, MATRIX, MATRIX, int64, boolean, V, MATRIX),
     unfold: boolean(*_STRUCTURE, V, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX),
     openings: void(*_STRUCTURE, V, float64, V),
 }
