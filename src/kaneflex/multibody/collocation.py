@@ -31,13 +31,12 @@ from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
 from kaneflex.multibody.loops import factorise_closed, follow, solve_closed
 from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUT, CUTS, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY, INBOARD,
-    JOINT, JOINTS, KEPT, KERNELS, KIND, LAST_A, LAST_R, LOADS, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, ON, OPTIONS,
-    OUTER, OWNER, PAIR_PIVOTS, PARENT, PIVOTS, POWER, PUSH, RATE, REACTION, REACTIONS, RESISTING, REVOLUTE, ROW, ROW_AT, ROW_OF,
-    ROW_SIZE,     SCALE, SEC, SECTION, SIZE, SPEEDS, SPRING, SPRING_SIZE, SPRINGS, STAGE_A, STAGE_R, SUMS, TABLES, TORQUE, WHAT, WORKS,
-    FORCE, V, Y, Z,
+    ACCEL, ACTS, AT, BLOCK, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUT, CUTS, DEMAND, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY, JOINT, JOINTS, KEPT, KERNELS, KIND, LAST_A, LAST_R, LOADS, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, ON, OPTIONS,
+    OUTER, PAIR_PIVOTS, PARENT, PIVOTS, POWER, RATE, REACTION, REACTIONS, RESISTING, REVOLUTE, ROW_AT, ROW_OF,
+    ROW_SIZE,     SCALE, SEC, SECTION, SIZE, SPRING, SPRING_SIZE, SPRINGS, STAGE_A, STAGE_R, SUMS, TABLES, TORQUE, WHAT, WORKS,
+    V, Y, Z,
 )  # fmt: skip
-from kaneflex.multibody.tree import load_direction, resist, turned
+from kaneflex.multibody.tree import demand, load_direction, turned
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
@@ -89,26 +88,6 @@ GAUSS = collocation_table(np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(
 
 
 @njit(**OPTIONS)
-def reactions(m):
-    """At JOINTS, what every body's inboard joint exerts on it: force and moment at its inboard section."""
-    plan, w = m.plan, m.w
-    out = plan[JOINTS]
-    for b in range(plan[BODIES]):
-        for j in range(3):
-            w[out + 3 * b + j] = w[plan[FORCE] + m.bodies[b, ROW] + j]
-    for b in range(plan[BODIES] - 1, -1, -1):
-        k, f = plan[SECTION] + SEC * m.bodies[b, INBOARD], plan[FRAME] + FRAME_SIZE * b
-        x, z = w[out + 3 * b], w[out + 3 * b + 1]
-        w[out + 3 * b + 2] += (w[f] - w[k]) * z - (w[f + 1] - w[k + 1]) * x
-        parent = m.sections[m.bodies[b, PARENT], OWNER]
-        if parent >= 0:
-            g, up = plan[FRAME] + FRAME_SIZE * parent, out + 3 * parent
-            w[up] += x
-            w[up + 1] += z
-            w[up + 2] += w[out + 3 * b + 2] + (w[k] - w[g]) * z - (w[k + 1] - w[g + 1]) * x
-
-
-@njit(**OPTIONS)
 def energies(m, kernels):
     """At SUMS: kinetic energy, strain energy, dissipated power, and potential energy of the weight."""
     plan, w = m.plan, m.w
@@ -131,7 +110,7 @@ def energies(m, kernels):
 
 @njit(**OPTIONS)
 def powers(m, kernels):
-    """At POWER, rates of the works: dissipation, every load's, every prescribed drive's [W]; where forces are known."""
+    """At POWER, rates of the works: dissipation, every load's, every prescribed drive's [W]; after :func:`demand`."""
     plan, w, acts = m.plan, m.w, m.acts
     energies(m, kernels)
     out = plan[POWER]
@@ -146,7 +125,6 @@ def powers(m, kernels):
             rate = x * w[one + 3] + z * w[one + 4]
         w[out + 1 + n - plan[LOADS]] = size * rate
     out += 1 + plan[SPRINGS] - plan[LOADS]
-    reactions(m)
     for b in range(plan[BODIES]):
         if m.bodies[b, COURSE_OF] >= 0:
             k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
@@ -191,9 +169,9 @@ def settle_now(m, kernels, p, t, A):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for turn in range(2):
-        resist(m, kernels, p, t)
-        for k in range(plan[SPEEDS]):
-            A[plan[PUSH] + k] = -w[plan[FORCE] + k]
+        demand(m, kernels, p, t)
+        for k in range(plan[COORDINATES]):
+            A[answer + k] = -w[plan[DEMAND] + k]
         solve_closed(m, A, plan[PIVOTS])
         for r in range(plan[KEPT]):
             w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
@@ -257,7 +235,7 @@ def _stage(m, kernels, p, table, t, h, i, here):
     _copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
     if not follow(m, kernels, p, t + c * h):
         return False
-    resist(m, kernels, p, t + c * h)
+    demand(m, kernels, p, t + c * h)
     _copy(w, plan[ACCEL], of + n * i, n)
     return True
 
@@ -266,15 +244,16 @@ def _stage(m, kernels, p, table, t, h, i, here):
 def _improve(m, table, h, A, B):
     """One iteration of the stages; the largest change, as a displacement in errors allowed."""
     plan, w, into = m.plan, m.w, table.into
-    size, n, count = plan[SPEEDS], plan[COORDINATES], plan[KEPT]
-    for k in range(size):
+    n, count = plan[COORDINATES], plan[KEPT]
+    answer = plan[COLUMNS] + count * n
+    for k in range(n):
         j = plan[RESISTING] + k
-        r_0, r_1, r_2 = w[j], w[j + size], w[j + 2 * size]
-        A[plan[PUSH] + k] = -(into[0, 0].real * r_0 + into[0, 1].real * r_1 + into[0, 2].real * r_2)
-        B[plan[PUSH] + k] = -(into[1, 0] * r_0 + into[1, 1] * r_1 + into[1, 2] * r_2)
+        r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
+        A[answer + k] = -(into[0, 0].real * r_0 + into[0, 1].real * r_1 + into[0, 2].real * r_2)
+        B[answer + k] = -(into[1, 0] * r_0 + into[1, 1] * r_1 + into[1, 2] * r_2)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
-    change, answer = 0.0, plan[COLUMNS] + count * n
+    change = 0.0
     for i in range(3):
         one, two = table.out[0, i].real, 2.0 * table.out[1, i]
         for k in range(n):
@@ -290,13 +269,13 @@ def _improve(m, table, h, A, B):
 @njit(**OPTIONS)
 def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
     """Solve for the stages; whether that came to an end."""
-    before, size = 0.0, m.plan[SPEEDS]
+    before, size = 0.0, m.plan[COORDINATES]
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
         for i in range(3):
             if not _stage(m, kernels, p, table, t, h, i, here):
                 return False
-            _copy(m.w, m.plan[FORCE], m.plan[RESISTING] + size * i, size)
+            _copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
         change = _improve(m, table, h, A, B)
         if not change < 1e200:
             return False
@@ -327,11 +306,11 @@ def _error(m, kernels, p, table, t, h, here, A):
         w[plan[NOW] + r] = here[1 + 3 * n + r]
     if not follow(m, kernels, p, t):
         return math.inf
-    resist(m, kernels, p, t)
-    for k in range(plan[SPEEDS]):
-        A[plan[PUSH] + k] = -0.5 * h * h * w[plan[FORCE] + k]
-    solve_closed(m, A, plan[PIVOTS])
+    demand(m, kernels, p, t)
     error, answer = 1e-12, plan[COLUMNS] + plan[KEPT] * n
+    for k in range(n):
+        A[answer + k] = -0.5 * h * h * w[plan[DEMAND] + k]
+    solve_closed(m, A, plan[PIVOTS])
     for k in range(n):
         error = max(error, abs(A[answer + k]) / w[plan[SCALE] + k])
     return error

@@ -163,6 +163,8 @@ def factorise_closed(m, h, A, pivots):
     for r in range(count):
         for k in range(plan[SPEEDS]):
             A[plan[PUSH] + k] = 0.0
+        for k in range(plan[COORDINATES]):
+            A[plan[COLUMNS] + plan[COORDINATES] * r + k] = 0.0
         cut, k = plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
         for side in range(2):
             j = k + 3 * side
@@ -188,10 +190,12 @@ def opening(m, A, r):
 
 @njit(**OPTIONS)
 def solve_closed(m, A, pivots):
-    """What the forces at PUSH bring about: coordinates in the last row of COLUMNS, and at REACTION what the kept rows
+    """What forces of the coordinates bring about: both in the last row of COLUMNS, and at REACTION what the kept rows
     need to stay closed."""
     plan = m.plan
     count, n, x = plan[KEPT], plan[COORDINATES], plan[REACTION]
+    for k in range(plan[SPEEDS]):
+        A[plan[PUSH] + k] = 0.0
     solve(m, A, count)
     if count:
         for r in range(count):

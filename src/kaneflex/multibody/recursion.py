@@ -187,9 +187,10 @@ def _hand_over(m, b, A):
 
 @njit(**OPTIONS)
 def solve(m, A, row):
-    """Solve with the factors: PUSH has forces over all bodies' speeds and is left with these speeds.
+    """Solve with the factors: the answer of the coordinates takes the place of their forces in a row of COLUMNS.
 
-    The coordinates go to a row of COLUMNS; those that a drive prescribes are zero.
+    PUSH has forces over all bodies' speeds besides and is left with these speeds. Coordinates that a drive prescribes
+    are zero.
     """
     plan, w = m.plan, m.w
     count, x, y = plan[BODIES], plan[PUSH], plan[COLUMNS] + row * plan[COORDINATES]
@@ -199,17 +200,20 @@ def solve(m, A, row):
         A[r + 2] -= w[v + 2] * A[r] + w[v + n + 2] * A[r + 1]
         f_0, f_1, f_2 = A[r], A[r + 1], A[r + 2]
         e_0, e_1, e_2 = f_0, f_1, f_2
+        i = y + m.bodies[b, MODAL] - 3
         for j in range(3, n):
-            A[r + j] -= w[v + j] * f_0 + w[v + n + j] * f_1 + w[v + 2 * n + j] * f_2
+            A[r + j] += A[i + j] - w[v + j] * f_0 - w[v + n + j] * f_1 - w[v + 2 * n + j] * f_2
             e_0 -= A[ao + j] * A[r + j]
             e_1 -= A[ao + n + j] * A[r + j]
             e_2 -= A[ao + 2 * n + j] * A[r + j]
-        A[r], A[r + 1], A[r + 2] = e_0, e_1, e_2
+        first = y + m.bodies[b, FIRST]
         if m.bodies[b, JOINT] == FREE:
+            A[r], A[r + 1], A[r + 2] = e_0 + A[first], e_1 + A[first + 1], e_2 + A[first + 2]
             continue
+        A[r], A[r + 1], A[r + 2] = e_0, e_1, e_2
         if A[g + 7] != 0.0:
-            push = A[g] * e_0 + A[g + 1] * e_1 + A[g + 2] * e_2
-            A[y + m.bodies[b, FIRST]] = push
+            push = A[first] + A[g] * e_0 + A[g + 1] * e_1 + A[g + 2] * e_2
+            A[first] = push
             push = push * A[g + 6]
             e_0 -= push * A[g + 3]
             e_1 -= push * A[g + 4]

@@ -130,10 +130,10 @@ def build_tables(
         at.FRAME: at.FRAME_SIZE * len(order), at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
         at.COURSE: 3 * len(prescribed), at.X: 2 * len(mechanism.drives), at.SIZE: len(mechanism.loads),
         at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
-        at.JOINTS: 3 * len(order), at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
+        at.JOINTS: 3 * len(order), at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
         at.MIDDLE: at.SEC * len(names), at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
-        at.STAGE_R: 3 * reactions, at.LAST_A: 3 * n, at.LAST_R: 3 * reactions, at.RESISTING: 3 * row,
+        at.STAGE_R: 3 * reactions, at.LAST_A: 3 * n, at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
     }  # fmt: skip
     for what, count in spans.items():
         plan[what] = numbers.room(count)

@@ -13,8 +13,8 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DRIVES, FIRST, FOLLOWER,
-    FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INVERSE, JOINT, KIND, LAST, LOADS, LOCAL, MAGNITUDES, MODAL, NOW,
+    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST, FOLLOWER,
+    FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS, LOCAL, MAGNITUDES, MODAL, NOW,
     NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE, REACTIONS, REVOLUTE, ROW, ROW_AT,
     ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRING_SIZE, SPRINGS, SUMS, TORQUE, TORSIONAL, TURN,
     WELD, WHAT, X, Y,
@@ -277,3 +277,33 @@ def resist(m, kernels, p, t):
             for side in range(2):
                 j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
                 push(m, kernels, acts[n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
+
+
+@njit(**OPTIONS)
+def demand(m, kernels, p, t):
+    """What every coordinate of the tree asks for, at DEMAND: :func:`resist` along the partial velocities as they are.
+
+    Inwards, what an inboard joint exerts (at JOINTS: force and moment at the body's section) is taken off its body,
+    whose shapes keep what they ask for themselves, and falls to the body that it hangs on.
+    """
+    resist(m, kernels, p, t)
+    plan, w = m.plan, m.w
+    for b in range(plan[BODIES] - 1, -1, -1):
+        inboard, parent, i = m.bodies[b, INBOARD], m.bodies[b, PARENT], plan[DEMAND] + m.bodies[b, FIRST]
+        r, f, own = plan[FORCE] + m.bodies[b, ROW], plan[FRAME] + FRAME_SIZE * b, plan[SECTION] + SEC * inboard
+        up, k, j, kind = plan[SECTION] + SEC * parent, plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS], m.bodies[b, JOINT]
+        x, z, turn = w[r], w[r + 1], w[r + 2]
+        turn += (w[f] - w[own]) * z - (w[f + 1] - w[own + 1]) * x
+        w[k], w[k + 1], w[k + 2] = x, z, turn
+        push(m, kernels, inboard, x, z, turn)
+        push(m, kernels, parent, -x, -z, -turn - (w[own] - w[up]) * z + (w[own + 1] - w[up + 1]) * x)
+        if kind == REVOLUTE:
+            w[i] = w[j] * turn
+        elif kind == PRISMATIC:
+            d_x, d_y = turned(w, w[up + 2], j + 2)
+            w[i] = d_x * x + d_y * z
+        elif kind == FREE:
+            w[i], w[i + 1], w[i + 2] = x, z, turn
+        i = plan[DEMAND] + m.bodies[b, MODAL]
+        for n in range(m.bodies[b, SHAPES]):
+            w[i + n] = w[r + 3 + n]

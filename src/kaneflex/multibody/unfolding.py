@@ -12,12 +12,12 @@ from kaneflex.multibody import collocation, dense_lu, loops, recursion, tables, 
 from kaneflex.multibody.collocation import MATRIX, middle, powers, settle_now
 from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, solve_closed
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COLUMNS, COORDINATES, CUT, CUTS, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
-    KEPT, KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, PIVOTS, POINT, POWER, PRISMATIC, PUSH, RATE,
+    ACCEL, BODIES, COLUMNS, COORDINATES, CUT, DEMAND, CUTS, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
+    KEPT, KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, PIVOTS, POINT, POWER, PRISMATIC, RATE,
     REACTION, REACTIONS,
-    REVOLUTE, ROW_AT, ROW_OF, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SUMS, TABLES, WELD, WORKS, V, Y,
+    REVOLUTE, ROW_AT, ROW_OF, SEC, SECTION, SECTIONS, SHAPES, SUMS, TABLES, WORKS, V, Y,
 )  # fmt: skip
-from kaneflex.multibody.tree import cut_rows, deform, place, prescribe, resist, turned
+from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*(m.__file__ for m in (collocation, dense_lu, laws, loops, recursion, tables, tree)))
@@ -87,7 +87,7 @@ def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnit
             w[plan[NOW] + r] = rows[row, 1 + 3 * n + r]
         if not follow(m, kernels, p, rows[row, 0]):
             return False
-        resist(m, kernels, p, rows[row, 0])
+        demand(m, kernels, p, rows[row, 0])
         powers(m, kernels)
         k = 0
         for b in range(plan[BODIES]):
@@ -121,14 +121,15 @@ def _held(m, kernels, p, t, A):
     middle(m, kernels)
     if not factorise_closed(m, 1.0, A, plan[PIVOTS]):
         return False
-    resist(m, kernels, p, t)
-    for k in range(plan[SPEEDS]):
-        A[plan[PUSH] + k] = -w[plan[FORCE] + k]
+    demand(m, kernels, p, t)
+    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
+    for k in range(plan[COORDINATES]):
+        A[answer + k] = -w[plan[DEMAND] + k]
     solve_closed(m, A, plan[PIVOTS])
     for r in range(plan[KEPT]):
         w[plan[NOW] + plan[plan[ROW_OF] + r]] = A[plan[REACTION] + r]
     for i in range(plan[COORDINATES]):
-        w[plan[ACCEL] + i] += A[plan[COLUMNS] + plan[KEPT] * plan[COORDINATES] + i]
+        w[plan[ACCEL] + i] += A[answer + i]
     return follow(m, kernels, p, t)
 
 
