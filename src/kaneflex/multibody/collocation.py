@@ -285,7 +285,7 @@ def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
                 return True
             if rate >= 1.0 and change > 1e-3:
                 return False
-            if change * rate < 1e-3 * max(1.0 - rate, 0.0):
+            if change * rate < 1e-5 * max(1.0 - rate, 0.0):
                 return True
         if change < 1e-6:
             return True

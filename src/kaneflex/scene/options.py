@@ -173,7 +173,7 @@ def resolve_options(scene: Scene) -> Options:
         modes=modes_of(scene) if dynamics == "coupled" else solve.modes,
         mode_angle=solve.mode_angle,
         start="given" if isinstance(solve.start, Start) else "zero" if paper else solve.start,
-        integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _INTEGRATOR[dynamics],
+        integrator=(solve.integrator if _INTEGRATOR[dynamics] != "none" else None) or _integrator(scene, dynamics),
         steps=solve.steps or default_steps(scene, duration),
         cycles=period is not None,
         duration=duration,
@@ -184,6 +184,17 @@ def resolve_options(scene: Scene) -> Options:
     )
     _check(options)
     return options
+
+
+def _integrator(scene: Scene, dynamics: str) -> str:
+    """What integrates where a scene leaves it open: of coupled equations, what damps nothing where nothing is damped.
+
+    Gauss keeps the energy of a free motion over any number of swings; Radau lets what no step resolves die away, which
+    a damped mechanism's own vibrations do, too, and leaves its accelerations clean.
+    """
+    damped = scene.damping is not None or any(spring.damping for spring in scene.springs.values())
+    damped = damped or any(body.modal is not None and body.modal.arrays["damping"].any() for body in scene.bodies.values())
+    return "gauss" if dynamics == "coupled" and not damped else _INTEGRATOR[dynamics]
 
 
 def has_term(scene: Scene, name: str) -> bool:
