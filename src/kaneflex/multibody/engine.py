@@ -11,7 +11,7 @@ import numpy as np
 from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from kaneflex.mechanism.mechanism import NumericMechanism
-from kaneflex.multibody import collocation, unfolding
+from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.collocation import Table
@@ -93,11 +93,12 @@ class Engine:
         unfolding.openings(self.tables, *self.kernels, self.p, t, out)
         return out
 
-    def choose(self, t: float) -> np.ndarray:
+    def choose(self, t: float, spared: Sequence[int] = ()) -> np.ndarray:
         """Choose the dependent coordinates at the place of the coordinates; rows that follow from others are dropped.
 
         Joints' coordinates come first, the one with the largest share in a row at a time; shapes where those are too
-        few, as in a frame that can't move. Returns the rows that are dropped.
+        few, as in a frame that can't move. Joints' coordinates ``spared`` stay independent where others can follow from
+        them. Returns the rows that are dropped.
         """
         self.openings(t)
         plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
@@ -105,7 +106,8 @@ class Engine:
         joints, shapes = self._free_columns()
         left, kept, dependent = list(range(rows)), [], []
         G = G / np.maximum(abs(G).max(axis=1, initial=0.0), 1e-300)[:, None]
-        for columns, least in ((joints, _FIRM), (joints + shapes, _RANK)):
+        others = [k for k in joints if k not in spared]
+        for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
             columns = [k for k in columns if k not in dependent]
             while left and columns:
                 part = abs(G[np.ix_(left, columns)])
@@ -148,6 +150,42 @@ class Engine:
         """Coordinates that follow from the loops."""
         first = self.count(at.DEPENDENT)
         return self.tables.plan[first : first + self.count(at.KEPT)]
+
+    @property
+    def independent(self) -> np.ndarray:
+        """Coordinates that neither drives nor loops determine."""
+        joints, shapes = self._free_columns()
+        return np.setdiff1d(joints + shapes, self.dependent).astype(int)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the independent coordinates."""
+        return tuple(self.layout.coordinates[k][0] for k in self.independent)
+
+    @property
+    def shapes(self) -> np.ndarray:
+        """Whether each coordinate is a shape's."""
+        return np.isin(np.arange(self.size), self._free_columns()[1])
+
+    @property
+    def inputs(self) -> int:
+        """Loads and prescribed accelerations."""
+        return self.count(at.WORKS) - 1
+
+    @property
+    def sections(self) -> np.ndarray:
+        """A view of the sections, (sections, 9)."""
+        return self.numbers(at.SECTION, at.SEC * len(self.tables.sections)).reshape(-1, at.SEC)
+
+    def demand(self, rows: np.ndarray) -> np.ndarray:
+        """See :func:`kaneflex.multibody.reduction.reduced_demand`. Raises ArithmeticError where a row doesn't close."""
+        compile_engine((reduction.reduced_demand,))
+        independent = self.independent
+        out = np.zeros((len(rows), len(independent)))
+        done = reduction.reduced_demand(self.tables, *self.kernels, self.p, independent, np.ascontiguousarray(rows), out)
+        if done < len(rows):
+            raise ArithmeticError(f"no motion at t = {rows[done, 0]:.6g} s: its loops don't close")
+        return out
 
     def settle(self, t: float) -> bool:
         """Close the loops where the independent coordinates are, and find accelerations and reactions there."""
@@ -221,11 +259,14 @@ def compile_kernels(module: ModuleType) -> None:
 
 
 def compile_engine(functions: Sequence | None = None) -> None:
-    """Compile what all mechanisms share, once on a machine: importing these files compiles nothing."""
-    known = collocation.SIGNATURES | unfolding.SIGNATURES
+    """Compile what all mechanisms share, once on a machine: importing these files compiles nothing.
+
+    Without ``functions`` what every run needs.
+    """
+    needed = collocation.SIGNATURES | unfolding.SIGNATURES
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        for function in functions or known:
+        for function in functions or needed:
             if not function.overloads:
-                function.compile(known[function])
+                function.compile((needed | reduction.SIGNATURES)[function])
                 function.disable_compile()

@@ -1,211 +1,213 @@
-"""The coupled equations linearised about the steady deformation of one instant.
+"""The coupled equations linearised about a motion, in independent coordinates of the tree.
 
-With the constraints' Jacobian G and its rates, small motions about q(t) satisfy G x'' + 2 G' x' + G'' x = 0. x = N y
-with G N = 0 takes the modal coordinates, and of the bodies' own as many as joints are free, so that N' and N'' follow
-from G' and G'':
+What a motion asks for (:mod:`kaneflex.multibody.reduction`) is a function D(t, y, y', y'', u) of the independent
+coordinates, of loads and of prescribed accelerations u, and zero where the equations hold. So small motions about it
+satisfy
 
-    M_y = N^T M N,   C_y = N^T (C N + 2 M N'),   K_y = N^T (K N + C N' + M N'')
+    M y'' + C y' + K y = B u,   M = dD/dy'', C = dD/dy', K = dD/dy, B = -dD/du:
 
-where C and K are derivatives of the whole balance M q'' - f - G^T lambda at the instant's accelerations and reactions:
-geometric stiffening is in them.
+geometric stiffening, the loops and how fast they turn are in these derivatives. They are central differences of fourth
+order, at steps that leave 1e-11 of the largest entry of truncation and rounding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
 
+from kaneflex.generated import joints as laws
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.multibody.run import CoupledTrajectory, rigid_state
-from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.multibody import tables as at
+from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.run import CoupledTrajectory, balance
+from kaneflex.multibody.system import CoupledSystem, Unfolded
 
-_DIFFERENCE = 1e-6
-"""Step of central differences of sensors, in sizes of the mechanism and rad, and a second of rates."""
-
-
-@dataclass(frozen=True, eq=False)
-class Kernels:
-    """All matrices of the coupled kernels at one state."""
-
-    M: np.ndarray
-    f: np.ndarray
-    g: np.ndarray
-    g_t: np.ndarray
-    G: np.ndarray
-    gamma: np.ndarray
-    K: np.ndarray
-    C: np.ndarray
-
-
-def kernels(system: CoupledSystem, t: float, q, v, a, multipliers) -> Kernels:
-    """The equations, the constraints and the tangent at a state with its accelerations and multipliers."""
-    n, m, p = system.size, len(system.constraints), system.parameters
-    found = Kernels(
-        np.zeros((n, n)), np.zeros(n), np.zeros(m), np.zeros(m), np.zeros((m, n)), np.zeros(m), np.zeros((n + m, n)),
-        np.zeros((n + m, n)),
-    )  # fmt: skip
-    system.module.equations(t, q, v, p, found.M, found.f)
-    system.module.constraints(t, q, v, p, found.g, found.g_t, found.G, found.gamma)
-    system.module.tangent(t, q, v, a, multipliers, p, found.K, found.C)
-    return found
+_OFFSETS, _WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0
+"""Of central differences of fourth order."""
+_STEP = 1e-4
+"""Their step in places, in sizes of the mechanism and rad; nothing has less than that to do with accelerations and
+forces, in which the equations are affine."""
 
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """A state with its accelerations and multipliers."""
+    """Independent coordinates with their rates and accelerations (n,) at the time t [s]."""
 
     t: float
-    q: np.ndarray
+    y: np.ndarray
     v: np.ndarray
     a: np.ndarray
-    multipliers: np.ndarray
 
-
-def settled(system: CoupledSystem, rigid, q: np.ndarray, size: float) -> Instant | None:
-    """The state that is deformed as the rigid motion asks for: the balance with its accelerations, by Newton's method.
-
-    Joints that are free take the accelerations that the balance leaves them. None where 50 steps find no balance.
-    """
-    t, v = float(rigid.times[0]), rigid_state(system, rigid)[1]
-    a, multipliers, q = np.zeros(system.size), np.zeros(len(system.constraints)), q.copy()
-    for name, k in system.start.items():
-        a[k : k + BODY] = [rigid[f"{name}.{key}"][0] for key in ("a_x", "a_y", "epsilon")]
-    n, m = system.size, len(multipliers)
-    for _ in range(50):
-        at = kernels(system, t, q, v, a, multipliers)
-        Z = _free_directions(system, at.G)
-        square = np.block([
-            [at.K[:n], -at.G.T, at.M @ Z],
-            [at.G, np.zeros((m, m + Z.shape[1]))],
-            [Z.T @ at.M, np.zeros((Z.shape[1], m + Z.shape[1]))],
-        ])  # fmt: skip
-        balance = at.M @ a - at.f - at.G.T @ multipliers
-        step = np.linalg.solve(square, -np.concatenate([balance, at.g, np.zeros(Z.shape[1])]))
-        q, multipliers, a = q + step[:n], multipliers + step[n : n + m], a + Z @ step[n + m :]
-        if abs(step[:n]).max() < 1e-12 * size:
-            at = kernels(system, t, q, v, a, multipliers)
-            v = v - np.linalg.lstsq(at.G, at.G @ v + at.g_t, rcond=None)[0]
-            return Instant(t, q, v, a, multipliers)
-    return None
-
-
-def _free_directions(system: CoupledSystem, G: np.ndarray) -> np.ndarray:
-    """Motions of the undeformed bodies that the constraints allow, one a column (n, free joints)."""
-    rigid = system.rigid_rows
-    _, sizes, rows = np.linalg.svd(G[:, rigid])
-    rank = int((sizes > 1e-9 * sizes.max(initial=1.0)).sum())
-    Z = np.zeros((system.size, len(rigid) - rank))
-    Z[rigid] = rows[rank:].T
-    return Z
-
-
-@dataclass(frozen=True, eq=False)
-class Reduction:
-    """Independent coordinates and x = N y with its rates."""
-
-    rows: np.ndarray
-    N: np.ndarray
-    N_rate: np.ndarray
-    N_accel: np.ndarray
-    dependent: np.ndarray
-    inverse: np.ndarray
-
-
-def reduction(system: CoupledSystem, at: Kernels) -> Reduction:
-    """The modal coordinates and, of the bodies' own, those that the constraints determine worst."""
-    n, m = system.size, len(at.g)
-    rigid = system.rigid_rows
-    _, _, order = qr(at.G[:, rigid], pivoting=True)
-    dependent = rigid[order[:m]]
-    rows = np.setdiff1d(np.arange(n), dependent)
-    inverse = np.linalg.inv(at.G[:, dependent])
-    G_rate, G_accel = at.C[n:] / 2, at.K[n:]
-    N, N_rate, N_accel = np.zeros((3, n, len(rows)))
-    N[rows] = np.eye(len(rows))
-    N[dependent] = -inverse @ at.G[:, rows]
-    N_rate[dependent] = -inverse @ (G_rate @ N)
-    N_accel[dependent] = -inverse @ (G_accel @ N + 2 * G_rate @ N_rate)
-    return Reduction(rows, N, N_rate, N_accel, dependent, inverse)
+    def row(self, inputs: int) -> np.ndarray:
+        """As an argument of :meth:`Engine.demand`."""
+        return np.concatenate([[self.t], self.y, self.v, self.a, np.zeros(inputs)])
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """M_y y'' + C_y y' + K_y y = sum of inputs, with what leads back to all coordinates."""
+    """M y'' + C y' + K y = B u about an instant.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of y: JOINT.angle, JOINT.position, BODY.axial_K or BODY.transverse_K; of a body on no joint BODY.x, y, phi.
+    M, C, K : ndarray (n, n)
+    B : ndarray (n, inputs)
+        By the sizes of the loads, then by the accelerations that drives prescribe.
+    """
 
     instant: Instant
-    basis: Reduction
     names: tuple[str, ...]
     M: np.ndarray
     C: np.ndarray
     K: np.ndarray
+    B: np.ndarray
 
 
-def linear(system: CoupledSystem, instant: Instant) -> Linear:
-    """The linear equations about an instant, in independent coordinates."""
-    n = system.size
-    at = kernels(system, instant.t, instant.q, instant.v, instant.a, instant.multipliers)
-    basis = reduction(system, at)
-    N, C, K = basis.N, at.C[:n], at.K[:n]
-    names = tuple(system.module.COORDINATES[row][0] for row in basis.rows)
-    return Linear(
-        instant, basis, names, N.T @ at.M @ N, N.T @ (C @ N + 2 * at.M @ basis.N_rate),
-        N.T @ (K @ N + C @ basis.N_rate + at.M @ basis.N_accel),
-    )  # fmt: skip
+def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Engine:
+    """The engine at a state of the bodies, the coordinates of free drives among the independent ones if they can be."""
+    engine = system.engine
+    system.fold(q, v)
+    drives = engine.tables.acts[engine.count(at.DRIVES) : engine.count(at.LOADS), at.COURSE_AT]
+    engine.choose(t, drives[drives >= 0].tolist())
+    return engine
 
 
-def probes(system: CoupledSystem, found: Linear, pushes: Mapping[str, np.ndarray], size: float):
-    """States about the instant, and by how much of which variable they differ from it.
+def slopes(engine: Engine, base: Instant, columns: Sequence[int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """D (n,) at an instant and its derivatives by y, v, a, u (n, 3 n + inputs), or by some of these.
 
-    Returns a trajectory of pairs (+, -) for every coordinate, every rate and every input, and the amounts. An input is
-    a vector (n + m,): a generalised force, then what it adds to the constraints' accelerations.
+    The tables are left there. Raises ArithmeticError where loops don't close about it.
     """
-    n, m, count = system.size, len(system.constraints), len(found.names)
-    base, basis = found.instant, found.basis
-    measure = system.measure(size)[basis.rows]
-    rate = max(1.0, abs(base.v / system.measure(size)).max())
-    rows, amounts = [], []
+    inputs = len(engine.numbers(at.INPUT, engine.inputs))
+    middle = base.row(inputs)
+    engine.demand(middle[None])
+    steps = _steps(engine)
+    columns = np.arange(len(steps)) if columns is None else np.asarray(columns)
+    rows = np.tile(middle, (4 * len(columns) + 1, 1))
+    for k, column in enumerate(columns):
+        rows[4 * k : 4 * k + 4, 1 + column] += _OFFSETS * steps[column]
+    found = engine.demand(rows)
+    moved = found[:-1].reshape(len(columns), 4, -1)
+    return found[-1], np.einsum("j,cjn->nc", _WEIGHTS, moved) / steps[columns]
 
-    def add(q: np.ndarray, v: np.ndarray, push: np.ndarray) -> None:
-        at = kernels(system, base.t, q, v, base.a, base.multipliers)
-        square = np.block([[at.M, -at.G.T], [at.G, np.zeros((m, m))]])
-        x = np.linalg.solve(square, np.concatenate([at.f, -at.gamma]) + push)
-        rows.append((q, v, x[:n], x[n:]))
 
-    still = np.zeros(n + m)
-    for k in range(count):
-        h = _DIFFERENCE * measure[k]
-        for sign in (h, -h):
-            q = closed(system, base.t, base.q + sign * basis.N[:, k], basis)
-            add(q, base.v + sign * basis.N_rate[:, k], still)
-        amounts.append(2 * h)
-    for k in range(count):
-        h = _DIFFERENCE * measure[k] * rate
-        for sign in (h, -h):
-            add(base.q, base.v + sign * basis.N[:, k], still)
-        amounts.append(2 * h)
-    for push in pushes.values():
-        for sign in (1.0, -1.0):
-            add(base.q, base.v, sign * push)
-        amounts.append(2.0)
-    q, v, a, multipliers = (np.array(part) for part in zip(*rows, strict=True))
-    # Instants so close to each other that nothing depends on their difference: a free joint's course needs an order.
-    times = base.t + 1e-9 * np.arange(len(q))
-    none = np.zeros(len(q))
-    energy, loss, power = energies(system, times, q, v, multipliers, none, none)
+def _steps(engine: Engine) -> np.ndarray:
+    """Steps in y, v, a, u about where the tables are."""
+    n, which = engine.size, engine.independent
+    measure, (_, v, a, reactions) = engine.numbers(at.MEASURE, n), engine.motion
+    rate, acceleration = (max(1.0, (abs(part) / measure).max(initial=0.0)) for part in (v, a))
+    loads = engine.count(at.SPRINGS) - engine.count(at.LOADS)
+    push = np.full(engine.inputs, max(1.0, abs(reactions).max(initial=0.0)))
+    push[loads:] = acceleration
+    own = measure[which]
+    return np.concatenate([_STEP * own, 1e-2 * rate * own, acceleration * own, push])
+
+
+def settled(engine: Engine, t: float) -> Instant | None:
+    """The motion whose shapes stand still, deformed as its loads and accelerations ask for, by Newton's method.
+
+    Joints' independent coordinates and rates are those of the tables; they take the accelerations that the balance
+    leaves them. None where 50 steps find no balance.
+    """
+    which, measure = engine.independent, engine.numbers(at.MEASURE, engine.size)
+    still = engine.shapes[which]
+    n, (y, v, a) = len(which), (part[which].copy() for part in engine.motion[:3])
+    v[still], a[:] = 0.0, 0.0
+    columns = np.where(still, 0, 2 * n) + np.arange(n)
+    try:
+        for _ in range(50):
+            found, slope = slopes(engine, Instant(t, y, v, a), columns)
+            step = np.linalg.solve(slope, -found)
+            y, a = y + np.where(still, step, 0.0), a + np.where(still, 0.0, step)
+            if (abs(step) / measure[which])[still].max(initial=0.0) < 1e-12:
+                return Instant(t, y, v, a)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        pass
+    return None
+
+
+def linear(engine: Engine, instant: Instant) -> Linear:
+    """The linear equations about an instant. Raises ArithmeticError where loops don't close about it."""
+    n = len(instant.y)
+    K, C, M, by_inputs = np.split(slopes(engine, instant)[1], [n, 2 * n, 3 * n], axis=1)
+    return Linear(instant, engine.names, M, C, K, -by_inputs)
+
+
+def at_rest(engine: Engine, t: float) -> tuple[np.ndarray, np.ndarray]:
+    """M and K where the coordinates of the tables are, K of the strain of shapes and springs, whatever these carry."""
+    n, which = len(engine.independent), engine.independent
+    still = Instant(t, engine.motion[0][which].copy(), np.zeros(n), np.zeros(n))
+    M = slopes(engine, still, range(2 * n, 3 * n))[1]
+    rows = np.tile(still.row(engine.inputs), (n + 1, 1))
+    rows[1:, 1 + n : 1 + 2 * n] = np.eye(n)
+    sections, rates = [], []
+    for row in rows:
+        engine.demand(row[None])
+        rates.append(engine.motion[1].copy())
+        sections.append(engine.sections.copy())
+    N = (np.array(rates[1:]) - rates[0]).T
+    K = N.T @ (np.where(engine.shapes, engine.numbers(at.STIFFNESS, engine.size), 0.0)[:, None] * N)
+    for fields in engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.ACTS)]:
+        parts = np.array([_parts(engine, fields, sections[0], moved - sections[0]) for moved in sections[1:]])
+        K += engine.tables.w[fields[at.NUMBERS_AT]] * parts @ parts.T
+    return M, K
+
+
+def _parts(engine: Engine, fields: np.ndarray, sections: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """How far a spring's ends part in a small motion ``moved`` (sections, 9) of the speeds.
+
+    What a unit damper in its place, or where it needs no direction a unit spring, makes of that motion.
+    """
+    first, second = int(fields[at.AT]), int(fields[at.ON])
+    _, c, free = engine.tables.w[fields[at.NUMBERS_AT] :][:3]
+    out, sec = np.zeros(at.SPRING_SIZE), sections.copy()
+    sec[:, 3:6] = moved[:, 3:6]
+    if fields[at.WHAT] == at.TORSIONAL:
+        laws.twist(sec.ravel(), first, second, 0.0, 1.0, 0.0, out, 0)
+        return out[1:2]
+    if c or free:
+        laws.pull(sec.ravel(), first, second, 0.0, 1.0, 0.0, out, 0)
+    else:
+        sec[:, :3] = moved[:, 3:6]
+        laws.pull(sec.ravel(), first, second, 1.0, 0.0, 0.0, out, 0)
+    return out[2:4]
+
+
+def probes(system: CoupledSystem, found: Linear) -> tuple[CoupledTrajectory, np.ndarray, np.ndarray]:
+    """States about an instant, from whose differences derivatives by y, y' and u follow.
+
+    Returns a trajectory with four of them for every one of these, how far each is from the instant, and the weight with
+    which it makes up the derivative.
+    """
+    engine, base, n = system.engine, found.instant, len(found.names)
+    engine.demand(base.row(engine.inputs)[None])
+    which, middle, steps = engine.independent, engine.row(base.t), _steps(engine)
+    steps = np.delete(steps, np.arange(2 * n, 3 * n))
+    away = np.outer(steps, _OFFSETS)
+    states: list[Unfolded] = []
+    for k, part in enumerate(away):
+        for distance in part:
+            engine.stand(middle)
+            x = np.zeros(len(steps))
+            x[k] = distance
+            engine.motion[0][which] += x[:n]
+            engine.motion[1][which] += x[n : 2 * n]
+            engine.numbers(at.INPUT, engine.inputs)[:] = x[2 * n :]
+            state = system.unfold(engine.row(base.t)[None]) if engine.settle(base.t) else None
+            engine.numbers(at.INPUT, engine.inputs)[:] = 0.0
+            if state is None:
+                raise ArithmeticError(f"no motion beside that at t = {base.t:.6g} s: its loops don't close")
+            states.append(state)
+    every = Unfolded(*(np.concatenate([getattr(state, name) for state in states]) for name in _PARTS))
+    # The course of a free joint needs an order: instants so close that nothing else depends on their difference.
+    apart = 1e-15 * max(1.0, abs(base.t)) * any(drive.free for drive in system.mechanism.drives.values())
+    times, none = base.t + apart * np.arange(len(states)), np.zeros(len(states))
     trajectory = CoupledTrajectory(
-        times, q, v, a, multipliers, energy, loss, power, 0, 0, (0.0, 0.0), Outcome.COMPLETED, "", 0.0
+        times, every.q, every.v, every.a, every.reactions, *balance(every, none, none), 0, 0, Outcome.COMPLETED, "", 0.0
     )
-    return trajectory, np.array(amounts)
+    return trajectory, away.ravel(), (_WEIGHTS / steps[:, None]).ravel()
 
 
-def closed(system: CoupledSystem, t: float, q: np.ndarray, basis: Reduction) -> np.ndarray:
-    """q with its dependent coordinates put onto the constraints."""
-    q, m = q.copy(), len(system.constraints)
-    for _ in range(3):
-        g, g_t, G, gamma = np.zeros(m), np.zeros(m), np.zeros((m, system.size)), np.zeros(m)
-        system.module.constraints(t, q, np.zeros(system.size), system.parameters, g, g_t, G, gamma)
-        q[basis.dependent] -= np.linalg.solve(G[:, basis.dependent], g)
-    return q
+_PARTS = ("q", "v", "a", "reactions", "sums", "powers")

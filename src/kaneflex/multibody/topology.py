@@ -37,7 +37,8 @@ class Layout:
     cuts : tuple of str
         Joint of every cut; a driven one is there twice.
     coordinates : tuple of (str, str)
-        Of every coordinate its joint or body, and its unit.
+        Name and unit of every coordinate: JOINT.angle or JOINT.position, of a body on no joint BODY.x, BODY.y and
+        BODY.phi, then BODY.axial_K and BODY.transverse_K.
     driven : tuple of str
         Joints whose courses are prescribed.
     """
@@ -116,7 +117,7 @@ def build_tables(
             shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square, numbers.put(joint_numbers),
         )  # fmt: skip
         hold += held + _shape_holding(block, axial, transverse)
-        coordinates += [(body if joint is None else joint.name, unit) for unit in units] + [(body, "m")] * shapes
+        coordinates += _named(body, joint, units, axial, transverse)
         row += 3 + shapes
         square += (3 + shapes) ** 2
     acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers)
@@ -129,6 +130,7 @@ def build_tables(
         at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * len(names), at.LOCAL: at.SEC * len(names),
         at.FRAME: at.FRAME_SIZE * len(order), at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
         at.COURSE: 3 * len(prescribed), at.X: 2 * len(mechanism.drives), at.SIZE: len(mechanism.loads),
+        at.INPUT: len(mechanism.loads) + len(prescribed),
         at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
         at.JOINTS: 3 * len(order), at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
@@ -157,6 +159,17 @@ def build_tables(
     bodies_in_order = tuple(body for body, _, _ in order)
     layout = Layout(bodies_in_order, inboard, index, tuple(cut_names), tuple(coordinates), tuple(prescribed))
     return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
+
+
+def _named(
+    body: str, joint: Joint | None, units: Sequence[str], axial: int, transverse: int
+) -> Iterator[tuple[str, str]]:
+    """Names and units of the coordinates of a body's inboard joint and shapes."""
+    for part, unit in zip(("x", "y", "phi"), units, strict=False):
+        own = {"rad": "angle", "m": "position"}[unit]
+        yield (f"{body}.{part}" if joint is None else f"{joint.name}.{own}"), unit
+    for kind, count in (("axial", axial), ("transverse", transverse)):
+        yield from ((f"{body}.{kind}_{k}", "m") for k in range(count))
 
 
 def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]) -> None:

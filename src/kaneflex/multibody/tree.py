@@ -13,11 +13,11 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST, FOLLOWER,
-    FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS, LOCAL, MAGNITUDES, MODAL, NOW,
-    NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE, REACTIONS, REVOLUTE, ROW, ROW_AT,
-    ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRING_SIZE, SPRINGS, SUMS, TORQUE, TORSIONAL, TURN,
-    WELD, WHAT, X, Y,
+    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST,
+    FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS, LOCAL,
+    MAGNITUDES, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE, REACTIONS,
+    REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRING_SIZE, SPRINGS, SUMS,
+    TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y,
 )  # fmt: skip
 
 
@@ -33,6 +33,9 @@ def prescribe(m, kernels, p, t):
     """The coordinates that drives prescribe, with their rates."""
     plan, w = m.plan, m.w
     kernels[COURSES](t, p, w, plan[COURSE])
+    loads = plan[SPRINGS] - plan[LOADS]
+    for k in range(plan[WORKS] - 1 - loads):
+        w[plan[COURSE] + 3 * k + 2] += w[plan[INPUT] + loads + k]
     for b in range(plan[BODIES]):
         if m.bodies[b, COURSE_OF] >= 0:
             k, i = plan[COURSE] + 3 * m.bodies[b, COURSE_OF], m.bodies[b, FIRST]
@@ -202,6 +205,8 @@ def load_sizes(m, kernels, p, t):
         w[k], w[k + 1] = w[row], w[row + 1]
     if plan[LOADS] < plan[SPRINGS]:
         kernels[MAGNITUDES](t, w, plan[X], p, w, plan[SIZE])
+        for k in range(plan[SPRINGS] - plan[LOADS]):
+            w[plan[SIZE] + k] += w[plan[INPUT] + k]
 
 
 @njit(**OPTIONS)

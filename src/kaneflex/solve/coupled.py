@@ -13,7 +13,7 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.linearisation import settled
+from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state
 from kaneflex.multibody.system import CoupledSystem
@@ -157,9 +157,12 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
             "solve.start", model.options.start, f"{free[0]} is free: nothing holds it in equilibrium",
             "Start from zero",
         )  # fmt: skip
-    found = settled(model.coupled, rigid, q, longest(model.scene))
-    if found is not None:
-        return found.q
+    system, t = model.coupled, float(rigid.times[0])
+    engine = prepare(system, t, q, rigid_state(system, rigid)[1])
+    if settled(engine, t) is not None:
+        found = system.unfold(engine.row(t)[None])
+        assert found is not None
+        return found.q[0]
     raise SceneError(
         "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
     )

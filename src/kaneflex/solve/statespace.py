@@ -160,21 +160,20 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
 
 def _of_coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> StateSpace:
     """The coupled equations about the steady deformation; the sensors by central differences."""
-    from kaneflex.solve.coupled_linearisation import inputs, linear_about, loads_of, readings
+    from kaneflex.solve.coupled_linearisation import inputs, linear_about, readings
 
     found = linear_about(model, t)
-    pushes = inputs(model, found)
     n, scene = len(found.names), model.scene
-    inertia = np.linalg.solve(found.M, loads_of(model, found, pushes))
+    inertia = np.linalg.solve(found.M, found.B)
     rates = -np.linalg.solve(found.M, np.hstack([found.K, found.C]))
-    read = readings(model, found, pushes, chosen)
+    read = readings(model, found, chosen)
     units = [load.si_unit for load in scene.loads.values()]
     driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
     units += ["m/s^2" if scene.slides(name) else "rad/s^2" for name in driven]
     return StateSpace(
         found.M, found.C, found.K, np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]),
         np.vstack([np.zeros_like(inertia), inertia]), read[:, : 2 * n], read[:, 2 * n :],
-        (*found.names, *(f"{name}'" for name in found.names)), tuple(pushes), tuple(chosen), tuple(units),
+        (*found.names, *(f"{name}'" for name in found.names)), inputs(model), tuple(chosen), tuple(units),
         tuple(sensor.unit for sensor in chosen.values()), float(t),
         {name: float(model.motion.at(t)[f"{name}.angle"][0]) for name in scene.drives},
     )  # fmt: skip

@@ -1,0 +1,92 @@
+"""Compiled: what a motion of the independent coordinates asks for, as generalised forces over these coordinates.
+
+Zero where the equations of motion hold: N^T (M a - f), Kane's equations, with the partial velocities N of the
+independent coordinates. The reactions that close the loops take what the dependent coordinates of the tree ask for.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+from numba.types import int64
+
+from kaneflex.generated import joints as laws
+from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
+from kaneflex.multibody.collocation import MATRIX
+from kaneflex.multibody.loops import bent, follow, gradient
+from kaneflex.multibody.tables import (
+    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, GRADIENT, INPUT, KEPT, KERNELS, LOOP, LOOP_PIVOTS, NOW, OPTIONS,
+    OUTER, RATE, REACTIONS, ROW_OF, SIDE, TABLES, V, Y,
+)  # fmt: skip
+from kaneflex.multibody.tree import demand
+from kaneflex.support.fingerprint import made_of
+
+_made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
+
+
+@njit(**OPTIONS)
+def react(m):
+    """Put at NOW the reactions of the cuts that leave nothing to ask of the dependent coordinates; False: none do.
+
+    At DEMAND the independent ones then ask for what they ask for all in all.
+    """
+    plan, w = m.plan, m.w
+    n, count = plan[COORDINATES], plan[KEPT]
+    for r in range(count):
+        at = plan[GRADIENT] + n * r
+        for i in range(n):
+            w[at + i] = 0.0
+        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], True, at)
+        for k in range(count):
+            w[plan[LOOP] + count * k + r] = w[at + plan[plan[DEPENDENT] + k]]
+        w[plan[SIDE] + r] = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]
+    if not dense_lu.factorise(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS]):
+        return False
+    dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
+    for r in range(count):
+        size = w[plan[SIDE] + r]
+        w[plan[NOW] + plan[plan[ROW_OF] + r]] = size
+        for i in range(n):
+            w[plan[DEMAND] + i] -= size * w[plan[GRADIENT] + n * r + i]
+    return True
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def reduced_demand(m, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, independent, rows, out):
+    """What the motion of every row asks for, (rows, n), N = kg m/s^2 or N m.
+
+    A row: t [s], then the n independent coordinates, their rates and accelerations, then what is added to the sizes of
+    the loads and to the prescribed accelerations. independent: which coordinates of the tree those are. The tables are
+    left at the last row, with the reactions of its cuts, and without anything added. Returns the rows that were done:
+    the next one doesn't close.
+    """
+    plan, w, n = m.plan, m.w, independent.size
+    kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    added, done = rows.shape[1] - 1 - 3 * n, 0
+    for row in range(rows.shape[0]):
+        t = rows[row, 0]
+        for k in range(n):
+            i = independent[k]
+            w[plan[Y] + i], w[plan[RATE] + i] = rows[row, 1 + k], rows[row, 1 + n + k]
+            w[plan[ACCEL] + i] = rows[row, 1 + 2 * n + k]
+        for k in range(added):
+            w[plan[INPUT] + k] = rows[row, 1 + 3 * n + k]
+        for r in range(plan[REACTIONS]):
+            w[plan[NOW] + r] = 0.0
+        # Once more where the loops are closed already: rates then follow from the gradient of exactly that place.
+        if not (follow(m, kernels, p, t) and follow(m, kernels, p, t)):
+            break
+        demand(m, kernels, p, t)
+        bent(m, kernels)
+        if not react(m):
+            break
+        for k in range(n):
+            out[row, k] = w[plan[DEMAND] + independent[k]]
+        done += 1
+    for k in range(added):
+        w[plan[INPUT] + k] = 0.0
+    return done
+
+
+SIGNATURES = {reduced_demand: int64(TABLES, *KERNELS, V, int64[::1], MATRIX, MATRIX)}
+"""What is compiled once for the mechanisms of all scenes, and for which arguments."""
