@@ -28,7 +28,7 @@ from numba.types import boolean, complex128, float64, int64
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
-from kaneflex.multibody.loops import factorise_closed, follow, solve_closed
+from kaneflex.multibody.loops import factorise_closed, follow, solve_closed, worn
 from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BLOCK, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUT, CUTS, DEMAND, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY, JOINT, JOINTS, KEPT, KERNELS, KIND, LAST_A, LAST_R, LOADS, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, ON, OPTIONS,
@@ -40,9 +40,10 @@ from kaneflex.multibody.tree import demand, load_direction, turned
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED = 0, 1, 2, 3, 4
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED = 0, 1, 2, 3, 4, 5
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
-equations Newton's method does not solve, after as many steps as it may try."""
+equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
+independent."""
 MATRIX, ZM = float64[:, ::1], complex128[:, ::1]
 
 
@@ -366,7 +367,8 @@ def integrate(
 ):  # fmt: skip
     """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
 
-    control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0].
+    control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
+    1 where the dependent coordinates are to stay].
     here: where the motion stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
     reactions of the cuts, works: a row of the table. given: the ends [s] of the steps to take from there, with the
     ``times`` among them; empty where the control of the error chooses them. Works are time integrals of powers
@@ -423,6 +425,9 @@ def integrate(
             row += 1
             for k in range(rows.shape[1]):
                 rows[row, k] = here[k]
+        if control[6] == 0.0 and worn(m):
+            status = TURNED
+            break
     control[0], control[3], control[4], control[5] = wanted, row, taken, length
     return status
 

@@ -14,7 +14,7 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.recursion import add_force, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
-    ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, CUT, CUT_OF, DEPENDENT, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT,
+    ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, COURSE_OF, CUT, CUT_OF, DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT,
     INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE_CUT, MODAL, NUMBERS,
     OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSH, RATE, REACTION, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION,
     SECTIONS, SHAPES, SIDE, SPEEDS, W_NOW, Y,
@@ -23,6 +23,10 @@ from kaneflex.multibody.tree import accelerate, cut_rows, deform, move, place, p
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
+
+
+WORN = 8.0
+"""How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""
 
 
 @njit(**OPTIONS)
@@ -205,3 +209,32 @@ def solve_closed(m, A, pivots):
         for r in range(count):
             for i in range(n):
                 A[answer + i] += A[plan[COLUMNS] + n * r + i] * A[x + r]
+
+
+@njit(**OPTIONS)
+def worn(m):
+    """Whether an independent joint's coordinate should take the place of a dependent one that moves far more than it.
+
+    Where a linkage nears its dead centre the loops no longer determine the coordinates that were chosen far from there;
+    by others they do. Gradients are those of the last closing.
+    """
+    plan, w = m.plan, m.w
+    count, n = plan[KEPT], plan[COORDINATES]
+    if count == 0:
+        return False
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            continue
+        for i in range(m.bodies[b, FIRST], m.bodies[b, FIRST] + m.bodies[b, DOF]):
+            chosen = False
+            for r in range(count):
+                chosen = chosen or plan[plan[DEPENDENT] + r] == i
+                w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
+            if chosen:
+                continue
+            dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
+            for r in range(count):
+                moved = abs(w[plan[SIDE] + r]) / w[plan[MEASURE] + plan[plan[DEPENDENT] + r]]
+                if moved * w[plan[MEASURE] + i] > WORN:
+                    return True
+    return False

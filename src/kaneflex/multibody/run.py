@@ -128,7 +128,7 @@ class _Run:
         self.ends: list[np.ndarray] = []
         system.compile()
         engine, size = self.engine, system.engine.size
-        self.counts, self.filled, self.length = np.zeros(5), 0, 0.0
+        self.counts, self.filled, self.length, self.patient = np.zeros(5), 0, 0.0, 0.0
         self.scale = method.tolerance * np.where([unit == "rad" for _, unit in engine.layout.coordinates], 1.0, method.length)
         engine.numbers(at.SCALE, size)[:] = self.scale
         system.fold(q, v)
@@ -180,7 +180,7 @@ class _Run:
         return True
 
     def _collocation(self, rows: slice, most: int) -> int:
-        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length])
+        control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient])
         last = self.times[rows][-1]
         given = self.given[slice(*np.searchsorted(self.given, (self.here[0], last), side="right"))]
         ends = np.zeros(int(most) + 1)
@@ -190,6 +190,13 @@ class _Run:
         )  # fmt: skip
         self.ends.append(ends[: int(control[4])])
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
+        self.patient = 0.0
+        if ended == collocation.TURNED:
+            before = sorted(self.engine.dependent.tolist())
+            self.engine.stand(self.here)
+            self.engine.choose(float(self.here[0]))
+            self.patient = float(sorted(self.engine.dependent.tolist()) == before)
+            return collocation.PAUSED
         return ended
 
     def _scipy(self, rows: slice, most: int) -> int:
