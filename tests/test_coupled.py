@@ -86,17 +86,6 @@ def test_an_undamped_pendulum_keeps_its_energy(tolerance):
     assert solution.trajectory.energy.drift <= 1e-7
 
 
-def test_its_drift_falls_at_the_order_of_the_integrator():
-    """Steps of equal length, no estimate in force: halving them divides the error of the energy by 2^4."""
-    drift = [
-        run("elastic-pendulum", "solve.tolerance=1e-2", "solve.duration=2 s", f"solve.steps={steps}", "solve.modes=1")
-        .trajectory.energy.drift
-        for steps in (400, 800, 1600)
-    ]  # fmt: skip
-    orders = np.log2(np.array(drift[:-1]) / drift[1:])
-    assert (orders > 3.5).all() and (orders < 5.5).all(), drift
-
-
 def test_the_balance_closes_with_damping_and_a_motor():
     energy = run("four-bar-motor").trajectory.energy
     assert energy.dissipated[-1] > 1e-5 * energy.supplied[-1] > 0
@@ -114,7 +103,6 @@ def test_the_engine_turned_by_its_gas_and_motor():
 def test_an_elastic_double_pendulum_keeps_its_energy_and_its_joints():
     trajectory = run("elastic-double-pendulum").trajectory
     assert trajectory.energy.drift < 1e-6
-    assert max(trajectory.drift) < 1e-6
 
 
 CART = """
@@ -211,7 +199,7 @@ def test_a_spring_and_its_damper_hold_the_cart(tmp_path):
         (
             "engine", ["solve.integrator=newmark"],
             "solve.integrator = 'newmark': integrates equations that are linear in the displacements. "
-            "Use gauss, generalised-alpha or scipy under preset coupled.",
+            "Use radau, gauss or scipy under preset coupled.",
         ),
         (
             "engine", ["solve.modes=90"],

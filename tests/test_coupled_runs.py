@@ -40,34 +40,24 @@ def test_scipy_gives_the_same_motion(pendulum):
     assert other.trajectory.energy.drift < 1e-6
 
 
-def test_generalised_alpha_converges_to_it_with_the_square_of_its_step(pendulum):
-    exact = pendulum.series["tip_bend"].values[-1]
-    errors = []
-    for steps in (2000, 4000):
-        found = run(
-            "elastic-pendulum", *settle_damping("solve.duration=0.5 s"), f"solve.steps={steps}",
-            "solve.integrator=generalised-alpha",
-        )  # fmt: skip
-        errors.append(abs(found.series["tip_bend"].values[-1] - exact))
-        assert found.trajectory.steps == steps
-    assert 3.5 < errors[0] / errors[1] < 4.5
+@pytest.mark.parametrize("integrator, order", [("radau", 5), ("gauss", 6)])
+def test_errors_fall_at_the_order_of_the_integrator(integrator, order):
+    """Steps as long as those between stored instants: the error allowed is far larger than theirs."""
+    settings = ("solve.duration=0.2 s", "solve.tolerance=1e-2", f"solve.integrator={integrator}")
+
+    def speed(steps):
+        return run("four-bar-motor", *settings, f"solve.steps={steps}").series["crank_speed"].values[:: steps // 100]
+
+    errors = [abs(speed(steps) - speed(12800)).max() for steps in (200, 400, 800)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > order - 1.5).all(), errors
 
 
-def test_generalised_alpha_keeps_a_loop_closed():
-    settings = ("solve.duration=0.1 s", "solve.steps=4000")
-    found = run("four-bar-motor", *settings, "solve.integrator=generalised-alpha")
-    exact = run("four-bar-motor", *settings)
-    assert found.trajectory.drift[0] < 1e-12
-    for name in ("crank_speed", "coupler_mid"):
-        there = exact.series[name].values
-        assert abs(found.series[name].values - there).max() < 2e-3 * abs(there).max(), name
-
-
-def test_a_step_that_is_too_long_says_so():
-    found = run("four-bar-motor", "solve.integrator=generalised-alpha", "solve.duration=20 s", "solve.steps=10")
-    assert found.outcome.name == "UNSTABLE"
-    assert found.trajectory.message.startswith("no step of this length leads on from t = ")
-    assert "ask for more steps, or for the integrator gauss" in found.trajectory.message
+def test_loops_stay_closed():
+    found = run("four-bar-motor", "solve.duration=0.1 s", "solve.steps=400")
+    system, trajectory = found.model.coupled, found.trajectory
+    gaps = [system.gaps(t, q) for t, q in zip(trajectory.times[::40], trajectory.q[::40], strict=True)]
+    assert max(abs(gap) for row in gaps for gap in row.values()) < 1e-10
 
 
 def test_dense_output_meets_a_run_that_stores_those_instants(pendulum):
@@ -199,8 +189,8 @@ def test_a_linkage_that_can_not_turn_around_swings_back():
     summary = summarise(found)
     assert any(text.startswith("rocker_angle has no value at 7 of 4001 instants") for text in summary.warnings)
     assert summary.sensors["rocker_angle"].max == pytest.approx(3.955, abs=1e-3)
-    fixed = run("four-bar-motor", *settings, "solve.integrator=generalised-alpha", "solve.steps=12000")
-    assert fixed.series["crank_speed"].values[-1] == pytest.approx(speed[-1], abs=1e-2)
+    other = run("four-bar-motor", *settings, "solve.integrator=gauss", "solve.tolerance=1e-9")
+    assert other.series["crank_speed"].values[-1] == pytest.approx(speed[-1], abs=1e-4)
 
 
 @pytest.mark.parametrize("thickness", ["1.5 mm", "15 um"])
