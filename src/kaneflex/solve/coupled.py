@@ -15,6 +15,7 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.returning import returning
 from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.response.coupled_motion import CoupledMotion
@@ -168,14 +169,25 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     )
 
 
-def _periodic(system, q, v, times, method, progress) -> CoupledTrajectory:
-    """Cycle after cycle until the deformation repeats."""
+def _periodic(
+    system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method,
+    progress: Callable[[float], None] | None,
+) -> CoupledTrajectory:  # fmt: skip
+    """Cycle after cycle until the deformation repeats, each from where Newton's method has the last one's end lead to.
+
+    The tangent is that of the first cycle, mended by every further one (Broyden 1965); where it is none, or leads away,
+    a cycle goes on from the end of the last one.
+    """
     modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
     turns = np.array([k + 2 for k in system.start.values()])
-    for cycle in range(_CYCLES):
-        found = integrate(system, q, v, times, method)
+    cycle, found, slope = returning(system, float(times[0]), q, v), None, None
+    move, missed = np.zeros(0), np.zeros(0)
+    for count in range(_CYCLES):
+        before, found = found, integrate(system, q, v, times, method)
         if found.outcome is not Outcome.COMPLETED:
-            return found
+            if before is None or slope is None:
+                return found
+            found, slope = before, None  # it led where nothing goes on: wait instead
         end, end_rate = found.q[-1].copy(), found.v[-1].copy()
         end[turns] -= 2 * math.pi * np.round((end[turns] - found.q[0][turns]) / (2 * math.pi))
         change = abs(end[modal] - found.q[0][modal]).max(initial=0.0)
@@ -184,7 +196,18 @@ def _periodic(system, q, v, times, method, progress) -> CoupledTrajectory:
                 progress(1.0)
             return found
         if progress is not None:
-            progress(cycle / _CYCLES)
-        q, v = end, end_rate
+            progress(count / _CYCLES)
+        last, missed = missed, cycle.missed(system, found)
+        try:
+            if count == 0:
+                slope = np.eye(len(missed)) - cycle.monodromy(system, found)
+            elif slope is not None:
+                slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
+            if slope is None:
+                raise ArithmeticError
+            move = np.linalg.solve(slope, missed)
+            q, v = cycle.moved(system, found.q[0], found.v[0], move)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            q, v, slope = end, end_rate, None
     message = f"no periodic state: the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
     return replace(found, outcome=Outcome.NO_PERIODIC_STATE, message=message)

@@ -15,6 +15,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.returning import Returning, returning
 from kaneflex.multibody.run import CoupledTrajectory, integrate
 from kaneflex.solve.coupled import as_solution, beginning, method_of
 from kaneflex.solve.solution import Solution
@@ -60,7 +61,7 @@ class Replay:
                 )  # fmt: skip
             x = np.linalg.solve(self._returning, slope([*map(self._gap, models, cycles)], step))
             starts = [
-                self._moved(model, start, -share * step * x)
+                self._cycle.moved(model.coupled, *start, -share * step * x)
                 for share, model, start in zip(SHARES, models, starts, strict=True)
             ]
         return [
@@ -83,63 +84,30 @@ class Replay:
         return self._own.q[0] + rigid[0] - q, self._own.v[0] + rigid[1] - v
 
     @cached_property
-    def _free(self) -> np.ndarray:
-        """Independent coordinates of the engine at the start of the run."""
-        own, engine = self._own, self.solution.model.coupled.engine
-        self.solution.model.coupled.fold(own.q[0], own.v[0])
-        engine.choose(float(own.times[0]))
-        held = {*engine.dependent.tolist(), *engine.prescribed}
-        return np.array([k for k in range(engine.size) if k not in held], int)
-
-    def _coordinates(self, model: Model, q: np.ndarray, v: np.ndarray) -> State:
-        """The independent coordinates of a state, and their rates."""
-        model.coupled.fold(q, v)
-        y, rate, *_ = model.coupled.engine.motion
-        return y[self._free].copy(), rate[self._free].copy()
-
-    def _moved(self, model: Model, start: State, x: np.ndarray) -> State:
-        """A state moved along its independent coordinates and their rates, x (2 k,)."""
-        system, t = model.coupled, float(self._own.times[0])
-        system.fold(*start)
-        engine = system.engine
-        engine.choose(t)
-        y, rate, *_ = engine.motion
-        move, faster = np.split(x, 2)
-        y[self._free] += move
-        rate[self._free] += faster
-        engine.settle(t)
-        found = system.unfold(engine.row(t)[None])
-        return found.q[0], found.v[0]
+    def _cycle(self) -> Returning:
+        """The independent coordinates at the start of the run."""
+        own = self._own
+        return returning(self.solution.model.coupled, float(own.times[0]), own.q[0], own.v[0])
 
     def _gap(self, model: Model, cycle: CoupledTrajectory) -> np.ndarray:
-        """By what the independent coordinates and their rates differ from those at the start, after a cycle, (2 k,).
-
-        A joint that has turned on by whole turns stands where it stood.
-        """
-        engine = model.coupled.engine
-        y, v = (b - a for a, b in zip(
-            self._coordinates(model, cycle.q[0], cycle.v[0]), self._coordinates(model, cycle.q[-1], cycle.v[-1]),
-            strict=True,
-        ))  # fmt: skip
-        turns = np.array([engine.layout.coordinates[k][1] == "rad" for k in self._free])
-        y[turns] -= 2.0 * np.pi * np.round(y[turns] / (2.0 * np.pi))
-        return np.concatenate([y, v])
+        """By what the independent coordinates and their rates differ from those at the start, after a cycle, (2 k,)."""
+        return self._cycle.missed(model.coupled, cycle)
 
     @cached_property
     def _returning(self) -> np.ndarray:
         """How that gap follows the start of the cycle, (2 k, 2 k): the monodromy matrix less one."""
         own, model = self._own, self.solution.model
         engine = model.coupled.engine
-        size = engine.numbers(at.MEASURE, engine.size)[self._free]
-        courses = [self._coordinates(model, q, v) for q, v in zip(own.q, own.v, strict=True)]
-        y, rate = (np.array(part) for part in zip(*courses, strict=True))
+        size = engine.numbers(at.MEASURE, engine.size)[self._cycle.which]
+        courses = np.array([self._cycle.coordinates(model.coupled, *state) for state in zip(own.q, own.v, strict=True)])
+        y, rate = np.split(courses, 2, axis=1)
         moves = np.minimum(np.ptp(y, axis=0), size), np.ptp(rate, axis=0)
         units = np.concatenate([np.where(part > 0.0, part, size) for part in moves])
         columns = []
         for k, unit in enumerate(units):
             x = np.zeros(len(units))
             x[k] = _APART * unit
-            starts = (self._moved(model, (own.q[0], own.v[0]), share * x) for share in SHARES)
+            starts = (self._cycle.moved(model.coupled, own.q[0], own.v[0], share * x) for share in SHARES)
             gaps = [self._gap(model, self._run(model, *start)) for start in starts]
             columns.append(slope(gaps, _APART) / unit)
         return np.array(columns).T
