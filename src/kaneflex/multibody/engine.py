@@ -122,9 +122,8 @@ class Engine:
         order = np.argsort(kept)
         kept, dependent = [np.array(part, int)[order] for part in (kept, dependent)]
         cut_rows = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT]
-        for where, values in (
-            (at.ROW_OF, kept), (at.DEPENDENT, dependent), (at.CUT_OF, np.searchsorted(cut_rows, kept, side="right") - 1),
-        ):  # fmt: skip
+        cuts = np.searchsorted(cut_rows, kept, side="right") - 1
+        for where, values in ((at.ROW_OF, kept), (at.DEPENDENT, dependent), (at.CUT_OF, cuts)):
             first = self.count(where)
             plan[first : first + len(kept)] = values
         plan[at.KEPT], plan[at.BENDS] = len(kept), bool(set(dependent.tolist()) & set(shapes))
@@ -180,9 +179,9 @@ class Engine:
     def demand(self, rows: np.ndarray) -> np.ndarray:
         """See :func:`kaneflex.multibody.reduction.reduced_demand`. Raises ArithmeticError where a row doesn't close."""
         compile_engine((reduction.reduced_demand,))
-        independent = self.independent
+        independent, rows = self.independent, np.ascontiguousarray(rows)
         out = np.zeros((len(rows), len(independent)))
-        done = reduction.reduced_demand(self.tables, *self.kernels, self.p, independent, np.ascontiguousarray(rows), out)
+        done = reduction.reduced_demand(self.tables, *self.kernels, self.p, independent, rows, out)
         if done < len(rows):
             raise ArithmeticError(f"no motion at t = {rows[done, 0]:.6g} s: its loops don't close")
         return out
@@ -192,7 +191,7 @@ class Engine:
         return bool(collocation.settle(self.tables, *self.kernels, self.p, t, self.real))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
-        """Rows of states of the bodies with their loops closed, accelerations and reactions; None where one is singular."""
+        """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular."""
         return self._states(times, q, v, False)
 
     def held(

@@ -1,7 +1,7 @@
 """Motions that repeat: from where a cycle's end misses its start to a start that it doesn't miss.
 
-x are the independent coordinates and their rates at the start of a cycle, P(x) what they are at its end. Newton's method
-solves P(x) = x with the monodromy matrix dP/dx of the equations linearised along a cycle,
+x are the independent coordinates and their rates at the start of a cycle, P(x) what they are at its end. Newton's
+method solves P(x) = x with the monodromy matrix dP/dx of the equations linearised along a cycle,
 
     x <- x + (1 - dP/dx)^-1 (P(x) - x),
 
@@ -41,7 +41,9 @@ class Returning:
         y, rate, *_ = system.engine.motion
         return np.concatenate([y[self.which], rate[self.which]])
 
-    def moved(self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def moved(
+        self, system: CoupledSystem, q: np.ndarray, v: np.ndarray, x: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """q and v (size,) of a state whose x is another one by ``x`` (2 k,).
 
         Raises ArithmeticError where the loops don't close there.

@@ -129,7 +129,8 @@ class _Run:
         system.compile()
         engine, size = self.engine, system.engine.size
         self.counts, self.filled, self.length, self.patient = np.zeros(5), 0, 0.0, 0.0
-        self.scale = method.tolerance * np.where([unit == "rad" for _, unit in engine.layout.coordinates], 1.0, method.length)
+        turns = [unit == "rad" for _, unit in engine.layout.coordinates]
+        self.scale = method.tolerance * np.where(turns, 1.0, method.length)
         engine.numbers(at.SCALE, size)[:] = self.scale
         system.fold(q, v)
         engine.choose(float(times[0]))

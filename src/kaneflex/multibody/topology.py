@@ -1,4 +1,4 @@
-"""A mechanism as the tables that compiled recursions walk: a tree of bodies, its sections, and the cuts of its loops."""
+"""A mechanism as the tables that compiled recursions walk: a tree of bodies, its sections, the cuts of its loops."""
 
 from __future__ import annotations
 

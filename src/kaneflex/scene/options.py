@@ -193,7 +193,8 @@ def _integrator(scene: Scene, dynamics: str) -> str:
     a damped mechanism's own vibrations do, too, and leaves its accelerations clean.
     """
     damped = scene.damping is not None or any(spring.damping for spring in scene.springs.values())
-    damped = damped or any(body.modal is not None and body.modal.arrays["damping"].any() for body in scene.bodies.values())
+    given = (body.modal for body in scene.bodies.values() if body.modal is not None)
+    damped = damped or any(data.arrays["damping"].any() for data in given)
     return "gauss" if dynamics == "coupled" and not damped else _INTEGRATOR[dynamics]
 
 
