@@ -9,6 +9,7 @@ import pytest
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
+from kaneflex.multibody.inertia_integrals import body_data, body_moments
 from kaneflex.multibody.model import Model
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
@@ -47,6 +48,12 @@ def at_instant(found: Model, affine: Affine, t: float) -> np.ndarray:
     """A sum of monomial x matrix at time t [s] by its definition, not by the compiled kernels."""
     rigid = found.motion.at(t)
     return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial}).toarray()
+
+
+def moments(found: Model, body: str) -> dict[str, np.ndarray]:
+    """ARRAYS of a body under preset coupled."""
+    system = found.coupled
+    return body_moments(found.scene, body, body_data(found.scene, body, system.links, system.shapes))
 
 
 @cache

@@ -265,7 +265,8 @@ def blocks(tmp_path_factory) -> Blocks:
 
 def test_the_weight_of_a_rod_is_a_load_spread_over_it(blocks):
     """rho A g along the rod, foreshortened as it is, against mass times gravity in the body's kernel."""
-    counts, q = blocks.counts["rod"], np.random.default_rng(4).standard_normal(sum(blocks.counts["rod"])) * 1e-2
+    counts = blocks.counts["rod"][:2]
+    q = np.random.default_rng(4).standard_normal(sum(counts)) * 1e-2
     found, gravity, none = kernels(*counts), np.array([3.0, -9.81]), np.zeros(len(q))
     c, s = np.cos(0.7), np.sin(0.7)
     weight, held, stiffness = (np.zeros(3 + len(q)) for _ in range(3))
@@ -286,7 +287,7 @@ def test_points_of_rigid_and_elastic_bodies(blocks):
     assert blocks.point("crank", "loads.on_crank") == pytest.approx([length, length**2 / 2, 0.0], rel=1e-15)
     middle = blocks.point("rod", "mid")
     assert middle[:3] == pytest.approx([1.0, bodies["rod"].length / 2, 0.0], rel=1e-15)
-    assert len(middle) == kernels(*blocks.counts["rod"]).point
+    assert len(middle) == kernels(*blocks.counts["rod"][:2]).point
 
 
 # ---- compiling ----------------------------------------------------------------------------------------------------

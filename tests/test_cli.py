@@ -14,7 +14,7 @@ import kaneflex
 from kaneflex.fem.mobility import in_joints
 from kaneflex.integrate.methods import METHODS
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.multibody.binding import find_coupled_module, find_module, seconds_to_derive
+from kaneflex.multibody.binding import find_module
 from kaneflex.report.presentation import PRESETS_IN_WORDS
 from kaneflex.scene import json_schema, read_scene, shipped_scenes
 from kaneflex.scene.parts import PRESETS
@@ -94,7 +94,7 @@ solve = {preset = "rigid"}
 """Of a structure that no shipped module serves."""
 
 
-def test_deriving_names_its_stages_and_says_beforehand_if_it_takes_long(tmp_path, monkeypatch):
+def test_deriving_names_its_stages(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     Path("own.toml").write_text(OWN)
     stages = []
@@ -104,18 +104,6 @@ def test_deriving_names_its_stages_and_says_beforehand_if_it_takes_long(tmp_path
     assert stages == [f"{head}, first time only", *later]
     find_module(read_scene("own.toml"), stages.append)
     assert len(stages) == 4  # from the cache
-    monkeypatch.setattr("kaneflex.multibody.binding.coupled_text", lambda scene, shapes, progress: progress("programs"))
-    with pytest.raises(AttributeError):  # no text came of it
-        find_coupled_module(read_scene("own.toml"), {"wheel": (1, 15)}, stages.append)
-    assert stages[4:] == [f"{head}, first time only, some 45 s", f"{head}, some 45 s: programs"]
-
-
-@pytest.mark.parametrize(
-    ("count", "modes", "measured"), [(1, 1, 0.6), (1, 6, 6.1), (2, 6, 20.3), (4, 3, 14.7), (4, 6, 34.9)]
-)
-def test_the_seconds_that_deriving_is_said_to_take(count, modes, measured):
-    """Within a factor of three of docs/derive-times.md: what counts is whether it is a moment or minutes."""
-    assert 1 / 3 < seconds_to_derive({str(k): (1, modes + 1) for k in range(count)}) / measured < 3
 
 
 # ---- what is refused --------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from runs import moments
 
 import kaneflex
 from kaneflex.multibody.shape_families import clamped_free
@@ -15,11 +16,8 @@ def load(name, *settings):
 
 def squares(model, link):
     """Stiffness over mass of each transverse shape, the squares of a fixed link's frequencies where it is free."""
-    names = [name for name, _ in model.coupled.module.PARAMETERS]
-    number = dict(zip(names, model.coupled.parameters, strict=False))
-    axial, transverse = model.coupled.module.BODIES[link]
-    return np.array([number[f"bodies.{link}.stiffness_{axial + k}"] / number[f"bodies.{link}.mass_w_{k}_w_{k}"]
-                     for k in range(transverse)])  # fmt: skip
+    number, (axial, *_) = moments(model, link), model.coupled.module.BODIES[link]
+    return number["stiffness"][axial:] / np.diag(number["mass_w_w"])
 
 
 def test_a_hinged_beam_by_sines():

@@ -83,16 +83,17 @@ def test_courses_and_magnitudes_are_those_of_the_rigid_motion(name, tmp_path):
     for t in (0.0123, 1.7, 14.99):
         course = np.full((9, 3 * len(drives)), 3.5)
         for row, instant in zip(course, t + h * np.arange(-4, 5), strict=True):
-            found.courses.py_func(instant, p, row)
+            found.courses.py_func(instant, p, row, 0)
         rigid, x = motion.at(t), np.zeros(2 * len(drives))
         for k, (coordinate, speed, acceleration) in enumerate(course[4].reshape(-1, 3)):
             assert coordinate == pytest.approx(rigid[f"{drives[k]}.angle"][0], rel=1e-14)
             assert speed == pytest.approx(STENCIL @ course[:, 3 * k] / h, rel=1e-7, abs=1e-9)
             assert acceleration == pytest.approx(STENCIL @ course[:, 3 * k + 1] / h, rel=1e-7, abs=1e-8)
             x[2 * k : 2 * k + 2] = coordinate, speed
-        sizes = np.full(len(found.LOADS), 3.5)
-        found.magnitudes.py_func(t, x, p, sizes)
-        assert sizes == pytest.approx([rigid[load][0] for load in found.LOADS], rel=1e-12)
+        sizes = np.full(2 + len(found.LOADS), 3.5)
+        found.magnitudes.py_func(t, np.append([7.0], x), 1, p, sizes, 1)
+        assert sizes[[0, -1]].tolist() == [3.5, 3.5]
+        assert sizes[1:-1] == pytest.approx([rigid[load][0] for load in found.LOADS], rel=1e-12)
 
 
 def test_loads_follow_the_speeds_of_free_drives(tmp_path):
@@ -100,7 +101,7 @@ def test_loads_follow_the_speeds_of_free_drives(tmp_path):
     scene, found = module("engine-torque", tmp_path)
     p, sizes = bind_parameters(scene, found), np.zeros(len(found.LOADS))
     gas = scene.loads["gas_2"]
-    found.magnitudes.py_func(0.0, np.array([gas.offset + gas.curve()[2], 250.0]), p, sizes)
+    found.magnitudes.py_func(0.0, np.array([gas.offset + gas.curve()[2], 250.0]), 0, p, sizes, 0)
     assert found.DRIVES == {"main": "free"}
     by_name = dict(zip(found.LOADS, sizes, strict=True))
     assert by_name["motor"] == pytest.approx(170.0 * (1.0 - 250.0 / 628.3), rel=1e-14)
@@ -111,13 +112,16 @@ def test_loads_follow_the_speeds_of_free_drives(tmp_path):
 def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_path):
     scene, found = module("engine", tmp_path)
     safe, p = kaneflex.checked(found), bind_parameters(scene, found)
-    safe.courses(0.0, p, np.zeros(3))
-    with pytest.raises(ValueError, match=r"courses: out has shape \(2,\), \(3,\) is wanted"):
-        safe.courses(0.0, p, np.zeros(2))
-    with pytest.raises(ValueError, match=r"magnitudes: x has shape \(1,\), \(2,\) is wanted"):
-        safe.magnitudes(0.0, np.zeros(1), p, np.zeros(1))
+    safe.courses(0.0, p, np.zeros(3), 0)
+    safe.courses(0.0, p, np.zeros(8), 5)
+    with pytest.raises(ValueError, match=r"courses: out has shape \(2,\), at least \(3,\) is wanted"):
+        safe.courses(0.0, p, np.zeros(2), 0)
+    with pytest.raises(ValueError, match=r"courses: out has shape \(7,\), at least \(8,\) is wanted"):
+        safe.courses(0.0, p, np.zeros(7), 5)
+    with pytest.raises(ValueError, match=r"magnitudes: x has shape \(1,\), at least \(2,\) is wanted"):
+        safe.magnitudes(0.0, np.zeros(1), 0, p, np.zeros(1), 0)
     with pytest.raises(ValueError, match=r"does not hold the table of loads.gas.table"):
-        safe.magnitudes(0.0, np.zeros(2), p[:-1], np.zeros(1))
+        safe.magnitudes(0.0, np.zeros(2), 0, p[:-1], np.zeros(1), 0)
 
 
 def test_kernels_by_kind_are_those_of_the_bodies(tmp_path):

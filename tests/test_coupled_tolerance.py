@@ -2,114 +2,123 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from numba import float64, njit, void
 from runs import derived_on_the_fly
 from scipy.linalg import eigh
 
 import kaneflex
-from kaneflex.multibody import stepping
-from kaneflex.multibody.instant import A, V
-from kaneflex.multibody.run import first_step
-from kaneflex.scene import with_settings
+from kaneflex.multibody.run import Method, integrate
+from kaneflex.multibody.system import build_system
+from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.unresolved import unresolved
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-OPTIONS = {"error_model": "numpy"}
+DISCS = """
+schema = 1
+description = "Discs about one axis, a torsional spring from each to the next"
+[bodies]
+{bodies}
+[joints]
+{joints}
+[springs]
+{springs}
+[drives]
+{drives}
+[loads]
+{loads}
+[solve]
+preset = "coupled"
+duration = "1 s"
+"""
 
 
-# M q'' + K q = s + c sin(p[0] t): p holds the frequency, then s, c, M and K row by row.
-@njit(void(float64, V, V, V, A, V), **OPTIONS)
-def equations(t, q, v, p, M, f):
-    n = q.size
-    for i in range(n):
-        f[i] += p[1 + i] + p[1 + n + i] * math.sin(p[0] * t)
-        for j in range(n):
-            M[i, j] += p[1 + 2 * n + i * n + j]
-            f[i] -= p[1 + 2 * n + n * n + i * n + j] * q[j]
+def discs(folder, stiffnesses, torques):
+    """A system of discs of 1 kg m^2, whose equations are linear in their angles; torques between it and the one before.
+
+    stiffnesses [N m/rad], torques: entries of a load.
+    """
+    names = [f"disc_{k}" for k in range(len(stiffnesses))]
+    tables = {
+        "bodies": [f"{name} = {{mass = 1, inertia = 1}}" for name in names],
+        "joints": [f'at_{b} = {{revolute = ["{a}", "{b}"]}}' for a, b in pairwise(["ground", *names])],
+        "springs": [f'of_{name} = {{torsional_at = "at_{name}", stiffness = {k!r}}}'
+                    for name, k in zip(names, stiffnesses, strict=True)],
+        "drives": [f"at_{name} = {{free = true}}" for name in names],
+        "loads": [f'on_{name} = {{torque_at = "at_{name}", {torque}}}'
+                  for name, torque in zip(names, torques, strict=True)],
+    }  # fmt: skip
+    (folder / "discs.toml").write_text(DISCS.format(**{name: "\n".join(rows) for name, rows in tables.items()}))
+    return build_system(read_scene(folder / "discs.toml"), lambda stage: None)[0]
 
 
-@njit(void(float64, V, V, V, V, V, A, V), **OPTIONS)
-def constraints(t, q, v, p, g, g_t, G, gamma):
-    pass
+def integrated(system, start, times, tolerance, integrator):
+    """Angles and speeds of the discs at ``times`` from rest at these angles, and how many steps that took."""
+    q, turns = np.zeros(system.size), [k + 2 for k in system.start.values()]
+    q[turns] = start
+    found = integrate(system, q, np.zeros(system.size), times, Method(integrator, tolerance, 1.0))
+    assert found.outcome.name == "COMPLETED"
+    return found.q[:, turns], found.v[:, turns], found.steps
 
 
-@njit(void(float64, V, V, V, V, V, A, A), **OPTIONS)
-def tangent(t, q, v, a, multipliers, p, K, C):
-    n = q.size
-    for i in range(n):
-        for j in range(n):
-            K[i, j] += p[1 + 2 * n + n * n + i * n + j]
+FORCED = 0.7
+"""Frequency of the torque that swings, of the oscillator's own."""
+TORQUES = {
+    "free": "value = 0", "switched on": "value = 0.5", "forced": f'law = "{1.0 - FORCED**2!r} * sin({FORCED} * t)"',
+}  # fmt: skip
 
 
-@njit(void(float64, V, V, V, V), **OPTIONS)
-def energy(t, q, v, p, out):
-    pass
+@pytest.fixture(scope="module")
+def oscillators(tmp_path_factory):
+    return {kind: discs(tmp_path_factory.mktemp("disc"), [1.0], [torque]) for kind, torque in TORQUES.items()}
 
 
-def integrated(M, K, q, times, tolerance, steady=0.0, swinging=0.0, frequency=1.0):
-    """q and v at ``times`` from rest at q, and how many steps that took."""
-    n, rows = len(M), len(times)
-    stepping.compile_stepper("gauss")
-    loads = [np.broadcast_to(part, n) for part in (steady, swinging)]
-    p = np.concatenate([[frequency], *loads, M.ravel(), K.ravel()])
-    qs, vs, accels = np.zeros((3, rows, n))
-    qs[0], accels[0] = q, np.linalg.solve(M, loads[0] - K @ q)
-    scale, longest = np.full(n, tolerance), times[1] - times[0]
-    control, counts = np.array([first_step(accels[0], scale, longest), longest, math.inf, 0.0]), np.zeros(5)
-    here = np.concatenate([times[:1], qs[0], vs[0], accels[0], [0.0]])
-    tables = times, qs, vs, accels, np.zeros((rows, 0)), np.zeros((rows, 1))
-    ended, _ = stepping.integrate(
-        equations, constraints, tangent, energy, p, scale, control, here, np.zeros(0), *tables, 3, counts
-    )
-    assert ended == stepping.DONE
-    return qs, vs, counts[0]
-
-
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
 @pytest.mark.parametrize("step", [0.01, 0.1, 0.3, 0.59, 1.0, 3.0, 10.0])
-@pytest.mark.parametrize("kind", ["free", "switched on", "forced"])
-def test_ten_periods_of_an_oscillator_are_wrong_by_the_tolerance(kind, step):
+@pytest.mark.parametrize("kind", TORQUES)
+def test_ten_periods_of_an_oscillator_are_wrong_by_the_tolerance(kind, step, integrator, oscillators):
     """q'' + q = s + c sin(0.7 t) against its closed form; displacement and velocity, both with a peak of 1.
 
     ``step`` is w h of the stored instants. Errors are a tenth of the tolerance to ten times as much, or less where it
-    is the stored instants that keep the steps short.
+    is the stored instants that keep the steps short. Those of gauss are smaller: its defect says less than it does.
     """
     times = np.linspace(0.0, 20 * math.pi, round(20 * math.pi / step) + 1)
-    one, W = np.eye(1), 0.7
     start, steady = {"free": (1.0, 0.0), "switched on": (0.0, 0.5), "forced": (0.0, 0.0)}[kind]
-    swing = 1.0 - W**2 if kind == "forced" else 0.0
     exact = steady + (start - steady) * np.cos(times)
     rate = -(start - steady) * np.sin(times)
     if kind == "forced":
-        exact, rate = np.sin(W * times) - W * np.sin(times), W * (np.cos(W * times) - np.cos(times))
+        exact = np.sin(FORCED * times) - FORCED * np.sin(times)
+        rate = FORCED * (np.cos(FORCED * times) - np.cos(times))
     peak = max(abs(exact).max(), abs(rate).max())
     for tolerance in TOLERANCES:
-        q, v, steps = integrated(one, one, np.array([start]), times, tolerance * peak, steady, swing, W)
+        q, v, steps = integrated(oscillators[kind], start, times, tolerance * peak, integrator)
         ratio = np.hypot(q[:, 0] - exact, v[:, 0] - rate).max() / peak / tolerance
         assert ratio < 10.0, (tolerance, ratio)
-        assert ratio > 0.1 or steps < 1.2 * len(times), (tolerance, ratio)
+        assert ratio > 0.1 or steps < 1.2 * len(times) or integrator == "gauss", (tolerance, ratio)
 
 
-def test_a_chain_with_a_stiff_spring_is_wrong_by_the_tolerance():
-    """Six masses, one spring a million times the others, against its modes; unresolved is only what is too small."""
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+def test_a_chain_with_a_stiff_spring_is_wrong_by_the_tolerance(tmp_path, integrator):
+    """Six discs, one spring a million times the others, against its modes; unresolved is only what is too small."""
     n, springs = 6, np.array([1.0, 1.0, 1e6, 1.0, 1.0, 1.0])
-    M, K = np.eye(n), np.diag(springs + np.append(springs[1:], 0.0))
-    K -= np.diag(springs[1:], 1) + np.diag(springs[1:], -1)
-    squares, shapes = eigh(K, M)
+    K = np.diag(springs + np.append(springs[1:], 0.0)) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+    squares, shapes = eigh(K)
     times = np.linspace(0.0, 20 * math.pi, 101)
     load = np.linspace(0.1, 0.2, n)
+    between = np.cumsum(load[::-1])[::-1]  # a torque between two discs acts on both
+    system = discs(tmp_path, springs.tolist(), [f"value = {torque!r}" for torque in between.tolist()])
     shares = (shapes.T @ load) / squares
     exact = (1.0 - np.cos(np.outer(times, np.sqrt(squares)))) * shares @ shapes.T
     peak = abs(exact).max()
     ratios = []
     for tolerance in TOLERANCES:
-        q, _, _ = integrated(M, K, np.zeros(n), times, tolerance * peak, load)
+        q, _, _ = integrated(system, 0.0, times, tolerance * peak, integrator)
         ratios.append(abs(q - exact).max() / peak / tolerance)
     assert max(ratios) < 10.0, ratios
-    assert max(ratios) < 10.0 * min(ratios), ratios
+    assert max(ratios) < 10.0 * min(ratios) or integrator == "gauss", ratios
 
 
 BEAM = """
@@ -164,9 +173,8 @@ def test_a_clamped_beam_under_a_sudden_force(beam):
 
 
 def test_a_tolerance_too_loose_for_the_deformation_is_named(beam):
-    loose = run(beam[0], "solve.tolerance=1e-3").warnings
-    assert len(loose) == 1
-    assert loose[0].startswith("solve.tolerance = 0.001 allows errors of 0.00035 m where no link deforms by more")
+    (loose,) = run(beam[0], "solve.tolerance=1e-3").warnings
+    assert loose.startswith("solve.tolerance = 0.001 allows errors of 0.00035 m where no link deforms by more")
 
 
 def test_the_modes_that_a_run_gives_up_are_named(beam):
@@ -175,4 +183,4 @@ def test_the_modes_that_a_run_gives_up_are_named(beam):
     found = unresolved(run(model, "solve.tolerance=1e-5"))
     assert [mode.shape for mode in found] == ["stretch of beam", "stretch of beam"]
     assert found[0].frequency == pytest.approx(math.sqrt(210e9 / 7850) / (4 * 0.35), rel=1e-2)
-    assert not unresolved(run(model, "solve.tolerance=1e-10"))
+    assert not unresolved(run(model, "solve.tolerance=1e-12"))

@@ -2,8 +2,6 @@
 
 import math
 from copy import deepcopy
-from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ from scipy.linalg import eigh
 
 import kaneflex
 from kaneflex.fem.links import build_link
+from kaneflex.multibody.run import rigid_state
 from kaneflex.multibody.shapes import link_shapes
 from kaneflex.multibody.system import build_system
 from kaneflex.scene import read_scene, with_settings
@@ -20,6 +19,8 @@ COUPLED = [
     "elastic-double-pendulum", "elastic-pendulum", "engine-torque-elastic", "four-bar-motor",
     "slider-crank-150-coupled", "spin-up-torque",
 ]  # fmt: skip
+T = 0.013
+"""An instant under way [s]."""
 BAR = """
 schema = 1
 [bodies]
@@ -105,24 +106,18 @@ def reversed_links(scene):
     return _validated(raw, scene.source), links
 
 
-def interpreted(system):
-    """The system with its kernels as Python runs them: nothing is compiled."""
-    names = ("equations", "constraints", "tangent", "energy")
-    plain = {name: getattr(system.module, name).py_func for name in names}
-    return replace(system, module=SimpleNamespace(**{**vars(system.module), **plain}))
-
-
-def moved_state(system, seed):
-    """q and v of a mechanism away from its rest: bodies anywhere, shapes deflected by per mille and moving."""
+def moved_state(system, q, v, seed):
+    """q and v on the loops, from those of a rigid mechanism under way: its shapes deflect by per mille, and move."""
     random = np.random.default_rng(seed)
-    q, v = random.normal(size=system.size), random.normal(size=system.size)
+    q, v = q.copy(), v.copy()
     for name in system.start:
-        modal = system.modal(name)
-        axial = system.module.BODIES[name][0]
-        q[modal] *= 5e-3
-        q[modal.start : modal.start + axial] *= 1e-3
-        v[modal.start : modal.start + axial] *= 1e-2
-    return q, v
+        modal, axial = system.modal(name), system.module.BODIES[name][0]
+        q[modal], v[modal] = 5e-3 * random.normal(size=(2, modal.stop - modal.start))
+        q[modal.start : modal.start + axial] *= 0.2
+        v[modal.start : modal.start + axial] *= 2.0
+        v[modal.start + axial : modal.stop] *= 200.0
+    closed = system.states(np.array([T]), q[None], v[None])
+    return closed.q[0], closed.v[0]
 
 
 def seen_from_the_end(system, other, links, q, v):
@@ -154,16 +149,22 @@ def seen_from_the_end(system, other, links, q, v):
 
 @pytest.mark.parametrize("name", COUPLED)
 def test_accelerations_and_reactions_know_no_direction(name):
-    """Of all bodies and joints of a shipped scene with its links reversed, at a drawn state far from its rest."""
+    """Of all bodies and joints of a shipped scene with its links reversed, bent as it never is."""
     scene = read_scene(name)
     turned, links = reversed_links(scene)
-    system, other = (interpreted(build_system(each, lambda stage: None)[0]) for each in (scene, turned))
-    q, v = moved_state(system, 7)
+    model = kaneflex.load(scene)
+    system, other = model.coupled, build_system(turned, lambda stage: None)[0]
+    q, v = moved_state(system, *rigid_state(system, model.motion.at(np.array([T]))), 7)
     there, rates, back = seen_from_the_end(system, other, links, q, v)
-    # Joints of bodies that stand anywhere are open, in both alike: their balance holds all the same.
-    a, reactions, _ = system.accelerations(0.0, q, v)
-    a_there, reactions_there, _ = other.accelerations(0.0, there, rates)
+    found, mirrored = (
+        each.states(np.array([T]), *state)
+        for each, state in ((system, (q[None], v[None])), (other, (there[None], rates[None])))
+    )
+    assert mirrored.q[0] == pytest.approx(there, abs=1e-10) and mirrored.v[0] == pytest.approx(rates, abs=1e-8)
+    assert max(abs(gap) for gap in other.gaps(T, there).values()) < 1e-10
+    (a,), (reactions,), (a_there,), (reactions_there,) = found.a, found.reactions, mirrored.a, mirrored.reactions
     assert reactions_there == pytest.approx(reactions, rel=1e-7, abs=1e-9 * abs(reactions).max())
+    assert mirrored.sums[0, :3] == pytest.approx(found.sums[0, :3], rel=1e-9)
     for body, k in system.start.items():
         assert a_there[k + 2] == pytest.approx(a[k + 2], rel=1e-7, abs=1e-9 * abs(a).max()), body
         if body not in links:

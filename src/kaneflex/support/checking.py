@@ -32,6 +32,8 @@ _NODES = 6
 """Displacements and rotations of an element's two nodes."""
 _ROWS = {"tabulate": ("times",), "element_matrices": ("p", "s")}
 """Kernel -> the arguments of which each row has one in out, by out's axes."""
+_PLACES = {"x": "i", "out": "k"}
+"""Argument -> the one that says where in it a kernel's numbers begin, of kernels that have it."""
 
 
 def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
@@ -47,7 +49,8 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
     SimpleNamespace
         The module's tables, and its kernels by their names. A kernel raises TypeError for what is no array of float64,
         and ValueError for a wrong shape, or a table in p that reaches beyond it; both name the argument. Of a module's
-        p, a longer one is right; of a mechanism's, only its own.
+        p, a longer one is right; of a mechanism's, only its own. Of a coupled module the kernels of bodies are as they
+        are: their numbers lie among those of all others.
 
     >>> from kaneflex.generated import engine
     >>> checked(engine).M(np.zeros(4), np.zeros((6, 6)))
@@ -99,7 +102,9 @@ def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Call
         given = signature.bind(*arguments).arguments
         for argument, shape in shapes.items():
             if argument in given:
-                _check(f"{name}: {argument}", given[argument], shape, longer=argument == "p")
+                place = given.get(_PLACES.get(argument, ""))
+                wanted = shape if place is None else (place + shape[0],)
+                _check(f"{name}: {argument}", given[argument], wanted, longer=argument == "p" or place is not None)
         for axis, rows in enumerate(_ROWS.get(name, ())):
             if given["out"].shape[axis] < len(given[rows]):
                 raise ValueError(f"{name}: out has {given['out'].shape[axis]} rows for {len(given[rows])} {rows}")
