@@ -59,7 +59,7 @@ scene = kaneflex.read_scene(sys.argv[1])
 settings = [f"solve.modes={sys.argv[2]}", "solve.steps=1000"]
 kaneflex.load(scene)  # the rigid motion's module, which any preset has
 model = kaneflex.load(kaneflex.with_settings(scene, ["solve.preset=coupled", *settings]))
-kaneflex.simulate(model)  # compiles the stepper where it is the first run on a machine
+kaneflex.simulate(model)  # compiles the engine where it is the first run on a machine
 found = kaneflex.simulate(model).trajectory
 size = model.coupled.engine.size
 print(size, model.seconds["derive"], model.seconds["compile"], found.ns_per_step / 1e3, found.steps, found.rejected)

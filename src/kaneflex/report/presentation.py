@@ -165,7 +165,8 @@ def _options(model: Model) -> dict[str, str]:
     if dynamics == "rigid":
         return shown
     if dynamics == "coupled":
-        shown["integrator"] = f"{options.integrator}, error of a step {options.tolerance:g} of the longest body"
+        error = f"error in ten periods of a vibration {options.tolerance:g} of the longest body"
+        shown["integrator"] = f"{options.integrator}, {error}"
         shown["start"] = _STARTS[options.start]
         if not model.links:
             shown["shapes"] = "those of the modal data"

@@ -187,7 +187,7 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
     if options.integrator == "scipy":
         raise SceneError(
             "solve.integrator", "scipy", "what it does within a step has no derivative here",
-            "Take gauss or generalised-alpha",
+            "Take gauss or radau",
         )  # fmt: skip
     free = next((name for name, drive in scene.drives.items() if drive.free), None)
     if free is not None and options.dynamics != "coupled":
