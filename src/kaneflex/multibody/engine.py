@@ -221,14 +221,10 @@ class Engine:
             done = now
         return rows
 
-    def integrate(
-        self, table: Table, control: np.ndarray, here: np.ndarray, given: np.ndarray, times: np.ndarray,
-        rows: np.ndarray, counts: np.ndarray, ends: np.ndarray,
-    ) -> int:  # fmt: skip
-        """See :func:`kaneflex.multibody.collocation.integrate`."""
+    def integrate(self, table: Table, *parts: np.ndarray) -> int:
+        """See :func:`kaneflex.multibody.collocation.integrate`; parts: from control to ends."""
         return int(collocation.integrate(
-            self.tables, *self.kernels, self.p, table, control, here, given, times, rows, counts, ends, self.real,
-            self.pair,
+            self.tables, *self.kernels, self.p, table, *parts, self.real, self.pair,
         ))  # fmt: skip
 
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import reduce
-from types import ModuleType
 
 import numpy as np
 
@@ -13,25 +12,7 @@ from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.mechanism.affine import as_array
 from kaneflex.multibody.shapes import Shapes
 from kaneflex.scene import Scene
-from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, named, symmetrised
-
-
-def body_numbers(
-    scene: Scene, module: ModuleType, links: Mapping[str, Link], shapes: Mapping[str, Shapes]
-) -> dict[str, float]:
-    """Path -> value (SI) of every moment, stiffness, damping and shape that belongs to a body."""
-    numbers: dict[str, float] = {}
-    for name in module.BODIES:
-        data = body_data(scene, name, links, shapes)
-        found = named(body_moments(scene, name, data), ARRAYS)
-        for point in data.points if data else ():
-            at = named(data.at_point(point), POINT_ARRAYS)
-            found |= {f"points.{point}.{key}": value for key, value in at.items()}
-        numbers |= {f"bodies.{name}.{key}": value for key, value in found.items()}
-        for load in (load for load, entry in scene.spreads.items() if entry.spread_on == name):
-            spread = named(spread_shapes(scene, load, links.get(name), shapes.get(name)), POINT_ARRAYS)
-            numbers |= {f"loads.{load}.{key}": value for key, value in spread.items()}
-    return numbers
+from kaneflex.scene.modal_data import ARRAYS, POINT_ARRAYS, ModalData, symmetrised
 
 
 def body_data(scene: Scene, name: str, links: Mapping[str, Link], shapes: Mapping[str, Shapes]) -> ModalData | None:

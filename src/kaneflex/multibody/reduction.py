@@ -7,11 +7,10 @@ independent coordinates. The reactions that close the loops take what the depend
 from __future__ import annotations
 
 from numba import njit
-from numba.types import int64
+from numba.types import float64, int64
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
-from kaneflex.multibody.collocation import MATRIX
 from kaneflex.multibody.loops import bent, follow, gradient
 from kaneflex.multibody.tables import (
     ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, GRADIENT, INPUT, KEPT, KERNELS, LOOP, LOOP_PIVOTS, NOW, OPTIONS,
@@ -88,5 +87,5 @@ def reduced_demand(m, deform, push, jacobian, inverse, inertia, energy, courses,
     return done
 
 
-SIGNATURES = {reduced_demand: int64(TABLES, *KERNELS, V, int64[::1], MATRIX, MATRIX)}
+SIGNATURES = {reduced_demand: int64(TABLES, *KERNELS, V, int64[::1], float64[:, ::1], float64[:, ::1])}
 """What is compiled once for the mechanisms of all scenes, and for which arguments."""

@@ -127,11 +127,6 @@ class CoupledSystem:
         """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
         return np.where([unit == "rad" for _, unit in self.coordinates], 1.0, length)
 
-    @cached_property
-    def rigid_rows(self) -> np.ndarray:
-        """Where x, y, phi of the bodies are in q."""
-        return np.array([k + j for k in self.start.values() for j in range(BODY)])
-
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Give the engine the coordinates and rates of the bodies."""
         self.engine.fold(q[self._order], v[self._order])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,10 +90,72 @@ def build_tables(
         sizes: of the room for real and for complex factors.
     """
     order = _order(mechanism)
-    names = _sections(mechanism, order)
-    index = {key: k for k, key in enumerate(names)}
+    index = {key: k for k, key in enumerate(_sections(mechanism, order))}
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
-    numbers, coordinates = _Numbers(), []
+    numbers = _Numbers()
+    found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
+    bodies, sections, coordinates, hold, row, square, jacobian = found
+    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers)
+    plan = np.zeros(at.PLAN, np.int64)
+    n, reactions = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
+    works = 1 + len(mechanism.loads) + len(prescribed)
+    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
+    plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.ACTS]] = ranges
+    spans = {
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * len(index), at.LOCAL: at.SEC * len(index),
+        at.FRAME: at.FRAME_SIZE * len(order), at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
+        at.COURSE: 3 * len(prescribed), at.X: 2 * len(mechanism.drives), at.SIZE: len(mechanism.loads),
+        at.INPUT: len(mechanism.loads) + len(prescribed),
+        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
+        at.JOINTS: 3 * len(order), at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
+        at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
+        at.MIDDLE: at.SEC * len(index), at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
+        at.STAGE_R: 3 * reactions, at.LAST_A: 3 * n, at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
+    }  # fmt: skip
+    for what, count in spans.items():
+        plan[what] = numbers.room(count)
+    plan[at.GRAVITY] = numbers.put(mechanism.gravity)
+    plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
+    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
+    size = _in_turn(plan, 0, {
+        at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (reactions + 1) * n,
+        at.SCHUR: reactions**2, at.PUSH: row, at.REACTION: reactions,
+    })  # fmt: skip
+    of_rows = (at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT, at.PIVOTS, at.PAIR_PIVOTS)
+    plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, dict.fromkeys(of_rows, reactions)) - at.PLAN, np.int64))
+    w = np.concatenate(numbers.parts)
+    _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
+    inboard = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
+    branches = tuple(body for body, _, _ in order)
+    layout = Layout(branches, inboard, index, tuple(cut_names), tuple(coordinates), tuple(prescribed))
+    return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
+
+
+def _in_turn(plan: np.ndarray, first: int, counts: Mapping[int, int]) -> int:
+    """Give so many places to each, one after the other from the first; the place after them."""
+    for what, count in counts.items():
+        plan[what], first = first, first + count
+    return first
+
+
+class _Bodies(NamedTuple):
+    """Rows of bodies and sections, coordinates with what holds and damps them, numbers of speeds, squares and W's."""
+
+    bodies: np.ndarray
+    sections: np.ndarray
+    coordinates: list[tuple[str, str]]
+    hold: list[tuple[float, float]]
+    row: int
+    square: int
+    jacobian: int
+
+
+def _build_bodies(
+    mechanism: Mechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int],
+    counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks, numbers: _Numbers,
+) -> _Bodies:  # fmt: skip
+    names, coordinates = list(index), []
+    prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
     bodies = np.zeros((len(order), at.NUMBERS + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
     hold: list[tuple[float, float]] = []
@@ -120,45 +183,7 @@ def build_tables(
         coordinates += _named(body, joint, units, axial, transverse)
         row += 3 + shapes
         square += (3 + shapes) ** 2
-    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers)
-    plan = np.zeros(at.PLAN, np.int64)
-    n, reactions = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
-    works = 1 + len(mechanism.loads) + len(prescribed)
-    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
-    plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.ACTS]] = ranges
-    spans = {
-        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * len(names), at.LOCAL: at.SEC * len(names),
-        at.FRAME: at.FRAME_SIZE * len(order), at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
-        at.COURSE: 3 * len(prescribed), at.X: 2 * len(mechanism.drives), at.SIZE: len(mechanism.loads),
-        at.INPUT: len(mechanism.loads) + len(prescribed),
-        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
-        at.JOINTS: 3 * len(order), at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
-        at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
-        at.MIDDLE: at.SEC * len(names), at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
-        at.STAGE_R: 3 * reactions, at.LAST_A: 3 * n, at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-    }  # fmt: skip
-    for what, count in spans.items():
-        plan[what] = numbers.room(count)
-    plan[at.GRAVITY] = numbers.put(mechanism.gravity)
-    plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
-    plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
-    factors = {
-        at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (reactions + 1) * n,
-        at.SCHUR: reactions**2, at.PUSH: row, at.REACTION: reactions,
-    }  # fmt: skip
-    size = 0
-    for what, count in factors.items():
-        plan[what], size = size, size + count
-    ends = at.PLAN
-    for what in (at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT, at.PIVOTS, at.PAIR_PIVOTS):
-        plan[what], ends = ends, ends + reactions
-    plan = np.concatenate([plan, np.zeros(ends - at.PLAN, np.int64)])
-    w = np.concatenate(numbers.parts)
-    _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in names if owner == GROUND])
-    inboard = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
-    bodies_in_order = tuple(body for body, _, _ in order)
-    layout = Layout(bodies_in_order, inboard, index, tuple(cut_names), tuple(coordinates), tuple(prescribed))
-    return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
+    return _Bodies(bodies, sections, coordinates, hold, row, square, jacobian)
 
 
 def _named(

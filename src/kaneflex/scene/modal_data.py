@@ -1,4 +1,4 @@
-"""A link's modal data from elsewhere: the arrays of a file, checked, and the numbers that equations take of them."""
+"""A link's modal data from elsewhere: the arrays of a file, checked."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ARRAYS: dict[str, tuple[str, str, str]] = {
     "stiffness": ("a", "stiffness_{}", "N/m"),
     "damping": ("aa", "damping_{}_{}", "N s/m"),
 }
-"""Array -> its axes (s axial shapes, w transverse ones, a all), its numbers' names in PARAMETERS, unit."""
+"""Array -> its axes (s axial shapes, w transverse ones, a all), symbols of its numbers in the equations, unit."""
 POINT_ARRAYS: dict[str, tuple[str, str, str]] = {
     "X": ("", "X", "m"),
     "s": ("s", "s_{}", "1"),
@@ -87,17 +87,6 @@ class ModalData:
         """POINT_ARRAYS of one of the points."""
         k = self.points.index(point)
         return {name: self.arrays[name][k] for name in POINT_ARRAYS}
-
-
-def named(arrays: Mapping[str, np.ndarray], names: Mapping[str, tuple[str, str, str]]) -> dict[str, float]:
-    """The numbers of arrays by their names in PARAMETERS; a symmetric one gives its upper triangle."""
-    found: dict[str, float] = {}
-    for name, array in arrays.items():
-        axes, pattern, _ = names.get(name, ("", name, ""))
-        for index in np.ndindex(*np.shape(array)):
-            if not _symmetric(axes) or index[0] <= index[1]:
-                found[pattern.format(*index) if axes else name] = float(array[index])
-    return found
 
 
 def symmetrised(array: np.ndarray, axes: str) -> np.ndarray:
