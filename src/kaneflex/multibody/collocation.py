@@ -27,19 +27,60 @@ from numba import njit, types
 from numba.types import boolean, complex128, float64, int64
 
 from kaneflex.generated import joints as laws
-from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
-from kaneflex.multibody.loops import factorise_closed, follow, solve_closed, worn
-from kaneflex.multibody.recursion import assemble
+from kaneflex.multibody import dense_lu, loops, powers, recursion, tables, tree
+from kaneflex.multibody.loops import close, copy, factorise_closed, follow, mend, middle, settle_now, solve_closed, worn
+from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUT, CUTS, DEMAND, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY, JOINT, JOINTS, KEPT, KERNELS, KIND, LAST_A, LAST_R, LOADS, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, ON, OPTIONS,
-    OUTER, PAIR_PIVOTS, PARENT, PIVOTS, POWER, RATE, REACTION, REACTIONS, RESISTING, REVOLUTE, ROW_AT, ROW_OF,
-    ROW_SIZE,     SCALE, SEC, SECTION, SIZE, SPRING, SPRING_SIZE, SPRINGS, STAGE_A, STAGE_R, SUMS, TABLES, TORQUE, WHAT, WORKS,
-    V, Y, Z,
+    ACCEL,
+    BODIES,
+    COLUMNS,
+    COORDINATES,
+    COURSE,
+    COURSE_AT,
+    COURSE_OF,
+    CUTS,
+    DAMPING,
+    DEMAND,
+    DRIVES,
+    FIRST,
+    KEPT,
+    KERNELS,
+    LAST_A,
+    LAST_R,
+    LOADS,
+    MODAL,
+    NOW,
+    OPTIONS,
+    OUTER,
+    PAIR_PIVOTS,
+    PIVOTS,
+    RATE,
+    REACTION,
+    REACTIONS,
+    RESISTING,
+    ROW_AT,
+    ROW_OF,
+    SCALE,
+    SHAPES,
+    SPRINGS,
+    STAGE_A,
+    STAGE_C,
+    STAGE_P,
+    STAGE_R,
+    STIFFNESS,
+    TABLES,
+    WORKS,
+    V,
+    Y,
+    Z,
+    apart,
+    numbers,
+    pointed,
 )  # fmt: skip
-from kaneflex.multibody.tree import demand, load_direction, turned
+from kaneflex.multibody.tree import demand, prescribe
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
+_made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, powers, recursion, tables, tree)))
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED = 0, 1, 2, 3, 4, 5
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
@@ -69,6 +110,15 @@ class Table(NamedTuple):
 TABLE = types.NamedTuple([V, MATRIX, MATRIX, V, V, float64, float64, complex128, ZM, ZM], Table)
 
 
+@njit(**OPTIONS)
+def _pointed(table):
+    """The same by its addresses."""
+    return Table(
+        numbers(table.nodes), numbers(table.a_1), numbers(table.a_2), numbers(table.b_1), numbers(table.b_2),
+        table.ends, table.real, table.pair, numbers(table.into), numbers(table.out),
+    )  # fmt: skip
+
+
 def collocation_table(nodes: np.ndarray) -> Table:
     """The collocation method with three nodes in (0, 1]."""
     powers = np.arange(1, 4)
@@ -89,101 +139,6 @@ GAUSS = collocation_table(np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(
 
 
 @njit(**OPTIONS)
-def energies(m, kernels):
-    """At SUMS: kinetic energy, strain energy, dissipated power, and potential energy of the weight."""
-    plan, w = m.plan, m.w
-    at = plan[SUMS]
-    for k in range(4):
-        w[at + k] = 0.0
-    sums = w[at:]
-    for b in range(plan[BODIES]):
-        f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
-        x, z = kernels[ENERGY](
-            m.bodies[b, KIND], w, o, w[plan[Y] :], w[plan[RATE] :], m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 5],
-            w[f + 6], w[f + 7], sums,
-        )  # fmt: skip
-        w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
-    for n in range(plan[ACTS] - plan[SPRINGS]):
-        k = plan[SPRING] + SPRING_SIZE * n
-        w[at + 1] += w[k + 4]
-        w[at + 2] += w[k + 5]
-
-
-@njit(**OPTIONS)
-def powers(m, kernels):
-    """At POWER, rates of the works: dissipation, every load's, every prescribed drive's [W]; after :func:`demand`."""
-    plan, w, acts = m.plan, m.w, m.acts
-    energies(m, kernels)
-    out = plan[POWER]
-    w[out] = w[plan[SUMS] + 2]
-    for n in range(plan[LOADS], plan[SPRINGS]):
-        size = w[plan[SIZE] + n - plan[LOADS]]
-        one, two = plan[SECTION] + SEC * acts[n, AT], plan[SECTION] + SEC * acts[n, ON]
-        if acts[n, WHAT] == TORQUE:
-            rate = w[two + 5] - w[one + 5]
-        else:
-            x, z = load_direction(m, n)
-            rate = x * w[one + 3] + z * w[one + 4]
-        w[out + 1 + n - plan[LOADS]] = size * rate
-    out += 1 + plan[SPRINGS] - plan[LOADS]
-    for b in range(plan[BODIES]):
-        if m.bodies[b, COURSE_OF] >= 0:
-            k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
-            force = w[j] * w[k + 2]
-            if m.bodies[b, JOINT] != REVOLUTE:
-                d_x, d_y = turned(w, w[plan[SECTION] + SEC * m.bodies[b, PARENT] + 2], j + 2)
-                force = d_x * w[k] + d_y * w[k + 1]
-            w[out + m.bodies[b, COURSE_OF]] = force * w[plan[COURSE] + 3 * m.bodies[b, COURSE_OF] + 1]
-    for n in range(plan[CUTS], plan[DRIVES]):
-        if acts[n, COURSE_AT] >= 0:
-            rate = w[plan[COURSE] + 3 * acts[n, COURSE_AT] + 1]
-            w[out + acts[n, COURSE_AT]] = w[plan[NOW] + acts[n, ROW_AT]] * rate
-
-
-@njit(**OPTIONS)
-def _copy(w, of, into, count):
-    for k in range(count):
-        w[into + k] = w[of + k]
-
-
-@njit(**OPTIONS)
-def middle(m, kernels):
-    """Matrices of the factors to come where everything is now."""
-    plan, w = m.plan, m.w
-    assemble(m, kernels)
-    _copy(w, plan[SECTION], plan[MIDDLE], SEC * m.sections.shape[0])
-    _copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * plan[REACTIONS])
-
-
-@njit(**OPTIONS)
-def settle_now(m, kernels, p, t, A):
-    """Accelerations and reactions of the cuts at the place and speed of the independent coordinates; False: singular."""
-    plan, w = m.plan, m.w
-    for i in range(plan[COORDINATES]):
-        w[plan[ACCEL] + i] = 0.0
-    for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = 0.0
-    if not follow(m, kernels, p, t):
-        return False
-    middle(m, kernels)
-    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
-        return False
-    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
-    for turn in range(2):
-        demand(m, kernels, p, t)
-        for k in range(plan[COORDINATES]):
-            A[answer + k] = -w[plan[DEMAND] + k]
-        solve_closed(m, A, plan[PIVOTS])
-        for r in range(plan[KEPT]):
-            w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
-        for i in range(plan[COORDINATES]):
-            w[plan[ACCEL] + i] += A[answer + i]
-        if not follow(m, kernels, p, t):
-            return False
-    return True
-
-
-@njit(**OPTIONS)
 def _basis(c, x, i):
     """Lagrange's polynomial i of three nodes at x."""
     j, k = (i + 1) % 3, (i + 2) % 3
@@ -193,6 +148,7 @@ def _basis(c, x, i):
 @njit(**OPTIONS)
 def _first_guess(m, table, h, length, here):
     """Stages as the last step's polynomial goes on, or as the motion stands where there is none."""
+    apart()
     plan, w, c = m.plan, m.w, table.nodes
     n, r = plan[COORDINATES], plan[REACTIONS]
     for i in range(3):
@@ -209,12 +165,13 @@ def _first_guess(m, table, h, length, here):
 @njit(**OPTIONS)
 def _factors(m, kernels, p, table, t, h, here, A, B):
     """Factors where the step is half way: nowhere in it is the mass then far from theirs. False at a singular state."""
+    apart()
     plan, w = m.plan, m.w
     n = plan[COORDINATES]
     for k in range(n):
         w[plan[Y] + k] = here[1 + k] + 0.5 * h * (here[1 + n + k] + 0.25 * h * here[1 + 2 * n + k])
-        w[plan[RATE] + k], w[plan[ACCEL] + k] = 0.0, 0.0
-    if not follow(m, kernels, p, t + 0.5 * h):
+    prescribe(m, kernels, p, t + 0.5 * h)
+    if not close(m, kernels):
         return False
     middle(m, kernels)
     if not factorise_closed(m, h * table.real, A, plan[PIVOTS]):
@@ -225,58 +182,87 @@ def _factors(m, kernels, p, table, t, h, here, A, B):
 @njit(**OPTIONS)
 def _stage(m, kernels, p, table, t, h, i, here):
     """Put everything where stage i has it, and find what its motion asks for; False where a loop doesn't close."""
+    apart()
     plan, w, c = m.plan, m.w, table.nodes[i]
     n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
         v_0 = here[1 + n + k]
-        w[plan[RATE] + k] = v_0 + h * (a_1[i, 0] * a + a_1[i, 1] * b + a_1[i, 2] * d)
-        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[i, 0] * a + a_2[i, 1] * b + a_2[i, 2] * d))
-    _copy(w, of + n * i, plan[ACCEL], n)
-    _copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
+        w[plan[RATE] + k] = v_0 + h * (a_1[3 * i + 0] * a + a_1[3 * i + 1] * b + a_1[3 * i + 2] * d)
+        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[3 * i + 0] * a + a_2[3 * i + 1] * b + a_2[3 * i + 2] * d))
+    copy(w, of + n * i, plan[ACCEL], n)
+    copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
     if not follow(m, kernels, p, t + c * h):
         return False
     demand(m, kernels, p, t + c * h)
-    _copy(w, plan[ACCEL], of + n * i, n)
+    copy(w, plan[ACCEL], of + n * i, n)
+    courses = plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS])
+    for k in range(courses):
+        w[plan[STAGE_C] + courses * i + k] = w[plan[COURSE] + 3 * k + 1]
     return True
 
 
 @njit(**OPTIONS)
+def _drive(m, i, course, force):
+    """The power of a prescribed drive in stage i."""
+    plan = m.plan
+    courses = plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS])
+    first = plan[STAGE_P] + plan[WORKS] * i + 1 + plan[SPRINGS] - plan[LOADS]
+    m.w[first + course] = force * m.w[plan[STAGE_C] + courses * i + course]
+
+
+@njit(**OPTIONS)
 def _improve(m, table, h, A, B):
-    """One iteration of the stages; the largest change, as a displacement in errors allowed."""
+    """One iteration of the stages; the largest change, as a displacement in errors allowed.
+
+    The drives' powers are those after it, for their forces are part of the answer."""
+    apart()
     plan, w, into = m.plan, m.w, table.into
     n, count = plan[COORDINATES], plan[KEPT]
     answer = plan[COLUMNS] + count * n
     for k in range(n):
         j = plan[RESISTING] + k
         r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
-        A[answer + k] = -(into[0, 0].real * r_0 + into[0, 1].real * r_1 + into[0, 2].real * r_2)
-        B[answer + k] = -(into[1, 0] * r_0 + into[1, 1] * r_1 + into[1, 2] * r_2)
+        A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
+        B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
     change = 0.0
     for i in range(3):
-        one, two = table.out[0, i].real, 2.0 * table.out[1, i]
-        for k in range(n):
-            d = one * A[answer + k] + (two * B[answer + k]).real
-            w[plan[STAGE_A] + n * i + k] += d
-            change = max(change, h * h * abs(d) / w[plan[SCALE] + k])
+        one, two = table.out[i].real, 2.0 * table.out[3 + i]
+        for b in range(plan[BODIES]):
+            first, course = m.bodies[b, FIRST], m.bodies[b, COURSE_OF]
+            if course >= 0:
+                force = one * A[answer + first] + (two * B[answer + first]).real
+                _drive(m, i, course, force)
+                first = m.bodies[b, MODAL]
+            for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+                d = one * A[answer + k] + (two * B[answer + k]).real
+                w[plan[STAGE_A] + n * i + k] += d
+                change = max(change, h * h * abs(d) / w[plan[SCALE] + k])
         for r in range(count):
             d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
             w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
+        for cut in range(plan[CUTS], plan[DRIVES]):
+            if m.acts[cut, COURSE_AT] >= 0:
+                force = w[plan[STAGE_R] + plan[REACTIONS] * i + m.acts[cut, ROW_AT]]
+                _drive(m, i, m.acts[cut, COURSE_AT], force)
     return change
 
 
 @njit(**OPTIONS)
 def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
     """Solve for the stages; whether that came to an end."""
+    apart()
     before, size = 0.0, m.plan[COORDINATES]
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
         for i in range(3):
             if not _stage(m, kernels, p, table, t, h, i, here):
                 return False
-            _copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
+            copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
+            if iteration > 0:
+                losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
         change = _improve(m, table, h, A, B)
         if not change < 1e200:
             return False
@@ -288,57 +274,63 @@ def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
                 return False
             if change * rate < 1e-5 * max(1.0 - rate, 0.0):
                 return True
-        if change < 1e-6:
-            return True
+            if change < 1e-6:
+                return True
         before = change
     return False
 
 
 @njit(**OPTIONS)
-def _error(m, kernels, p, table, t, h, here, A):
-    """The step's error in errors allowed; infinite at a singular state."""
+def _error(m, table, h, here, A):
+    """The step's error in errors allowed.
+
+    The defect at the step's start is M d, with d what the polynomial's acceleration there has beyond the motion's, for
+    which the equations hold; and as S = M + h mu C + h^2 mu^2 K, S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d.
+    """
+    apart()
     plan, w, c = m.plan, m.w, table.nodes
-    n, of = plan[COORDINATES], plan[STAGE_A]
+    n, of, at, step = plan[COORDINATES], plan[STAGE_A], plan[ACCEL], h * table.real
     w_0, w_1, w_2 = _basis(c, 0.0, 0), _basis(c, 0.0, 1), _basis(c, 0.0, 2)
     for k in range(n):
-        w[plan[Y] + k], w[plan[RATE] + k] = here[1 + k], here[1 + n + k]
-        w[plan[ACCEL] + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k]
-    for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = here[1 + 3 * n + r]
-    if not follow(m, kernels, p, t):
-        return math.inf
-    demand(m, kernels, p, t)
-    error, answer = 1e-12, plan[COLUMNS] + plan[KEPT] * n
+        w[at + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
+    answer = plan[COLUMNS] + plan[KEPT] * n
     for k in range(n):
-        A[answer + k] = -0.5 * h * h * w[plan[DEMAND] + k]
+        A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
     solve_closed(m, A, plan[PIVOTS])
-    for k in range(n):
-        error = max(error, abs(A[answer + k]) / w[plan[SCALE] + k])
-    return error
+    error = 1e-12
+    for b in range(plan[BODIES]):
+        first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
+        for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+            error = max(error, abs(w[at + k] + A[answer + k]) / w[plan[SCALE] + k])
+    return 0.5 * h * h * error
 
 
 @njit(**OPTIONS)
 def _finish(m, kernels, p, table, t, end, here, A):
     """Take the step: leave ``here`` at its end, works included; False at a singular state."""
+    apart()
     plan, w = m.plan, m.w
     n, r, h, of = plan[COORDINATES], plan[REACTIONS], end - t, plan[STAGE_A]
     for i in range(3):
-        if not _stage(m, kernels, p, table, t, h, i, here):
-            return False
-        powers(m, kernels)
         for k in range(plan[WORKS]):
-            here[1 + 3 * n + r + k] += h * table.b_1[i] * w[plan[POWER] + k]
-    if table.ends == 0.0:
-        b_1, b_2 = table.b_1, table.b_2
-        for k in range(n):
-            a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
-            v_0 = here[1 + n + k]
-            w[plan[RATE] + k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
-            w[plan[Y] + k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
-        if not settle_now(m, kernels, p, end, A):
-            return False
-    _copy(w, of, plan[LAST_A], 3 * n)
-    _copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
+            here[1 + 3 * n + r + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
+    b_1, b_2 = table.b_1, table.b_2
+    w_0, w_1, w_2 = _basis(table.nodes, 1.0, 0), _basis(table.nodes, 1.0, 1), _basis(table.nodes, 1.0, 2)
+    for k in range(n):
+        a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
+        v_0 = here[1 + n + k]
+        w[plan[RATE] + k] = v_0 + h * (b_1[0] * a + b_1[1] * b + b_1[2] * d)
+        w[plan[Y] + k] = here[1 + k] + h * (v_0 + h * (b_2[0] * a + b_2[1] * b + b_2[2] * d))
+        w[plan[ACCEL] + k] = w_0 * a + w_1 * b + w_2 * d
+    of = plan[STAGE_R]
+    for k in range(r):
+        w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
+    if not follow(m, kernels, p, end):
+        return False
+    if table.ends == 0.0 and not mend(m, kernels, p, end, A, 1):
+        return False
+    copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
+    copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
     here[0] = end
     for k in range(n):
         here[1 + k], here[1 + n + k] = w[plan[Y] + k], w[plan[RATE] + k]
@@ -356,27 +348,29 @@ def settle(m, deform, push, jacobian, inverse, inertia, energy, courses, magnitu
     The motion is that of the tables, at Y, RATE, ACCEL and NOW. A: room for real factors. False at a singular state.
     """
     kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    return settle_now(m, kernels, p, t, A)
+    return settle_now(pointed(m), kernels, numbers(p), t, numbers(A))
 
 
 @njit(cache=True, **(OUTER | {"_nrt": False}))
 @_made_of_parts
 def integrate(
-    m, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, table, control, here, given, times,
-    rows, counts, ends, A, B,
+    tables, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, parameters, method, control, motion,
+    given, times, rows, counts, ends, real, pair,
 ):  # fmt: skip
-    """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
+    """Fill rows 1, 2, ... of a table at ``times`` [s], from ``motion``; every one of them is the end of a step.
 
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
     1 where the dependent coordinates are to stay].
-    here: where the motion stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
+    motion: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
     reactions of the cuts, works: a row of the table. given: the ends [s] of the steps to take from there, with the
     ``times`` among them; empty where the control of the error chooses them. Works are time integrals of powers
     (dissipation, loads, drives). counts: accepted and rejected steps, Newton iterations, factorisations. ends: filled
-    with those of the steps that are taken, at most as many as may be tried. A, B: room for real and complex factors.
+    with those of the steps that are taken, at most as many as may be tried. real, pair: room for real and complex factors.
     Returns a status.
     """
     kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    m, p, table, here = pointed(tables), numbers(parameters), _pointed(method), numbers(motion)
+    A, B = numbers(real), numbers(pair)
     wanted, row, length, replayed = control[0], 0, control[5], given.size > 0
     taken, tried, status = 0, 0, DONE
     while row + 1 < times.size:
@@ -408,7 +402,7 @@ def integrate(
             wanted, length = 0.4 * h, 0.0
             continue
         if not replayed:
-            error = _error(m, kernels, p, table, t, h, here, A)
+            error = _error(m, table, h, here, A)
             growth = min(3.0, max(0.2, 0.9 * error ** (-0.2)))
             if not error <= 1.0:
                 counts[1] += 1

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody.tables import OPTIONS
+from kaneflex.multibody.tables import OPTIONS, apart
 
 
 @njit(**OPTIONS)
 def factorise(a, at, n, pivots, first):
     """LU in place with row exchanges; False where a pivot vanishes."""
+    apart()
     for k in range(n):
         row, largest = k, abs(a[at + n * k + k])
         for i in range(k + 1, n):
@@ -33,6 +34,7 @@ def factorise(a, at, n, pivots, first):
 @njit(**OPTIONS)
 def substitute(a, at, n, pivots, first, x):
     """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""
+    apart()
     for k in range(n):
         row = pivots[first + k]
         if row != k:

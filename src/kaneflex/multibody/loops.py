@@ -12,14 +12,65 @@ import math
 from numba import njit
 
 from kaneflex.multibody import dense_lu
-from kaneflex.multibody.recursion import add_force, factorise, solve, twist_of
+from kaneflex.multibody.recursion import add_force, assemble, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
-    ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, COURSE_OF, CUT, CUT_OF, DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT,
-    INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE_CUT, MODAL, NUMBERS,
-    OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSH, RATE, REACTION, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION,
-    SECTIONS, SHAPES, SIDE, SPEEDS, W_NOW, Y,
+    ACCEL,
+    AT,
+    BENDS,
+    BODIES,
+    COLUMNS,
+    COORDINATES,
+    COURSE_OF,
+    CUT,
+    CUT_OF,
+    DEMAND,
+    DEPENDENT,
+    DOF,
+    FIRST,
+    FRAME,
+    FRAME_SIZE,
+    FREE,
+    GRADIENT,
+    INBOARD,
+    JACOBIAN,
+    JACOBIANS,
+    JOINT,
+    KEPT,
+    KIND,
+    LAST,
+    LOOP,
+    LOOP_PIVOTS,
+    MEASURE,
+    MIDDLE,
+    MIDDLE_CUT,
+    MODAL,
+    NOW,
+    NUMBERS,
+    OPTIONS,
+    OWNER,
+    PARENT,
+    PIVOTS,
+    POINT,
+    PRISMATIC,
+    PUSH,
+    RATE,
+    REACTION,
+    REACTIONS,
+    REVOLUTE,
+    ROW_OF,
+    ROW_SIZE,
+    SCHUR,
+    SEC,
+    SECTION,
+    SECTIONS,
+    SHAPES,
+    SIDE,
+    SPEEDS,
+    W_NOW,
+    Y,
+    apart,
 )  # fmt: skip
-from kaneflex.multibody.tree import accelerate, cut_rows, deform, move, place, prescribe, turned
+from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe, turned
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
@@ -35,6 +86,7 @@ def gradient(m, row, cut, bends, out):
 
     A section's force goes inwards from body to body as it is, its moment changes with the point.
     """
+    apart()
     plan, w = m.plan, m.w
     for side in range(2):
         n, k = m.acts[cut, AT + side], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
@@ -68,6 +120,7 @@ def gradient(m, row, cut, bends, out):
 @njit(**OPTIONS)
 def bent(m, kernels):
     """W of all sections where the bodies are now."""
+    apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
@@ -81,6 +134,7 @@ def bent(m, kernels):
 @njit(**OPTIONS)
 def gradients(m, kernels):
     """Derivatives of the kept rows where everything is, and the factors of those by dependent coordinates."""
+    apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
     if plan[BENDS]:
@@ -92,12 +146,13 @@ def gradients(m, kernels):
         gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], plan[BENDS], at)
         for k in range(count):
             w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
-    return dense_lu.factorise(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS])
+    return dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS])
 
 
 @njit(**OPTIONS)
 def close(m, kernels):
     """Put the dependent coordinates where the loops close (Newton); False where they don't."""
+    apart()
     plan, w = m.plan, m.w
     count, before = plan[KEPT], math.inf
     deform(m, kernels)
@@ -108,7 +163,7 @@ def close(m, kernels):
             return False
         for r in range(count):
             w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r]]
-        dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
+        dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
         size = 0.0
         for k in range(count):
             i = plan[plan[DEPENDENT] + k]
@@ -128,6 +183,7 @@ def close(m, kernels):
 @njit(**OPTIONS)
 def follow(m, kernels, p, t):
     """Everything moves as the independent coordinates say, and so do the dependent ones; False: a loop doesn't close."""
+    apart()
     plan, w = m.plan, m.w
     prescribe(m, kernels, p, t)
     if not close(m, kernels):
@@ -148,7 +204,7 @@ def follow(m, kernels, p, t):
                 cut_rows(m)
                 for r in range(count):
                     w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + rate]
-                dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
+                dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
                 for k in range(count):
                     w[of + plan[plan[DEPENDENT] + k]] = w[plan[SIDE] + k]
     return True
@@ -160,6 +216,7 @@ def factorise_closed(m, h, A, pivots):
 
     Beside the tree's factors: coordinates by unit reactions of the kept rows, and what those do to the cuts.
     """
+    apart()
     if not factorise(m, h, A):
         return False
     plan, w = m.plan, m.w
@@ -176,7 +233,7 @@ def factorise_closed(m, h, A, pivots):
         solve(m, A, r)
         for q in range(count):
             A[plan[SCHUR] + count * q + r] = opening(m, A, q)
-    return dense_lu.factorise(A, plan[SCHUR], count, plan, pivots)
+    return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 
 
 @njit(**OPTIONS)
@@ -194,8 +251,8 @@ def opening(m, A, r):
 
 @njit(**OPTIONS)
 def solve_closed(m, A, pivots):
-    """What forces of the coordinates bring about: both in the last row of COLUMNS, and at REACTION what the kept rows
-    need to stay closed."""
+    """What forces over the coordinates bring about, in the last row of COLUMNS; at REACTION what keeps the loops closed."""
+    apart()
     plan = m.plan
     count, n, x = plan[KEPT], plan[COORDINATES], plan[REACTION]
     for k in range(plan[SPEEDS]):
@@ -204,7 +261,7 @@ def solve_closed(m, A, pivots):
     if count:
         for r in range(count):
             A[x + r] = -opening(m, A, r)
-        dense_lu.substitute(A, plan[SCHUR], count, plan, pivots, x)
+        dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         answer = plan[COLUMNS] + n * count
         for r in range(count):
             for i in range(n):
@@ -218,6 +275,7 @@ def worn(m):
     Where a linkage nears its dead centre the loops no longer determine the coordinates that were chosen far from there;
     by others they do. Gradients are those of the last closing.
     """
+    apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
     if count == 0:
@@ -232,9 +290,61 @@ def worn(m):
                 w[plan[SIDE] + r] = w[plan[GRADIENT] + n * r + i]
             if chosen:
                 continue
-            dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
+            dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
             for r in range(count):
                 moved = abs(w[plan[SIDE] + r]) / w[plan[MEASURE] + plan[plan[DEPENDENT] + r]]
                 if moved * w[plan[MEASURE] + i] > WORN:
                     return True
     return False
+
+
+@njit(**OPTIONS)
+def copy(w, of, into, count):
+    """Copy numbers of the tables."""
+    for k in range(count):
+        w[into + k] = w[of + k]
+
+
+@njit(**OPTIONS)
+def middle(m, kernels):
+    """Matrices of the factors to come where everything is now."""
+    apart()
+    plan, w = m.plan, m.w
+    assemble(m, kernels)
+    copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
+    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * plan[REACTIONS])
+
+
+@njit(**OPTIONS)
+def mend(m, kernels, p, t, A, turns):
+    """Mend accelerations and reactions where everything is, in as many turns; False: singular."""
+    apart()
+    plan, w = m.plan, m.w
+    middle(m, kernels)
+    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+        return False
+    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
+    for turn in range(turns):
+        demand(m, kernels, p, t)
+        for k in range(plan[COORDINATES]):
+            A[answer + k] = -w[plan[DEMAND] + k]
+        solve_closed(m, A, plan[PIVOTS])
+        for r in range(plan[KEPT]):
+            w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
+        for i in range(plan[COORDINATES]):
+            w[plan[ACCEL] + i] += A[answer + i]
+        if not follow(m, kernels, p, t):
+            return False
+    return True
+
+
+@njit(**OPTIONS)
+def settle_now(m, kernels, p, t, A):
+    """Accelerations and reactions of the cuts at the place and speed of the independent coordinates; False: singular."""
+    apart()
+    plan, w = m.plan, m.w
+    for i in range(plan[COORDINATES]):
+        w[plan[ACCEL] + i] = 0.0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = 0.0
+    return follow(m, kernels, p, t) and mend(m, kernels, p, t, A, 2)

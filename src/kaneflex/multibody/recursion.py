@@ -11,9 +11,47 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.tables import (
-    BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGE_SIZE, HINGES,
-    INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, KIND, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
-    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y,
+    BLOCK,
+    BODIES,
+    COLUMNS,
+    COORDINATES,
+    COURSE_OF,
+    DAMPING,
+    DOF,
+    FIRST,
+    FRAME,
+    FRAME_SIZE,
+    FREE,
+    HINGE_SIZE,
+    HINGES,
+    INBOARD,
+    INERTIA,
+    JACOBIAN,
+    JACOBIANS,
+    JOINT,
+    KIND,
+    LAST,
+    MASS,
+    MIDDLE,
+    MODAL,
+    NUMBERS,
+    OPTIONS,
+    OWNER,
+    PARENT,
+    POINT,
+    PRISMATIC,
+    PUSH,
+    REVOLUTE,
+    ROW,
+    SEC,
+    SECTIONS,
+    SHAPES,
+    SQUARE,
+    SQUARES,
+    STIFFNESS,
+    W,
+    Y,
+    apart,
 )  # fmt: skip
 from kaneflex.multibody.tree import turned
 
@@ -21,6 +59,7 @@ from kaneflex.multibody.tree import turned
 @njit(**OPTIONS)
 def assemble(m, kernels):
     """Mass matrices of all bodies, and W of all sections: their twists by the speeds of frame and shapes."""
+    apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
         f, kind, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, KIND], plan[Y] + m.bodies[b, MODAL]
@@ -33,6 +72,7 @@ def assemble(m, kernels):
 @njit(**OPTIONS)
 def factorise(m, h, A):
     """Factors of M + h C + h^2 K in A, real or complex, where MASS, W and MIDDLE are of; False where a pivot vanishes."""
+    apart()
     plan, w = m.plan, m.w
     count, squares = plan[BODIES], plan[SQUARES]
     for b in range(count):
@@ -52,7 +92,7 @@ def factorise(m, h, A):
             if not _small(A, ao, n):
                 return False
             continue
-        if (kind == REVOLUTE or kind == PRISMATIC) and m.bodies[b, COURSE_OF] < 0:
+        if kind == REVOLUTE or kind == PRISMATIC:
             d_x, d_y, d_t = 0.0, 0.0, w[m.bodies[b, NUMBERS]]
             if kind == PRISMATIC:
                 d_x, d_y = turned(w, w[plan[MIDDLE] + SEC * up + 2], m.bodies[b, NUMBERS] + 2)
@@ -60,11 +100,12 @@ def factorise(m, h, A):
             A[g], A[g + 1], A[g + 2] = d_x, d_y, d_t
             for k in range(3):
                 A[g + 3 + k] = A[ao + n * k] * d_x + A[ao + n * k + 1] * d_y + A[ao + n * k + 2] * d_t
-            d = d_x * A[g + 3] + d_y * A[g + 4] + d_t * A[g + 5]
-            d += h * (w[plan[DAMPING] + first] + h * w[plan[STIFFNESS] + first])
-            if not abs(d) > 0.0 or not abs(d) < 1e300:
-                return False
-            A[g + 6], A[g + 7] = 1.0 / d, 1.0
+            if m.bodies[b, COURSE_OF] < 0:
+                d = d_x * A[g + 3] + d_y * A[g + 4] + d_t * A[g + 5]
+                d += h * (w[plan[DAMPING] + first] + h * w[plan[STIFFNESS] + first])
+                if not abs(d) > 0.0 or not abs(d) < 1e300:
+                    return False
+                A[g + 6], A[g + 7] = 1.0 / d, 1.0
         if m.sections[up, OWNER] >= 0:
             _hand_over(m, b, A)
     return True
@@ -74,6 +115,7 @@ def factorise(m, h, A):
 def _condense(A, ao, n, jacobians, w):
     """A body's square over its inboard section's twist in place of its frame's, its shapes eliminated: L D L^T of
     theirs with 1/D on the diagonal, rows 0..2 beyond column 3 the answer of the shapes to the twist."""
+    apart()
     x, z = jacobians[w + 2], jacobians[w + n + 2]
     for j in range(n):  # columns, then rows of the rotation
         A[ao + n * j + 2] -= x * A[ao + n * j] + z * A[ao + n * j + 1]
@@ -141,6 +183,7 @@ def _condense(A, ao, n, jacobians, w):
 @njit(**OPTIONS)
 def _small(A, ao, n):
     """L D L^T of the leading 3 x 3 in place, 1/D on the diagonal."""
+    apart()
     for i in range(3):
         d = A[ao + n * i + i]
         for j in range(i):
@@ -161,6 +204,7 @@ def _small(A, ao, n):
 @njit(**OPTIONS)
 def _hand_over(m, b, A):
     """Add a body's articulated inertia, less what its joint gives way, to the square of the body that it hangs on."""
+    apart()
     plan, w = m.plan, m.w
     ao, n, g = plan[SQUARES] + m.bodies[b, SQUARE], 3 + m.bodies[b, SHAPES], plan[HINGES] + HINGE_SIZE * b
     up, own = plan[MIDDLE] + SEC * m.bodies[b, PARENT], plan[MIDDLE] + SEC * m.bodies[b, INBOARD]
@@ -189,9 +233,10 @@ def _hand_over(m, b, A):
 def solve(m, A, row):
     """Solve with the factors: the answer of the coordinates takes the place of their forces in a row of COLUMNS.
 
-    PUSH has forces over all bodies' speeds besides and is left with these speeds. Coordinates that a drive prescribes
-    are zero.
+    PUSH has forces over all bodies' speeds besides and is left with these speeds. In place of coordinates that a drive
+    prescribes, which stay as they are, stand the forces that it takes to keep them so.
     """
+    apart()
     plan, w = m.plan, m.w
     count, x, y = plan[BODIES], plan[PUSH], plan[COLUMNS] + row * plan[COORDINATES]
     for b in range(count - 1, -1, -1):
@@ -200,24 +245,23 @@ def solve(m, A, row):
         A[r + 2] -= w[v + 2] * A[r] + w[v + n + 2] * A[r + 1]
         f_0, f_1, f_2 = A[r], A[r + 1], A[r + 2]
         e_0, e_1, e_2 = f_0, f_1, f_2
-        i = y + m.bodies[b, MODAL] - 3
+        first, modal = y + m.bodies[b, FIRST], y + m.bodies[b, MODAL]
         for j in range(3, n):
-            A[r + j] += A[i + j] - w[v + j] * f_0 - w[v + n + j] * f_1 - w[v + 2 * n + j] * f_2
+            A[r + j] += A[modal + j - 3] - w[v + j] * f_0 - w[v + n + j] * f_1 - w[v + 2 * n + j] * f_2
             e_0 -= A[ao + j] * A[r + j]
             e_1 -= A[ao + n + j] * A[r + j]
             e_2 -= A[ao + 2 * n + j] * A[r + j]
-        first = y + m.bodies[b, FIRST]
         if m.bodies[b, JOINT] == FREE:
             A[r], A[r + 1], A[r + 2] = e_0 + A[first], e_1 + A[first + 1], e_2 + A[first + 2]
             continue
-        A[r], A[r + 1], A[r + 2] = e_0, e_1, e_2
-        if A[g + 7] != 0.0:
+        if m.bodies[b, DOF] == 1:
             push = A[first] + A[g] * e_0 + A[g + 1] * e_1 + A[g + 2] * e_2
             A[first] = push
-            push = push * A[g + 6]
-            e_0 -= push * A[g + 3]
-            e_1 -= push * A[g + 4]
-            e_2 -= push * A[g + 5]
+            if A[g + 7] != 0.0:
+                push = push * A[g + 6]
+                e_0 -= push * A[g + 3]
+                e_1 -= push * A[g + 4]
+                e_2 -= push * A[g + 5]
         parent = m.sections[m.bodies[b, PARENT], OWNER]
         if parent >= 0:
             up, own = plan[MIDDLE] + SEC * m.bodies[b, PARENT], plan[MIDDLE] + SEC * m.bodies[b, INBOARD]
@@ -234,15 +278,15 @@ def solve(m, A, row):
             up, own = plan[MIDDLE] + SEC * m.bodies[b, PARENT], plan[MIDDLE] + SEC * m.bodies[b, INBOARD]
             v_0 -= (w[own + 1] - w[up + 1]) * v_2
             v_1 += (w[own] - w[up]) * v_2
-            if A[g + 7] != 0.0:
-                rate = A[first] - A[g + 3] * v_0 - A[g + 4] * v_1 - A[g + 5] * v_2
-                rate = rate * A[g + 6]
-                A[first] = rate
-                v_0 += A[g] * rate
-                v_1 += A[g + 1] * rate
-                v_2 += A[g + 2] * rate
-            elif m.bodies[b, DOF] == 1:
-                A[first] = 0.0
+            if m.bodies[b, DOF] == 1:
+                push = A[first] - A[g + 3] * v_0 - A[g + 4] * v_1 - A[g + 5] * v_2
+                A[first] = -push
+                if A[g + 7] != 0.0:
+                    rate = push * A[g + 6]
+                    A[first] = rate
+                    v_0 += A[g] * rate
+                    v_1 += A[g + 1] * rate
+                    v_2 += A[g + 2] * rate
         _shapes(A, ao, n, r, v_0, v_1, v_2)
         v, i = plan[W] + m.sections[m.bodies[b, INBOARD], JACOBIAN], y + m.bodies[b, MODAL]
         for j in range(3, n):
@@ -267,6 +311,7 @@ def _small_solve(A, ao, n, r):
 @njit(**OPTIONS)
 def _shapes(A, ao, n, r, v_0, v_1, v_2):
     """Rates of a body's shapes, whose forces are at r, with the twist of its inboard section."""
+    apart()
     for i in range(3, n):
         total = A[r + i]
         for j in range(3, i):
@@ -304,3 +349,4 @@ def add_force(m, A, n, f_0, f_1, f_2):
         r, size, v = m.plan[PUSH] + m.bodies[b, ROW], 3 + m.bodies[b, SHAPES], m.plan[W] + m.sections[n, JACOBIAN]
         for j in range(size):
             A[r + j] += w[v + j] * f_0 + w[v + size + j] * f_1 + w[v + 2 * size + j] * f_2
+

@@ -13,10 +13,33 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
 from kaneflex.multibody.loops import bent, follow, gradient
 from kaneflex.multibody.tables import (
-    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, GRADIENT, INPUT, KEPT, KERNELS, LOOP, LOOP_PIVOTS, NOW, OPTIONS,
-    OUTER, RATE, REACTIONS, ROW_OF, SIDE, TABLES, V, Y,
+    ACCEL,
+    COORDINATES,
+    CUT_OF,
+    DEMAND,
+    DEPENDENT,
+    GRADIENT,
+    INPUT,
+    KEPT,
+    KERNELS,
+    LOOP,
+    LOOP_PIVOTS,
+    NOW,
+    OPTIONS,
+    OUTER,
+    RATE,
+    REACTIONS,
+    ROW_OF,
+    SIDE,
+    TABLES,
+    V,
+    Y,
+    apart,
+    numbers,
+    pointed,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand
+from kaneflex.multibody.unfolding import MATRIX
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
@@ -28,6 +51,7 @@ def react(m):
 
     At DEMAND the independent ones then ask for what they ask for all in all.
     """
+    apart()
     plan, w = m.plan, m.w
     n, count = plan[COORDINATES], plan[KEPT]
     for r in range(count):
@@ -38,9 +62,9 @@ def react(m):
         for k in range(count):
             w[plan[LOOP] + count * k + r] = w[at + plan[plan[DEPENDENT] + k]]
         w[plan[SIDE] + r] = w[plan[DEMAND] + plan[plan[DEPENDENT] + r]]
-    if not dense_lu.factorise(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS]):
+    if not dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS]):
         return False
-    dense_lu.substitute(w, plan[LOOP], count, plan, plan[LOOP_PIVOTS], plan[SIDE])
+    dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
     for r in range(count):
         size = w[plan[SIDE] + r]
         w[plan[NOW] + plan[plan[ROW_OF] + r]] = size
@@ -51,7 +75,9 @@ def react(m):
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def reduced_demand(m, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, independent, rows, out):
+def reduced_demand(
+    tables_, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, parameters, independent, rows, out
+):
     """What the motion of every row asks for, (rows, n), N = kg m/s^2 or N m.
 
     A row: t [s], then the n independent coordinates, their rates and accelerations, then what is added to the sizes of
@@ -59,6 +85,7 @@ def reduced_demand(m, deform, push, jacobian, inverse, inertia, energy, courses,
     left at the last row, with the reactions of its cuts, and without anything added. Returns the rows that were done:
     the next one doesn't close.
     """
+    m, p = pointed(tables_), numbers(parameters)
     plan, w, n = m.plan, m.w, independent.size
     kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
     added, done = rows.shape[1] - 1 - 3 * n, 0

@@ -2,16 +2,22 @@
 
 A function of compiled code takes seven words an array, and a tuple of thirty arrays would cost more to hand over than
 most of these functions compute. So all numbers, of the mechanism and of the motion, lie in one array, whose places the
-plan names; and what is whole numbers, in three tables.
+plan names; and what is whole numbers, in three tables. Compiled code knows them by their addresses alone: one word
+each, no index is looked at twice, and whole numbers, which it never writes, need not be read again after every store.
 """
 
 from __future__ import annotations
 
+import operator
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
-from numba.types import FunctionType, UniTuple, complex128, float64, int64, void
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, int64, void
 
 OUTER = {"error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 OPTIONS = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -25,12 +31,12 @@ row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kanef
 joint: what it moves along at its section (3), the articulated inertia times that (3), 1 over what resists its
 coordinate, and whether there is one."""
 
-KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS = range(15)
+KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS, DAMPED = range(16)
 """Columns of ``bodies``, in the order of the tree: which pair of shape counts; where its block of numbers begins; its
 joint's first coordinate, their count, the joint's kind; its first modal coordinate and their count; the section that it
 hangs on and its own there; the course that prescribes its joint, or -1; its first section and the one after its last;
 where its rows begin in forces over all bodies' speeds, and its square in matrices; its joint's numbers: sign, angle, and
-direction in the parent section's axes."""
+direction in the parent section's axes; where its shapes' damping matrix begins."""
 OWNER, POINT, JACOBIAN = range(3)
 """Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
@@ -51,9 +57,9 @@ STRAIGHT, TORSIONAL = range(2)
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, INPUT,
     GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
-    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, LAST_A, LAST_R, RESISTING,
+    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, LAST_A, LAST_R, RESISTING,
     SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, PIVOTS, PAIR_PIVOTS, PLAN,
-) = range(61)  # fmt: skip
+) = range(63)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions of cuts, works, kept rows; whether
 shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads and springs begin and end. Where in
 ``w`` lie: the motion (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over
@@ -62,8 +68,9 @@ at inboard sections, what every coordinate asks for, powers; gravity, what holds
 as one in it, the error allowed in it; what is added to the loads' sizes, then to prescribed accelerations; the gradient
 of the kept rows, its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself: that
 square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w`` again: mass matrices and
-W at the middle of a step, with its sections and cut rows; stages' accelerations and reactions, those of the last step,
-and stages' forces. In factors: squares of all bodies, joints, coordinates by unit reactions of the kept rows and in the
+W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of courses,
+accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all bodies, joints,
+coordinates by unit reactions of the kept rows and in the
 last row the answer, what the reactions do to the cuts, forces, reactions; in ``plan``, the pivots of either factors."""
 
 
@@ -80,16 +87,118 @@ class Tables(NamedTuple):
 _I2 = int64[:, ::1]
 TABLES = types.NamedTuple([int64[::1], _I2, _I2, _I2, V], Tables)
 
+
+class Mechanism(NamedTuple):
+    """The tables as compiled code has them: by their addresses. ``pivots``: the plan once more, to be written."""
+
+    plan: np.ndarray
+    bodies: np.ndarray
+    sections: np.ndarray
+    acts: np.ndarray
+    w: np.ndarray
+    pivots: np.ndarray
+
+
+class Fixed(types.Type):
+    """Whole numbers in rows of ``width`` that compiled code only reads, from their address: ``f[k]``, ``f[row, k]``."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        super().__init__(f"Fixed({width})")
+
+
+@register_model(Fixed)
+class _FixedModel(models.PrimitiveModel):
+    def __init__(self, manager, of) -> None:
+        super().__init__(manager, of, ir.IntType(64).as_pointer())
+
+
+@infer_global(operator.getitem)
+class _FixedItem(AbstractTemplate):
+    def generic(self, args, kws):
+        fixed, k = args
+        if not isinstance(fixed, Fixed):
+            return None
+        whole = types.intp if isinstance(k, types.Integer) else UniTuple(types.intp, 2)
+        return signature(int64, fixed, whole)
+
+
+@lower_builtin(operator.getitem, Fixed, types.Any)
+def _fixed_item(context, builder, sig, args):
+    address, k = args
+    if sig.args[1] != types.intp:
+        row, column = cgutils.unpack_tuple(builder, k)
+        k = builder.add(builder.mul(row, ir.Constant(row.type, sig.args[0].width)), column)
+    found = builder.load(builder.gep(address, [k]))
+    found.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return found
+
+
+@intrinsic(prefer_literal=True)
+def _fixed(typing, array, width):
+    """The address of an array's whole numbers."""
+
+    def read(context, builder, sig, args):
+        return context.make_array(sig.args[0])(context, builder, args[0]).data
+
+    return Fixed(width.literal_value)(array, width), read
+
+
+@intrinsic
+def apart(typing):
+    """Keep the calling function one piece of machine code, not copied into every caller, with its loops as they stand.
+
+    Unrolled and vectorised they would take most of the compiler's time, and gain nothing with a few shapes a body.
+    """
+
+    def mark(context, builder, sig, args):
+        builder.function.attributes.add("noinline")
+        builder.function.attributes.add("optsize")
+        return context.get_dummy_value()
+
+    return types.none(), mark
+
+
+@intrinsic
+def numbers(typing, array):
+    """The address of an array's numbers."""
+
+    def read(context, builder, sig, args):
+        return context.make_array(sig.args[0])(context, builder, args[0]).data
+
+    return CPointer(array.dtype)(array), read
+
+
+@intrinsic
+def shifted(typing, address, k):
+    """The address of the k-th number from there."""
+
+    def read(context, builder, sig, args):
+        return builder.gep(args[0], [args[1]])
+
+    return address(address, types.intp), read
+
+
+N = CPointer(float64)
+
 DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY, COURSES, MAGNITUDES = range(8)
 """Places in a structure's kernels: those of its bodies by the kind of their counts, its courses, its loads' sizes."""
 KERNEL_NAMES = ("deform", "push", "jacobian", "inverse", "inertia", "energy", "courses", "magnitudes")
 KERNELS = (
-    FunctionType(void(int64, V, int64, V, V, V, int64, V, int64)),
-    FunctionType(void(int64, V, int64, V, int64, *(float64,) * 5, V, int64)),
-    FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
-    FunctionType(void(int64, V, int64, V, V, V, int64, *(float64,) * 6, V, int64)),
-    FunctionType(void(int64, V, int64, V, int64, float64, float64, V, int64)),
-    FunctionType(UniTuple(float64, 2)(int64, V, int64, V, V, int64, *(float64,) * 5, V)),
-    FunctionType(void(float64, V, V, int64)),
-    FunctionType(void(float64, V, int64, V, V, int64)),
+    FunctionType(void(int64, N, int64, N, N, N, int64, N, int64)),
+    FunctionType(void(int64, N, int64, N, int64, *(float64,) * 5, N, int64)),
+    FunctionType(void(int64, N, int64, N, int64, float64, float64, N, int64)),
+    FunctionType(void(int64, N, int64, N, N, N, int64, *(float64,) * 6, N, int64)),
+    FunctionType(void(int64, N, int64, N, int64, float64, float64, N, int64)),
+    FunctionType(UniTuple(float64, 2)(int64, N, int64, N, N, int64, *(float64,) * 5, N)),
+    FunctionType(void(float64, N, N, int64)),
+    FunctionType(void(float64, N, int64, N, N, int64)),
 )
+
+
+@njit(**OPTIONS)
+def pointed(m):
+    """The tables by their addresses."""
+    return Mechanism(
+        _fixed(m.plan, 1), _fixed(m.bodies, 16), _fixed(m.sections, 3), _fixed(m.acts, 6), numbers(m.w), numbers(m.plan)
+    )

@@ -110,7 +110,8 @@ def build_tables(
         at.JOINTS: 3 * len(order), at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
         at.MIDDLE: at.SEC * len(index), at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
-        at.STAGE_R: 3 * reactions, at.LAST_A: 3 * n, at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
+        at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * len(prescribed), at.LAST_A: 3 * n,
+        at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
     }  # fmt: skip
     for what, count in spans.items():
         plan[what] = numbers.room(count)
@@ -156,7 +157,7 @@ def _build_bodies(
 ) -> _Bodies:  # fmt: skip
     names, coordinates = list(index), []
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
-    bodies = np.zeros((len(order), at.NUMBERS + 1), np.int64)
+    bodies = np.zeros((len(order), at.DAMPED + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
     hold: list[tuple[float, float]] = []
     row = square = jacobian = 0
@@ -175,9 +176,11 @@ def _build_bodies(
             units = {at.WELD: (), at.REVOLUTE: ("rad",), at.PRISMATIC: ("m",)}[kind]
             course = prescribed.index(joint.name) if joint.name in prescribed else -1
             joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
+        place = numbers.put(block)
         bodies[k] = (
-            kinds.index(pair), numbers.put(block), len(coordinates), len(units), kind, len(coordinates) + len(units),
+            kinds.index(pair), place, len(coordinates), len(units), kind, len(coordinates) + len(units),
             shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square, numbers.put(joint_numbers),
+            place + block.size - shapes**2,
         )  # fmt: skip
         hold += held + _shape_holding(block, axial, transverse)
         coordinates += _named(body, joint, units, axial, transverse)

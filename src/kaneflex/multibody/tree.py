@@ -13,11 +13,74 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST,
-    FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS, LOCAL,
-    MAGNITUDES, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE, REACTIONS,
-    REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRING_SIZE, SPRINGS, SUMS,
-    TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y,
+    ACCEL,
+    ACTS,
+    AT,
+    BLOCK,
+    BODIES,
+    COURSE,
+    COURSE_AT,
+    COURSE_OF,
+    COURSES,
+    CUT,
+    CUTS,
+    DEFORM,
+    DEMAND,
+    DRIVES,
+    FIRST,
+    FOLLOWER,
+    FORCE,
+    FRAME,
+    FRAME_SIZE,
+    FREE,
+    GRAVITY,
+    INBOARD,
+    INPUT,
+    INVERSE,
+    JOINT,
+    JOINTS,
+    KIND,
+    LAST,
+    LOADS,
+    LOCAL,
+    MAGNITUDES,
+    MODAL,
+    NOW,
+    NUMBERS,
+    NUMBERS_AT,
+    ON,
+    OPTIONS,
+    OWNER,
+    PARENT,
+    POINT,
+    PRISMATIC,
+    PUSHED,
+    RATE,
+    REACTIONS,
+    REVOLUTE,
+    ROW,
+    ROW_AT,
+    ROW_SIZE,
+    SEC,
+    SECTION,
+    SECTIONS,
+    SHAPES,
+    SIZE,
+    SPEEDS,
+    SPRING,
+    SPRING_SIZE,
+    SPRINGS,
+    SUMS,
+    TORQUE,
+    TORSIONAL,
+    TURN,
+    WELD,
+    WHAT,
+    WORKS,
+    X,
+    Y,
+    apart,
+    shifted,
 )  # fmt: skip
 
 
@@ -31,6 +94,7 @@ def turned(w, theta, k):
 @njit(**OPTIONS)
 def prescribe(m, kernels, p, t):
     """The coordinates that drives prescribe, with their rates."""
+    apart()
     plan, w = m.plan, m.w
     kernels[COURSES](t, p, w, plan[COURSE])
     loads = plan[SPRINGS] - plan[LOADS]
@@ -45,12 +109,13 @@ def prescribe(m, kernels, p, t):
 @njit(**OPTIONS)
 def deform(m, kernels):
     """Where the bodies' points are in their frames."""
+    apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
         if m.bodies[b, SHAPES]:
             for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
                 kernels[DEFORM](
-                    m.bodies[b, KIND], w, m.sections[n, POINT], w[plan[Y] :], w[plan[RATE] :], w[plan[ACCEL] :],
+                    m.bodies[b, KIND], w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]), shifted(w, plan[ACCEL]),
                     m.bodies[b, MODAL], w, plan[LOCAL] + SEC * n,
                 )  # fmt: skip
 
@@ -58,6 +123,7 @@ def deform(m, kernels):
 @njit(**OPTIONS)
 def place(m):
     """Positions of all sections and frames."""
+    apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
     for b in range(plan[BODIES]):
@@ -90,6 +156,7 @@ def place(m):
 @njit(**OPTIONS)
 def move(m):
     """Velocities of all sections and frames, whose positions are known."""
+    apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
     for b in range(plan[BODIES]):
@@ -124,6 +191,7 @@ def move(m):
 @njit(**OPTIONS)
 def accelerate(m):
     """Accelerations of all sections and frames, whose velocities are known."""
+    apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
     for b in range(plan[BODIES]):
@@ -165,8 +233,9 @@ def accelerate(m):
 @njit(**OPTIONS)
 def cut_rows(m):
     """Residuals of the cuts with their rates and Jacobians; those of drives less their courses."""
+    apart()
     plan, w, acts = m.plan, m.w, m.acts
-    sec = w[plan[SECTION] :]
+    sec = shifted(w, plan[SECTION])
     for n in range(plan[CUTS], plan[DRIVES]):
         kind, first, second, j = acts[n, WHAT], acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
         k = plan[CUT] + ROW_SIZE * acts[n, ROW_AT]
@@ -190,8 +259,9 @@ def cut_rows(m):
 @njit(**OPTIONS)
 def load_sizes(m, kernels, p, t):
     """Coordinates of the drives with their rates, and the sizes of the loads, which may depend on them."""
+    apart()
     plan, w, acts = m.plan, m.w, m.acts
-    sec = w[plan[SECTION] :]
+    sec = shifted(w, plan[SECTION])
     for n in range(plan[DRIVES], plan[LOADS]):
         k, i = plan[X] + 2 * (n - plan[DRIVES]), acts[n, COURSE_AT]
         first, second, j, row = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT], plan[SUMS]
@@ -212,6 +282,7 @@ def load_sizes(m, kernels, p, t):
 @njit(**OPTIONS)
 def push(m, kernels, n, x, z, turn):
     """Take a force and a moment on a section off what the motion of its body asks for."""
+    apart()
     b = m.sections[n, OWNER]
     if b >= 0:
         w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
@@ -233,6 +304,7 @@ def load_direction(m, n):
 @njit(**OPTIONS)
 def act(m, kernels, p, t):
     """Loads and springs, taken off what the motion asks for."""
+    apart()
     plan, w, acts = m.plan, m.w, m.acts
     load_sizes(m, kernels, p, t)
     for n in range(plan[LOADS], plan[SPRINGS]):
@@ -243,7 +315,7 @@ def act(m, kernels, p, t):
         else:
             x, z = load_direction(m, n)
             push(m, kernels, acts[n, AT], size * x, size * z, 0.0)
-    sec = w[plan[SECTION] :]
+    sec = shifted(w, plan[SECTION])
     for n in range(plan[SPRINGS], plan[ACTS]):
         first, second, j = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
         k = plan[SPRING] + SPRING_SIZE * (n - plan[SPRINGS])
@@ -264,20 +336,21 @@ def resist(m, kernels, p, t):
     M a - f over the speeds of all frames and shapes, at FORCE; the tables have the motion, the cut rows and the
     reactions.
     """
+    apart()
     plan, w, acts = m.plan, m.w, m.acts
     for k in range(plan[SPEEDS]):
         w[plan[FORCE] + k] = 0.0
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
         kernels[INVERSE](
-            m.bodies[b, KIND], w, m.bodies[b, BLOCK], w[plan[Y] :], w[plan[RATE] :], w[plan[ACCEL] :],
+            m.bodies[b, KIND], w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]), shifted(w, plan[ACCEL]),
             m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 7], w[f + 8] - w[plan[GRAVITY]],
             w[f + 9] - w[plan[GRAVITY] + 1], w[f + 10], w, plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
     act(m, kernels, p, t)
     for n in range(plan[CUTS], plan[DRIVES]):
-        after = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[REACTIONS]
-        for row in range(acts[n, ROW_AT], after):
+        end = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[REACTIONS]
+        for row in range(acts[n, ROW_AT], end):
             size = w[plan[NOW] + row]
             for side in range(2):
                 j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
@@ -291,6 +364,7 @@ def demand(m, kernels, p, t):
     Inwards, what an inboard joint exerts (at JOINTS: force and moment at the body's section) is taken off its body,
     whose shapes keep what they ask for themselves, and falls to the body that it hangs on.
     """
+    apart()
     resist(m, kernels, p, t)
     plan, w = m.plan, m.w
     for b in range(plan[BODIES] - 1, -1, -1):
@@ -300,7 +374,11 @@ def demand(m, kernels, p, t):
         x, z, turn = w[r], w[r + 1], w[r + 2]
         turn += (w[f] - w[own]) * z - (w[f + 1] - w[own + 1]) * x
         w[k], w[k + 1], w[k + 2] = x, z, turn
-        push(m, kernels, inboard, x, z, turn)
+        if m.bodies[b, SHAPES]:
+            push(m, kernels, inboard, x, z, turn)
+            n = plan[DEMAND] + m.bodies[b, MODAL]
+            for l in range(m.bodies[b, SHAPES]):
+                w[n + l] = w[r + 3 + l]
         push(m, kernels, parent, -x, -z, -turn - (w[own] - w[up]) * z + (w[own + 1] - w[up + 1]) * x)
         if kind == REVOLUTE:
             w[i] = w[j] * turn
@@ -309,6 +387,3 @@ def demand(m, kernels, p, t):
             w[i] = d_x * x + d_y * z
         elif kind == FREE:
             w[i], w[i + 1], w[i + 2] = x, z, turn
-        i = plan[DEMAND] + m.bodies[b, MODAL]
-        for n in range(m.bodies[b, SHAPES]):
-            w[i + n] = w[r + 3 + n]

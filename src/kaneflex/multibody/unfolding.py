@@ -8,30 +8,76 @@ from numba import njit
 from numba.types import boolean, float64, int64, void
 
 from kaneflex.generated import joints as laws
-from kaneflex.multibody import collocation, dense_lu, loops, recursion, tables, tree
-from kaneflex.multibody.collocation import MATRIX, middle, powers, settle_now
-from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, solve_closed
+from kaneflex.multibody import dense_lu, loops, powers, recursion, tables, tree
+from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, middle, settle_now, solve_closed
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COLUMNS, COORDINATES, CUT, DEMAND, CUTS, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JOINT, JOINTS,
-    KEPT, KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, PIVOTS, POINT, POWER, PRISMATIC, RATE,
-    REACTION, REACTIONS,
-    REVOLUTE, ROW_AT, ROW_OF, SEC, SECTION, SECTIONS, SHAPES, SUMS, TABLES, WORKS, V, Y,
+    ACCEL,
+    BODIES,
+    COLUMNS,
+    COORDINATES,
+    CUT,
+    CUTS,
+    DEMAND,
+    DRIVES,
+    FIRST,
+    FRAME,
+    FRAME_SIZE,
+    FREE,
+    GRADIENT,
+    INBOARD,
+    JOINT,
+    JOINTS,
+    KEPT,
+    KERNELS,
+    LAST,
+    LOCAL,
+    MODAL,
+    NOW,
+    NUMBERS,
+    OPTIONS,
+    OUTER,
+    PARENT,
+    PIVOTS,
+    POINT,
+    POWER,
+    PRISMATIC,
+    RATE,
+    REACTION,
+    REACTIONS,
+    REVOLUTE,
+    ROW_AT,
+    ROW_OF,
+    SEC,
+    SECTION,
+    SECTIONS,
+    SHAPES,
+    SUMS,
+    TABLES,
+    WORKS,
+    V,
+    Y,
+    apart,
+    numbers,
+    pointed,
+    shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(*(m.__file__ for m in (collocation, dense_lu, laws, loops, recursion, tables, tree)))
+_made_of_parts = made_of(*(m.__file__ for m in (dense_lu, laws, loops, powers, recursion, tables, tree)))
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def fold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, q, v):
+def fold(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, q, v):
     """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
-    _fold(m, (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes), q, v)
+    _fold(pointed(tables_), (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes), numbers(q), numbers(v))
 
 
 @njit(**OPTIONS)
 def _fold(m, kernels, q, v):
+    """The same in compiled code."""
+    apart()
     plan, w = m.plan, m.w
     k = 0
     for b in range(plan[BODIES]):
@@ -69,13 +115,14 @@ def _fold(m, kernels, q, v):
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, rows, q, v, a, exerted, sums, rates):
+def unfold(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, rows, q, v, a, exerted, sums, rates):
     """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and what it costs.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
     the cuts' reactions; on the joint's second body. sums: kinetic energy, strain energy, dissipated power, potential
     energy of the weight. rates: powers of dissipation, loads, drives. False where a loop doesn't close.
     """
+    m = pointed(tables_)
     plan, w = m.plan, m.w
     kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
     n = plan[COORDINATES]
@@ -85,10 +132,11 @@ def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnit
             w[plan[ACCEL] + i] = rows[row, 1 + 2 * n + i]
         for r in range(plan[REACTIONS]):
             w[plan[NOW] + r] = rows[row, 1 + 3 * n + r]
-        if not follow(m, kernels, p, rows[row, 0]):
+        if not follow(m, kernels, numbers(p), rows[row, 0]):
             return False
-        demand(m, kernels, p, rows[row, 0])
-        powers(m, kernels)
+        demand(m, kernels, numbers(p), rows[row, 0])
+        powers.powers(m)
+        powers.energies(m, kernels)
         k = 0
         for b in range(plan[BODIES]):
             f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
@@ -111,6 +159,7 @@ def unfold(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnit
 @njit(**OPTIONS)
 def _held(m, kernels, p, t, A):
     """Accelerations and reactions where STIFFNESS is a mass that coordinates have besides; False at a singular state."""
+    apart()
     plan, w = m.plan, m.w
     for i in range(plan[COORDINATES]):
         w[plan[ACCEL] + i] = 0.0
@@ -135,20 +184,21 @@ def _held(m, kernels, p, t, A):
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def states(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, times, q, v, first, held, A, rows):
+def states(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, times, q, v, first, held, room, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
     held: whether STIFFNESS is a mass that coordinates have besides. Returns the row that is singular, or their number.
     """
+    m, A = pointed(tables_), numbers(room)
     plan, w = m.plan, m.w
     kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
     n = plan[COORDINATES]
     for row in range(first, times.size):
-        _fold(m, kernels, q[row], v[row])
+        _fold(m, kernels, shifted(numbers(q), row * q.shape[1]), shifted(numbers(v), row * v.shape[1]))
         if held:
-            done = _held(m, kernels, p, times[row], A)
+            done = _held(m, kernels, numbers(p), times[row], A)
         else:
-            done = settle_now(m, kernels, p, times[row], A)
+            done = settle_now(m, kernels, numbers(p), times[row], A)
         if not done:
             return row
         rows[row, 0] = times[row]
@@ -182,11 +232,12 @@ def _exerted(m, b):
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def openings(m, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, out):
+def openings(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, out):
     """Residuals of all rows of the cuts where the coordinates put them; at GRADIENT their derivatives by all of y."""
+    m = pointed(tables_)
     plan, w = m.plan, m.w
     kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    prescribe(m, kernels, p, t)
+    prescribe(m, kernels, numbers(p), t)
     deform(m, kernels)
     place(m)
     cut_rows(m)
@@ -195,13 +246,13 @@ def openings(m, deform_, push, jacobian, inverse, inertia, energy, courses, magn
     for i in range(plan[REACTIONS] * n):
         w[plan[GRADIENT] + i] = 0.0
     for cut in range(plan[CUTS], plan[DRIVES]):
-        after = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[DRIVES] else plan[REACTIONS]
-        for row in range(m.acts[cut, ROW_AT], after):
+        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[DRIVES] else plan[REACTIONS]
+        for row in range(m.acts[cut, ROW_AT], end):
             gradient(m, row, cut, True, plan[GRADIENT] + n * row)
             out[row] = w[plan[CUT] + 9 * row]
 
 
-_STRUCTURE = (TABLES, *KERNELS)
+_STRUCTURE, MATRIX = (TABLES, *KERNELS), float64[:, ::1]
 SIGNATURES = {
     fold: void(*_STRUCTURE, V, V),
     states: int64(*_STRUCTURE, V, V, MATRIX, MATRIX, int64, boolean, V, MATRIX),

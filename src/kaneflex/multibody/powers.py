@@ -1,0 +1,120 @@
+"""Energies of a mechanism, and the powers whose time integrals are its works."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.tables import (
+    ACTS,
+    AT,
+    BLOCK,
+    BODIES,
+    COURSE,
+    COURSE_AT,
+    COURSE_OF,
+    CUTS,
+    DAMPED,
+    DRIVES,
+    ENERGY,
+    FRAME,
+    FRAME_SIZE,
+    GRAVITY,
+    JOINT,
+    JOINTS,
+    KIND,
+    LOADS,
+    MODAL,
+    NOW,
+    NUMBERS,
+    ON,
+    OPTIONS,
+    PARENT,
+    POWER,
+    RATE,
+    REVOLUTE,
+    ROW_AT,
+    SEC,
+    SECTION,
+    SHAPES,
+    SIZE,
+    SPRING,
+    SPRING_SIZE,
+    SPRINGS,
+    SUMS,
+    TORQUE,
+    WHAT,
+    Y,
+    apart,
+    shifted,
+)  # fmt: skip
+from kaneflex.multibody.tree import load_direction, turned
+
+
+@njit(**OPTIONS)
+def energies(m, kernels):
+    """At SUMS: kinetic energy, strain energy, dissipated power, and potential energy of the weight."""
+    apart()
+    plan, w = m.plan, m.w
+    at = plan[SUMS]
+    for k in range(4):
+        w[at + k] = 0.0
+    sums = shifted(w, at)
+    for b in range(plan[BODIES]):
+        f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
+        x, z = kernels[ENERGY](
+            m.bodies[b, KIND], w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 5],
+            w[f + 6], w[f + 7], sums,
+        )  # fmt: skip
+        w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
+    for n in range(plan[ACTS] - plan[SPRINGS]):
+        k = plan[SPRING] + SPRING_SIZE * n
+        w[at + 1] += w[k + 4]
+        w[at + 2] += w[k + 5]
+
+
+@njit(**OPTIONS)
+def losses(m, out):
+    """At ``out``, powers [W] of dissipation and of every load."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    lost = 0.0
+    for b in range(plan[BODIES]):
+        size, rates, c = m.bodies[b, SHAPES], plan[RATE] + m.bodies[b, MODAL], m.bodies[b, DAMPED]
+        for i in range(size):
+            total = 0.0
+            for j in range(size):
+                total += w[c + size * i + j] * w[rates + j]
+            lost += w[rates + i] * total
+    for n in range(plan[ACTS] - plan[SPRINGS]):
+        lost += w[plan[SPRING] + SPRING_SIZE * n + 5]
+    w[out] = lost
+    for n in range(plan[LOADS], plan[SPRINGS]):
+        size = w[plan[SIZE] + n - plan[LOADS]]
+        one, two = plan[SECTION] + SEC * acts[n, AT], plan[SECTION] + SEC * acts[n, ON]
+        if acts[n, WHAT] == TORQUE:
+            rate = w[two + 5] - w[one + 5]
+        else:
+            x, z = load_direction(m, n)
+            rate = x * w[one + 3] + z * w[one + 4]
+        w[out + 1 + n - plan[LOADS]] = size * rate
+
+
+@njit(**OPTIONS)
+def powers(m):
+    """At POWER, rates of the works: dissipation, every load's, every prescribed drive's [W]; after :func:`demand`."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    losses(m, plan[POWER])
+    out = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            k, j = plan[JOINTS] + 3 * b, m.bodies[b, NUMBERS]
+            force = w[j] * w[k + 2]
+            if m.bodies[b, JOINT] != REVOLUTE:
+                d_x, d_y = turned(w, w[plan[SECTION] + SEC * m.bodies[b, PARENT] + 2], j + 2)
+                force = d_x * w[k] + d_y * w[k + 1]
+            w[out + m.bodies[b, COURSE_OF]] = force * w[plan[COURSE] + 3 * m.bodies[b, COURSE_OF] + 1]
+    for n in range(plan[CUTS], plan[DRIVES]):
+        if acts[n, COURSE_AT] >= 0:
+            rate = w[plan[COURSE] + 3 * acts[n, COURSE_AT] + 1]
+            w[out + acts[n, COURSE_AT]] = w[plan[NOW] + acts[n, ROW_AT]] * rate
