@@ -12,8 +12,8 @@ Radau IIA (order 5, its last stage is the step's end, vibrations that a step doe
 6, no numerical damping) are two tables of the same loop.
 
 The step follows the defect of the collocation polynomial at its start: what M a - f is there for the polynomial's own
-acceleration, as a displacement e = h^2 (M + h mu C + h^2 mu^2 K)^-1 (defect). Of a vibration w that the step resolves it
-is (w h)^5/60 of the amplitude, twice what ten of its periods accumulate, for a step is wrong by (w h)^6/7200; of one
+acceleration, as a displacement e = h^2 (M + h mu C + h^2 mu^2 K)^-1 (defect). Of a vibration w that the step resolves
+it is (w h)^5/60 of the amplitude, twice what ten of its periods accumulate, for a step is wrong by (w h)^6/7200; of one
 that it doesn't it is the amplitude itself, several times.
 """
 
@@ -26,61 +26,23 @@ import numpy as np
 from numba import njit, types
 from numba.types import boolean, complex128, float64, int64
 
-from kaneflex.generated import joints as laws
+from kaneflex.generated import joints
 from kaneflex.multibody import dense_lu, loops, powers, recursion, tables, tree
 from kaneflex.multibody.loops import close, copy, factorise_closed, follow, mend, middle, settle_now, solve_closed, worn
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
-    ACCEL,
-    BODIES,
-    COLUMNS,
-    COORDINATES,
-    COURSE,
-    COURSE_AT,
-    COURSE_OF,
-    CUTS,
-    DAMPING,
-    DEMAND,
-    DRIVES,
-    FIRST,
-    KEPT,
-    KERNELS,
-    LAST_A,
-    LAST_R,
-    LOADS,
-    MODAL,
-    NOW,
-    OPTIONS,
-    OUTER,
-    PAIR_PIVOTS,
-    PIVOTS,
-    RATE,
-    REACTION,
-    REACTIONS,
-    RESISTING,
-    ROW_AT,
-    ROW_OF,
-    SCALE,
-    SHAPES,
-    SPRINGS,
-    STAGE_A,
-    STAGE_C,
-    STAGE_P,
-    STAGE_R,
-    STIFFNESS,
-    TABLES,
-    WORKS,
-    V,
-    Y,
-    Z,
-    apart,
-    numbers,
-    pointed,
+    ACCEL, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES, FIRST, KEPT,
+    KERNELS, LAST_A, LAST_R, LOADS, MODAL, NOW, OPTIONS, OUTER, PAIR_PIVOTS, PIVOTS, RATE, REACTION, REACTIONS,
+    RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, TABLES, WORKS,
+    V, Y, Z, apart, numbers, pointed,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand, prescribe
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, powers, recursion, tables, tree)))
+_made_of_parts = made_of(
+    dense_lu.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__, tables.__file__,
+    tree.__file__,
+)  # fmt: skip
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED = 0, 1, 2, 3, 4, 5
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
@@ -187,9 +149,9 @@ def _stage(m, kernels, p, table, t, h, i, here):
     n, r, a_1, a_2, of = plan[COORDINATES], plan[REACTIONS], table.a_1, table.a_2, plan[STAGE_A]
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
-        v_0 = here[1 + n + k]
-        w[plan[RATE] + k] = v_0 + h * (a_1[3 * i + 0] * a + a_1[3 * i + 1] * b + a_1[3 * i + 2] * d)
-        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[3 * i + 0] * a + a_2[3 * i + 1] * b + a_2[3 * i + 2] * d))
+        v_0, j = here[1 + n + k], 3 * i
+        w[plan[RATE] + k] = v_0 + h * (a_1[j] * a + a_1[j + 1] * b + a_1[j + 2] * d)
+        w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
     copy(w, of + n * i, plan[ACCEL], n)
     copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
     if not follow(m, kernels, p, t + c * h):
@@ -365,7 +327,7 @@ def integrate(
     reactions of the cuts, works: a row of the table. given: the ends [s] of the steps to take from there, with the
     ``times`` among them; empty where the control of the error chooses them. Works are time integrals of powers
     (dissipation, loads, drives). counts: accepted and rejected steps, Newton iterations, factorisations. ends: filled
-    with those of the steps that are taken, at most as many as may be tried. real, pair: room for real and complex factors.
+    with those of the steps that are taken, at most as many as may be tried. real, pair: room for factors.
     Returns a status.
     """
     kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)

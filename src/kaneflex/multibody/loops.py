@@ -14,61 +14,10 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.recursion import add_force, assemble, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
-    ACCEL,
-    AT,
-    BENDS,
-    BODIES,
-    COLUMNS,
-    COORDINATES,
-    COURSE_OF,
-    CUT,
-    CUT_OF,
-    DEMAND,
-    DEPENDENT,
-    DOF,
-    FIRST,
-    FRAME,
-    FRAME_SIZE,
-    FREE,
-    GRADIENT,
-    INBOARD,
-    JACOBIAN,
-    JACOBIANS,
-    JOINT,
-    KEPT,
-    KIND,
-    LAST,
-    LOOP,
-    LOOP_PIVOTS,
-    MEASURE,
-    MIDDLE,
-    MIDDLE_CUT,
-    MODAL,
-    NOW,
-    NUMBERS,
-    OPTIONS,
-    OWNER,
-    PARENT,
-    PIVOTS,
-    POINT,
-    PRISMATIC,
-    PUSH,
-    RATE,
-    REACTION,
-    REACTIONS,
-    REVOLUTE,
-    ROW_OF,
-    ROW_SIZE,
-    SCHUR,
-    SEC,
-    SECTION,
-    SECTIONS,
-    SHAPES,
-    SIDE,
-    SPEEDS,
-    W_NOW,
-    Y,
-    apart,
+    ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, COURSE_OF, CUT, CUT_OF, DEMAND, DEPENDENT, DOF, FIRST, FRAME,
+    FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE,
+    MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION,
+    REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION, SECTIONS, SHAPES, SIDE, SPEEDS, W_NOW, Y, apart,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe, turned
 
@@ -182,7 +131,7 @@ def close(m, kernels):
 
 @njit(**OPTIONS)
 def follow(m, kernels, p, t):
-    """Everything moves as the independent coordinates say, and so do the dependent ones; False: a loop doesn't close."""
+    """Everything moves as the independent coordinates say, dependent ones included; False: a loop doesn't close."""
     apart()
     plan, w = m.plan, m.w
     prescribe(m, kernels, p, t)
@@ -251,7 +200,8 @@ def opening(m, A, r):
 
 @njit(**OPTIONS)
 def solve_closed(m, A, pivots):
-    """What forces over the coordinates bring about, in the last row of COLUMNS; at REACTION what keeps the loops closed."""
+    """What forces of the coordinates bring about: both in the last row of COLUMNS, and at REACTION what the kept rows
+    need to stay closed."""
     apart()
     plan = m.plan
     count, n, x = plan[KEPT], plan[COORDINATES], plan[REACTION]
@@ -324,7 +274,7 @@ def mend(m, kernels, p, t, A, turns):
     if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
-    for turn in range(turns):
+    for _ in range(turns):
         demand(m, kernels, p, t)
         for k in range(plan[COORDINATES]):
             A[answer + k] = -w[plan[DEMAND] + k]
@@ -340,7 +290,7 @@ def mend(m, kernels, p, t, A, turns):
 
 @njit(**OPTIONS)
 def settle_now(m, kernels, p, t, A):
-    """Accelerations and reactions of the cuts at the place and speed of the independent coordinates; False: singular."""
+    """Accelerations and reactions of the cuts where and as fast as the independent coordinates are; False: singular."""
     apart()
     plan, w = m.plan, m.w
     for i in range(plan[COORDINATES]):

@@ -5,47 +5,9 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.tables import (
-    ACTS,
-    AT,
-    BLOCK,
-    BODIES,
-    COURSE,
-    COURSE_AT,
-    COURSE_OF,
-    CUTS,
-    DAMPED,
-    DRIVES,
-    ENERGY,
-    FRAME,
-    FRAME_SIZE,
-    GRAVITY,
-    JOINT,
-    JOINTS,
-    KIND,
-    LOADS,
-    MODAL,
-    NOW,
-    NUMBERS,
-    ON,
-    OPTIONS,
-    PARENT,
-    POWER,
-    RATE,
-    REVOLUTE,
-    ROW_AT,
-    SEC,
-    SECTION,
-    SHAPES,
-    SIZE,
-    SPRING,
-    SPRING_SIZE,
-    SPRINGS,
-    SUMS,
-    TORQUE,
-    WHAT,
-    Y,
-    apart,
-    shifted,
+    ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY,
+    JOINT, JOINTS, KIND, LOADS, MODAL, NOW, NUMBERS, ON, OPTIONS, PARENT, POWER, RATE, REVOLUTE, ROW_AT, SEC, SECTION,
+    SHAPES, SIZE, SPRING, SPRING_SIZE, SPRINGS, SUMS, TORQUE, WHAT, Y, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import load_direction, turned
 
@@ -62,8 +24,8 @@ def energies(m, kernels):
     for b in range(plan[BODIES]):
         f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
         x, z = kernels[ENERGY](
-            m.bodies[b, KIND], w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 5],
-            w[f + 6], w[f + 7], sums,
+            m.bodies[b, KIND], w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3],
+            w[f + 4], w[f + 5], w[f + 6], w[f + 7], sums,
         )  # fmt: skip
         w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
     for n in range(plan[ACTS] - plan[SPRINGS]):

@@ -11,47 +11,9 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.tables import (
-    BLOCK,
-    BODIES,
-    COLUMNS,
-    COORDINATES,
-    COURSE_OF,
-    DAMPING,
-    DOF,
-    FIRST,
-    FRAME,
-    FRAME_SIZE,
-    FREE,
-    HINGE_SIZE,
-    HINGES,
-    INBOARD,
-    INERTIA,
-    JACOBIAN,
-    JACOBIANS,
-    JOINT,
-    KIND,
-    LAST,
-    MASS,
-    MIDDLE,
-    MODAL,
-    NUMBERS,
-    OPTIONS,
-    OWNER,
-    PARENT,
-    POINT,
-    PRISMATIC,
-    PUSH,
-    REVOLUTE,
-    ROW,
-    SEC,
-    SECTIONS,
-    SHAPES,
-    SQUARE,
-    SQUARES,
-    STIFFNESS,
-    W,
-    Y,
-    apart,
+    BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGE_SIZE, HINGES,
+    INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, KIND, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
+    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart,
 )  # fmt: skip
 from kaneflex.multibody.tree import turned
 
@@ -71,7 +33,7 @@ def assemble(m, kernels):
 
 @njit(**OPTIONS)
 def factorise(m, h, A):
-    """Factors of M + h C + h^2 K in A, real or complex, where MASS, W and MIDDLE are of; False where a pivot vanishes."""
+    """Factors of M + h C + h^2 K in A, real or complex, where MASS, W and MIDDLE are of; False: a pivot vanishes."""
     apart()
     plan, w = m.plan, m.w
     count, squares = plan[BODIES], plan[SQUARES]
@@ -135,9 +97,7 @@ def _condense(A, ao, n, jacobians, w):
         f_0, f_1, f_2 = jacobians[w + i], jacobians[w + n + i], jacobians[w + 2 * n + i]
         for j in range(3, n):
             e_0, e_1, e_2 = A[ao + i], A[ao + n + i], A[ao + 2 * n + i]
-            A[ao + n * i + j] -= (
-                e_0 * jacobians[w + j] + e_1 * jacobians[w + n + j] + e_2 * jacobians[w + 2 * n + j]
-            )
+            A[ao + n * i + j] -= e_0 * jacobians[w + j] + e_1 * jacobians[w + n + j] + e_2 * jacobians[w + 2 * n + j]
     for i in range(3, n):
         row = ao + n * i
         for j in range(3, i):
@@ -349,4 +309,3 @@ def add_force(m, A, n, f_0, f_1, f_2):
         r, size, v = m.plan[PUSH] + m.bodies[b, ROW], 3 + m.bodies[b, SHAPES], m.plan[W] + m.sections[n, JACOBIAN]
         for j in range(size):
             A[r + j] += w[v + j] * f_0 + w[v + size + j] * f_1 + w[v + 2 * size + j] * f_2
-

@@ -9,40 +9,20 @@ from __future__ import annotations
 from numba import njit
 from numba.types import float64, int64
 
-from kaneflex.generated import joints as laws
+from kaneflex.generated import joints
 from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
 from kaneflex.multibody.loops import bent, follow, gradient
 from kaneflex.multibody.tables import (
-    ACCEL,
-    COORDINATES,
-    CUT_OF,
-    DEMAND,
-    DEPENDENT,
-    GRADIENT,
-    INPUT,
-    KEPT,
-    KERNELS,
-    LOOP,
-    LOOP_PIVOTS,
-    NOW,
-    OPTIONS,
-    OUTER,
-    RATE,
-    REACTIONS,
-    ROW_OF,
-    SIDE,
-    TABLES,
-    V,
-    Y,
-    apart,
-    numbers,
-    pointed,
+    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, GRADIENT, INPUT, KEPT, KERNELS, LOOP, LOOP_PIVOTS, NOW, OPTIONS,
+    OUTER, RATE, REACTIONS, ROW_OF, SIDE, TABLES, V, Y, apart, numbers, pointed,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand
 from kaneflex.multibody.unfolding import MATRIX
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(*(module.__file__ for module in (dense_lu, laws, loops, recursion, tables, tree)))
+_made_of_parts = made_of(
+    dense_lu.__file__, joints.__file__, loops.__file__, recursion.__file__, tables.__file__, tree.__file__
+)
 
 
 @njit(**OPTIONS)

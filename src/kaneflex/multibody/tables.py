@@ -31,18 +31,21 @@ row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kanef
 joint: what it moves along at its section (3), the articulated inertia times that (3), 1 over what resists its
 coordinate, and whether there is one."""
 
-KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS, DAMPED = range(16)
+(
+    KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS,
+    DAMPED,
+) = range(16)  # fmt: skip
 """Columns of ``bodies``, in the order of the tree: which pair of shape counts; where its block of numbers begins; its
 joint's first coordinate, their count, the joint's kind; its first modal coordinate and their count; the section that it
 hangs on and its own there; the course that prescribes its joint, or -1; its first section and the one after its last;
-where its rows begin in forces over all bodies' speeds, and its square in matrices; its joint's numbers: sign, angle, and
-direction in the parent section's axes; where its shapes' damping matrix begins."""
+where its rows begin in forces over all bodies' speeds, and its square in matrices; its joint's numbers: sign, angle,
+and direction in the parent section's axes; where its shapes' damping matrix begins."""
 OWNER, POINT, JACOBIAN = range(3)
 """Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
-"""Columns of ``acts`` (cuts, drives, loads, springs): its kind; two sections; a cut's course or -1, a drive's coordinate
-or -1; a cut's first row; its numbers: a cut's direction and angle, a drive's or a load's direction, a spring's k, c,
-free length or angle."""
+"""Columns of ``acts`` (cuts, drives, loads, springs): its kind; two sections; a cut's course or -1, a drive's
+coordinate or -1; a cut's first row; its numbers: a cut's direction and angle, a drive's or a load's direction, a
+spring's k, c, free length or angle."""
 
 WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE = range(6)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints the last two, as drives have."""
@@ -68,9 +71,9 @@ at inboard sections, what every coordinate asks for, powers; gravity, what holds
 as one in it, the error allowed in it; what is added to the loads' sizes, then to prescribed accelerations; the gradient
 of the kept rows, its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself: that
 square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w`` again: mass matrices and
-W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of courses,
-accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all bodies, joints,
-coordinates by unit reactions of the kept rows and in the
+W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of
+courses, accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all bodies,
+joints, coordinates by unit reactions of the kept rows and in the
 last row the answer, what the reactions do to the cuts, forces, reactions; in ``plan``, the pivots of either factors."""
 
 

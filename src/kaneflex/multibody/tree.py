@@ -13,74 +13,11 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL,
-    ACTS,
-    AT,
-    BLOCK,
-    BODIES,
-    COURSE,
-    COURSE_AT,
-    COURSE_OF,
-    COURSES,
-    CUT,
-    CUTS,
-    DEFORM,
-    DEMAND,
-    DRIVES,
-    FIRST,
-    FOLLOWER,
-    FORCE,
-    FRAME,
-    FRAME_SIZE,
-    FREE,
-    GRAVITY,
-    INBOARD,
-    INPUT,
-    INVERSE,
-    JOINT,
-    JOINTS,
-    KIND,
-    LAST,
-    LOADS,
-    LOCAL,
-    MAGNITUDES,
-    MODAL,
-    NOW,
-    NUMBERS,
-    NUMBERS_AT,
-    ON,
-    OPTIONS,
-    OWNER,
-    PARENT,
-    POINT,
-    PRISMATIC,
-    PUSHED,
-    RATE,
-    REACTIONS,
-    REVOLUTE,
-    ROW,
-    ROW_AT,
-    ROW_SIZE,
-    SEC,
-    SECTION,
-    SECTIONS,
-    SHAPES,
-    SIZE,
-    SPEEDS,
-    SPRING,
-    SPRING_SIZE,
-    SPRINGS,
-    SUMS,
-    TORQUE,
-    TORSIONAL,
-    TURN,
-    WELD,
-    WHAT,
-    WORKS,
-    X,
-    Y,
-    apart,
-    shifted,
+    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST,
+    FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS,
+    LOCAL, MAGNITUDES, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE,
+    REACTIONS, REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRING_SIZE,
+    SPRINGS, SUMS, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart, shifted,
 )  # fmt: skip
 
 
@@ -115,8 +52,8 @@ def deform(m, kernels):
         if m.bodies[b, SHAPES]:
             for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
                 kernels[DEFORM](
-                    m.bodies[b, KIND], w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]), shifted(w, plan[ACCEL]),
-                    m.bodies[b, MODAL], w, plan[LOCAL] + SEC * n,
+                    m.bodies[b, KIND], w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]),
+                    shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w, plan[LOCAL] + SEC * n,
                 )  # fmt: skip
 
 
@@ -343,8 +280,8 @@ def resist(m, kernels, p, t):
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
         kernels[INVERSE](
-            m.bodies[b, KIND], w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]), shifted(w, plan[ACCEL]),
-            m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 7], w[f + 8] - w[plan[GRAVITY]],
+            m.bodies[b, KIND], w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]),
+            shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 7], w[f + 8] - w[plan[GRAVITY]],
             w[f + 9] - w[plan[GRAVITY] + 1], w[f + 10], w, plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
     act(m, kernels, p, t)

@@ -7,71 +7,30 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64, void
 
-from kaneflex.generated import joints as laws
+from kaneflex.generated import joints
 from kaneflex.multibody import dense_lu, loops, powers, recursion, tables, tree
 from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, middle, settle_now, solve_closed
 from kaneflex.multibody.tables import (
-    ACCEL,
-    BODIES,
-    COLUMNS,
-    COORDINATES,
-    CUT,
-    CUTS,
-    DEMAND,
-    DRIVES,
-    FIRST,
-    FRAME,
-    FRAME_SIZE,
-    FREE,
-    GRADIENT,
-    INBOARD,
-    JOINT,
-    JOINTS,
-    KEPT,
-    KERNELS,
-    LAST,
-    LOCAL,
-    MODAL,
-    NOW,
-    NUMBERS,
-    OPTIONS,
-    OUTER,
-    PARENT,
-    PIVOTS,
-    POINT,
-    POWER,
-    PRISMATIC,
-    RATE,
-    REACTION,
-    REACTIONS,
-    REVOLUTE,
-    ROW_AT,
-    ROW_OF,
-    SEC,
-    SECTION,
-    SECTIONS,
-    SHAPES,
-    SUMS,
-    TABLES,
-    WORKS,
-    V,
-    Y,
-    apart,
-    numbers,
-    pointed,
-    shifted,
+    ACCEL, BODIES, COLUMNS, COORDINATES, CUT, CUTS, DEMAND, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD,
+    JOINT, JOINTS, KEPT, KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, PIVOTS, POINT, POWER,
+    PRISMATIC, RATE, REACTION, REACTIONS, REVOLUTE, ROW_AT, ROW_OF, SEC, SECTION, SECTIONS, SHAPES, SUMS, TABLES,
+    WORKS, V, Y, apart, numbers, pointed, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
 from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(*(m.__file__ for m in (dense_lu, laws, loops, powers, recursion, tables, tree)))
+_made_of_parts = made_of(
+    dense_lu.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__, tables.__file__,
+    tree.__file__,
+)  # fmt: skip
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
 def fold(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, q, v):
     """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
-    _fold(pointed(tables_), (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes), numbers(q), numbers(v))
+    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
+    _fold(pointed(tables_), kernels, numbers(q), numbers(v))
 
 
 @njit(**OPTIONS)
@@ -115,8 +74,11 @@ def _fold(m, kernels, q, v):
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def unfold(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, rows, q, v, a, exerted, sums, rates):
-    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and what it costs.
+def unfold(
+    tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, rows, q, v, a, exerted, sums,
+    rates,
+):  # fmt: skip
+    """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
     the cuts' reactions; on the joint's second body. sums: kinetic energy, strain energy, dissipated power, potential
@@ -158,7 +120,7 @@ def unfold(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, 
 
 @njit(**OPTIONS)
 def _held(m, kernels, p, t, A):
-    """Accelerations and reactions where STIFFNESS is a mass that coordinates have besides; False at a singular state."""
+    """Accelerations and reactions where STIFFNESS is a mass that coordinates have besides; False: a singular state."""
     apart()
     plan, w = m.plan, m.w
     for i in range(plan[COORDINATES]):
@@ -184,7 +146,10 @@ def _held(m, kernels, p, t, A):
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
-def states(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, times, q, v, first, held, room, rows):
+def states(
+    tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, times, q, v, first, held, room,
+    rows,
+):  # fmt: skip
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
     held: whether STIFFNESS is a mass that coordinates have besides. Returns the row that is singular, or their number.
@@ -212,7 +177,7 @@ def states(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, 
 
 @njit(**OPTIONS)
 def _exerted(m, b):
-    """What a body's inboard joint exerts on the joint's second body, by the rows of the joint, then along its coordinate.
+    """What a body's inboard joint exerts on the joint's second body, by the joint's rows, then along its coordinate.
 
     ``NUMBERS`` has a sign of -1 where the body is the first one: then its normal force has the guide's arm besides.
     """
