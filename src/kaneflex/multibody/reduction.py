@@ -17,7 +17,6 @@ from kaneflex.multibody.tables import (
     OUTER, RATE, REACTIONS, ROW_OF, SIDE, TABLES, V, Y, apart, numbers, pointed,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand
-from kaneflex.multibody.unfolding import MATRIX
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
