@@ -126,9 +126,13 @@ def under_new_names(module: ModuleType, new: Renaming) -> ModuleType:
     bodies, joints = new.of["bodies"], new.of["joints"]
     if hasattr(module, "BODIES"):
         found.BODIES = {bodies[name]: counts for name, counts in module.BODIES.items()}
-        found.COORDINATES = tuple((new.scalar(name), unit) for name, unit in module.COORDINATES)
-        found.CONSTRAINTS = tuple((new.scalar(name), *rest) for name, *rest in module.CONSTRAINTS)
+        found.JOINTS = {
+            joints[name]: (kind, new.address(first), new.address(second), drive)
+            for name, (kind, first, second, drive) in module.JOINTS.items()
+        }
+        found.DRIVES = {joints[name]: kind for name, kind in module.DRIVES.items()}
         found.LOADS = tuple(new.of["loads"][name] for name in module.LOADS)
+        found.SPRINGS = tuple(new.of["springs"][name] for name in module.SPRINGS)
         return found
     found.CONSTANTS = {new.scalar(name): value for name, value in module.CONSTANTS.items()}
     found.LINKS = {bodies[name]: first for name, first in module.LINKS.items()}

@@ -29,9 +29,9 @@ class CoupledTrajectory:
     ----------
     times : ndarray (n_times,)
     q, v, a : ndarray (n_times, n)
-        COORDINATES of the module with their rates; they satisfy the constraints.
+        Coordinates of the system's bodies with their rates; their joints are closed.
     multipliers : ndarray (n_times, m)
-        Joint reactions and forces or torques of prescribed drives, as CONSTRAINTS names them.
+        Joint reactions and forces or torques of prescribed drives, as the system's ``constraints`` names them.
     energy : Energy
     loss, power : ndarray (n_times,)
         Rates of what is dissipated and of what is supplied [W].
@@ -67,7 +67,7 @@ class Method:
         "radau" or "gauss" (steps by error control), or "scipy" (its Radau).
     tolerance : float
         Error allowed of what ten periods of a vibration accumulate, as a share of ``length`` [m] for displacements and
-        in rad for angles; a vibration smaller than that is not resolved. See :mod:`kaneflex.multibody.stepping`.
+        in rad for angles; a vibration smaller than that is not resolved. See :mod:`kaneflex.multibody.collocation`.
     """
 
     integrator: str

@@ -29,7 +29,7 @@ class State:
     t : float
         Time [s].
     names : tuple of str
-        COORDINATES of the module.
+        Coordinates of the coupled system's bodies.
     q, v : ndarray (n,)
         Coordinates [m or rad] and their rates.
     """
