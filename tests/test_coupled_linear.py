@@ -8,6 +8,7 @@ from command_line import cli
 
 import kaneflex
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.coupled_linearisation import linear_about, modes_at_rest
 
 
 def system(name, *settings):
@@ -76,3 +77,113 @@ def test_modes_of_a_free_mechanism_begin_at_zero():
     assert data["frequencies_hz"][0] == pytest.approx(0.0, abs=1e-6)
     assert data["frequencies_hz"][1] > 0.1
     assert len(data["coordinates"]) == len(data["mode_shapes"]) and "beam.transverse_0" in data["coordinates"]
+
+
+CRANK, ROD, SLIDER = 0.1, 0.31, 0.45
+"""Lengths of the bars [m], and the slider's mass [kg]."""
+ENGINE = f"""
+schema = 1
+[bodies]
+crank = {{length = "{CRANK} m", mass = "0.2 kg"}}
+slider = {{mass = "{SLIDER} kg"}}
+[bodies.rod]
+length = "{ROD} m"
+beam = {{E = "1e15 Pa", rho = "3000 kg/m^3", A = "{0.3 / 3000 / ROD!r} m^2", I = "1e4 mm^4", elements = 4}}
+[joints]
+main = {{revolute = ["ground", "crank.start"]}}
+pin = {{revolute = ["crank.end", "rod.start"]}}
+wrist = {{revolute = ["rod.end", "slider"]}}
+guide = {{prismatic = ["ground", "slider"], direction = [1, 0]}}
+[drives]
+main = {{free = true, angle = "50 deg", initial_speed = "20 rad/s"}}
+[loads]
+motor = {{torque_at = "main", law = "3 - 0.05*main_speed"}}
+[sensors]
+place = {{position = "slider", component = "x"}}
+speed = {{velocity = "slider", component = "x"}}
+torque = {{joint_force = "guide", component = "y"}}
+[solve]
+preset = "coupled"
+duration = "0.1 s"
+steps = 100
+modes = 1
+"""
+
+
+def inertia(angle):
+    """Of all bodies at the crank, angle = 0 where it points along the guide; of a complex angle, too."""
+    s = CRANK / ROD * np.sin(angle)
+    turn = -CRANK / ROD * np.cos(angle) / np.sqrt(1 - s * s)  # of the rod, whose inclination has the sine -s
+    slider = -CRANK * np.sin(angle) - ROD * -s * turn
+    x, y = -CRANK * np.sin(angle) - ROD / 2 * -s * turn, CRANK * np.cos(angle) / 2
+    return 0.2 * CRANK**2 / 3 + 0.3 * (x * x + y * y + ROD**2 / 12 * turn * turn) + SLIDER * slider * slider
+
+
+def test_a_loop_turns_its_inertia(tmp_path):
+    """J(phi) phi'' + J' phi'^2 / 2 = T: M, C and K are its derivatives at the acceleration that the torque leaves."""
+    (tmp_path / "free.toml").write_text(ENGINE, encoding="utf-8")
+    model = kaneflex.load(read_scene(tmp_path / "free.toml"))
+    found = kaneflex.linearise(model, t=0.0)
+    angle, omega, step = np.radians(50), 20.0, 1e-4
+    J, first = inertia(angle), inertia(angle + 1e-30j).imag / 1e-30
+    second = (inertia(angle + step + 1e-30j) - inertia(angle - step + 1e-30j)).imag / 1e-30 / (2 * step)
+    acceleration = (3.0 - 0.05 * omega - first * omega**2 / 2) / J
+    assert found.states[0] == "main.angle" and found.inputs == ("motor",)
+    assert found.M[0, 0] == pytest.approx(J, rel=1e-8)
+    assert found.C_damping[0, 0] == pytest.approx(first * omega + 0.05, rel=1e-8)
+    assert found.K[0, 0] == pytest.approx(first * acceleration + second * omega**2 / 2, rel=1e-6)
+    gear = {name: row for name, row in zip(found.outputs, found.C, strict=True)}
+    n, s = len(found.M), CRANK / ROD * np.sin(angle)
+    rate = -CRANK * np.sin(angle) - ROD * s * CRANK / ROD * np.cos(angle) / np.sqrt(1 - s * s)
+    assert gear["place"][0] == pytest.approx(rate, rel=1e-9)
+    assert gear["place"][n:] == pytest.approx(0.0, abs=1e-12)
+    assert gear["speed"][n] == pytest.approx(rate, rel=1e-9)
+
+
+HELD = """
+schema = 1
+ground = {below = ["0.4 m", "-0.5 m"], beside = ["0.7 m", "0.3 m"]}
+[bodies]
+bar = {length = "1 m", beam = {E = "1e15 Pa", rho = "3000 kg/m^3", A = "100 mm^2", I = "1e4 mm^4", elements = 4}}
+[joints]
+hinge = {revolute = ["ground", "bar.start"]}
+[drives]
+hinge = {free = true, angle = "20 deg"}
+[springs]
+strut = {between = ["ground.below", "bar.end"], stiffness = "700 N/m", length = "0.2 m", damping = "3 N s/m"}
+band = {between = ["ground.beside", "bar.end"], stiffness = "400 N/m"}
+coil = {torsional_at = "hinge", stiffness = "90 N m/rad", angle = "1 rad"}
+[solve]
+preset = "coupled"
+modes = 1
+duration = "0.1 s"
+steps = 100
+"""
+
+
+def test_springs_hold_modes_at_rest_by_their_stiffness_alone(tmp_path):
+    """k along the strut, k L^2 of the band, which pulls by its vector, and the coil's; no tension, which all have."""
+    (tmp_path / "held.toml").write_text(HELD, encoding="utf-8")
+    names, omega, _ = modes_at_rest(kaneflex.load(read_scene(tmp_path / "held.toml")))
+    end = np.array([np.cos(np.radians(20)), np.sin(np.radians(20))])
+    strut, across = end - [0.4, -0.5], np.array([-end[1], end[0]])
+    stiffness = 700.0 * (strut @ across) ** 2 / (strut @ strut) + 400.0 + 90.0
+    assert names[0] == "hinge.angle"
+    assert omega[0] == pytest.approx(np.sqrt(stiffness / (0.3 / 3)), rel=1e-6)
+
+
+def test_a_steady_deformation_is_a_motion_that_the_equations_allow():
+    """Shapes at rest are not accelerated there, by another way through the equations than the balance was found."""
+    model = kaneflex.load(read_scene("slider-crank-150-coupled"))
+    found, engine = linear_about(model, 7e-3), model.coupled.engine
+    y, v, a, _ = engine.motion
+    y[engine.independent], v[engine.independent] = found.instant.y, found.instant.v
+    assert engine.settle(7e-3) and engine.shapes[engine.independent].all() and not found.instant.v.any()
+    assert abs(a[engine.shapes]).max() < 1e-9 * abs(np.linalg.solve(found.M, found.K @ found.instant.y)).max()
+
+
+def test_displacements_do_not_depend_on_rates():
+    """Not even on those of the drive, which the undeformed mechanism beside them follows."""
+    found = kaneflex.linearise(kaneflex.load(read_scene("slider-crank-150-coupled")), t=7e-3)
+    n, rows = len(found.M), [k for k, unit in enumerate(found.output_units) if unit == "m"]
+    assert rows and (abs(found.C[rows, n:]) <= 1e-12 * abs(found.C[rows]).max(axis=1, keepdims=True)).all()

@@ -140,11 +140,6 @@ class Engine:
         return joints, shapes
 
     @property
-    def prescribed(self) -> list[int]:
-        """Coordinates that drives prescribe."""
-        return [int(fields[at.FIRST]) for fields in self.tables.bodies if fields[at.COURSE_OF] >= 0]
-
-    @property
     def dependent(self) -> np.ndarray:
         """Coordinates that follow from the loops."""
         first = self.count(at.DEPENDENT)

@@ -111,8 +111,8 @@ def _undated(mat: bytes) -> bytes:
 def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | None = None) -> StateSpace:
     """The elastic equations at one instant as a state space.
 
-    Under preset ``coupled`` those of all bodies, about the steady deformation: states are the modal coordinates of the
-    links and the coordinates of as many bodies as joints are free; outputs are central differences.
+    Under preset ``coupled`` those of all bodies, about the steady deformation: states are the shapes of the links and
+    the coordinates of as many joints as are free, JOINT.angle or JOINT.position; outputs are central differences.
 
     Parameters
     ----------
