@@ -101,19 +101,7 @@ def build_tables(
     works = 1 + len(mechanism.loads) + len(prescribed)
     plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
     plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.ACTS]] = ranges
-    spans = {
-        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * len(index), at.LOCAL: at.SEC * len(index),
-        at.FRAME: at.FRAME_SIZE * len(order), at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
-        at.COURSE: 3 * len(prescribed), at.X: 2 * len(mechanism.drives), at.SIZE: len(mechanism.loads),
-        at.INPUT: len(mechanism.loads) + len(prescribed),
-        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
-        at.JOINTS: 3 * len(order), at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
-        at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
-        at.MIDDLE: at.SEC * len(index), at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
-        at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * len(prescribed), at.LAST_A: 3 * n,
-        at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-    }  # fmt: skip
-    for what, count in spans.items():
+    for what, count in _lengths(plan, mechanism, len(index), square, jacobian).items():
         plan[what] = numbers.room(count)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
@@ -130,6 +118,24 @@ def build_tables(
     branches = tuple(body for body, _, _ in order)
     layout = Layout(branches, inboard, index, tuple(cut_names), tuple(coordinates), tuple(prescribed))
     return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
+
+
+def _lengths(plan: np.ndarray, mechanism: Mechanism, sections: int, square: int, jacobian: int) -> dict[int, int]:
+    """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
+    bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
+    loads, courses = len(mechanism.loads), sum(not drive.free for drive in mechanism.drives.values())
+    return {
+        at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
+        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
+        at.COURSE: 3 * courses, at.X: 2 * len(mechanism.drives), at.SIZE: loads,
+        at.INPUT: loads + courses,
+        at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
+        at.JOINTS: 3 * bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
+        at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
+        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
+        at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
+        at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
+    }  # fmt: skip
 
 
 def _in_turn(plan: np.ndarray, first: int, counts: Mapping[int, int]) -> int:
