@@ -73,7 +73,7 @@ def factorise(m, h, A):
     return True
 
 
-# Compiled in one piece, as `solve` is: what their loops share are places and lengths, more of them than lines in a loop.
+# Compiled in one piece, as `solve` is: what their loops share are places and lengths, more than a loop has lines.
 @njit(**OPTIONS)
 def _condense(A, ao, n, jacobians, w):
     """A body's square over its inboard section's twist in place of its frame's, its shapes eliminated: L D L^T of
