@@ -62,11 +62,10 @@ def test_what_is_zero_but_for_rounding_is_not_in_doubt():
     assert validity._apart(one, SimpleNamespace(times=times, series=read(0, 20, 0)))["side"].max() == pytest.approx(1e4)
 
 
-def test_what_the_tolerance_of_a_slow_coupled_run_leaves_to_accelerations_is_named():
-    """1.4e-9 m at the rod's frequencies is as much as the piston's acceleration at 60 rpm; forces know none of it."""
+def test_a_slow_coupled_run_leaves_no_vibration_in_its_accelerations():
+    """1.4e-9 m, its tolerance, at the rod's frequencies would be as much as the piston's acceleration at 60 rpm."""
     coupled, slow = (run("engine", "main.speed=60 rpm", f"solve.preset={name}") for name in ("coupled", "quasistatic"))
-    sensor, share = said(coupled)
-    assert sensor == "rod_mid_acceleration_x" and share > 0.5 and wrong(coupled, sensor, slow) > 0.5
+    assert said(coupled) is None
+    assert wrong(coupled, "rod_mid_acceleration_x", slow) < 1e-3
     assert wrong(coupled, "crank_pin_force_y", slow) < 1e-4
-    assert said(run("engine", "main.speed=60 rpm", "solve.preset=coupled", "solve.tolerance=1e-11")) is None
     assert said(run("engine", "solve.preset=coupled")) is None
