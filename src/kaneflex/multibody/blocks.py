@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.modal_data import ModalData
 from kaneflex.support.contract import BODY_BLOCK, POINT_BLOCK, Slot, block_shapes
 
-Arrays = Mapping[str, np.ndarray]
+Arrays = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,7 @@ class Blocks:
 
     def point(self, body: str, point: str) -> np.ndarray:
         """POINT_BLOCK of a named point of a body, or of the load NAME over it, which is called loads.NAME."""
+        found: Arrays
         data, (table, _, load) = self._data[body], point.partition(".")
         if table == "loads":
             found = spread_shapes(self.scene, load, self.links.get(body), self.shapes.get(body))

@@ -62,9 +62,8 @@ class Engine:
     @property
     def motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Views of coordinates, rates, accelerations and reactions of the cuts."""
-        n = self.size
-        return (*(self.numbers(part, n) for part in (at.Y, at.RATE, at.ACCEL)),
-                self.numbers(at.NOW, self.count(at.REACTIONS)))  # fmt: skip
+        y, v, a = (self.numbers(part, self.size) for part in (at.Y, at.RATE, at.ACCEL))
+        return y, v, a, self.numbers(at.NOW, self.count(at.REACTIONS))
 
     def row(self, t: float) -> np.ndarray:
         """The motion as it stands at t [s], as a row of the integration; no work has been done."""
@@ -104,7 +103,9 @@ class Engine:
         plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
         G = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
         joints, shapes = self._free_columns()
-        left, kept, dependent = list(range(rows)), [], []
+        left = list(range(rows))
+        kept: list[int] = []
+        dependent: list[int] = []
         G = G / np.maximum(abs(G).max(axis=1, initial=0.0), 1e-300)[:, None]
         others = [k for k in joints if k not in spared]
         for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
@@ -120,13 +121,13 @@ class Engine:
                 for other in left:
                     G[other] -= G[other, column] / G[row, column] * G[row]
         order = np.argsort(kept)
-        kept, dependent = [np.array(part, int)[order] for part in (kept, dependent)]
+        chosen, following = (np.array(part, int)[order] for part in (kept, dependent))
         cut_rows = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT]
-        cuts = np.searchsorted(cut_rows, kept, side="right") - 1
-        for where, values in ((at.ROW_OF, kept), (at.DEPENDENT, dependent), (at.CUT_OF, cuts)):
+        cuts = np.searchsorted(cut_rows, chosen, side="right") - 1
+        for where, values in ((at.ROW_OF, chosen), (at.DEPENDENT, following), (at.CUT_OF, cuts)):
             first = self.count(where)
-            plan[first : first + len(kept)] = values
-        plan[at.KEPT], plan[at.BENDS] = len(kept), bool(set(dependent.tolist()) & set(shapes))
+            plan[first : first + len(chosen)] = values
+        plan[at.KEPT], plan[at.BENDS] = len(chosen), bool(set(dependent) & set(shapes))
         return np.array(left, int)
 
     def _free_columns(self) -> tuple[list[int], list[int]]:

@@ -75,7 +75,9 @@ def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> En
     return engine
 
 
-def slopes(engine: Engine, base: Instant, columns: Sequence[int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+def slopes(
+    engine: Engine, base: Instant, columns: Sequence[int] | np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """D (n,) at an instant and its derivatives by y, v, a, u (n, 3 n + inputs), or by some of these.
 
     The tables are left there. Raises ArithmeticError where loops don't close about it.
@@ -84,13 +86,13 @@ def slopes(engine: Engine, base: Instant, columns: Sequence[int] | None = None) 
     middle = base.row(inputs)
     engine.demand(middle[None])
     steps = _steps(engine)
-    columns = np.arange(len(steps)) if columns is None else np.asarray(columns)
-    rows = np.tile(middle, (4 * len(columns) + 1, 1))
-    for k, column in enumerate(columns):
+    chosen = np.arange(len(steps)) if columns is None else np.asarray(columns)
+    rows = np.tile(middle, (4 * len(chosen) + 1, 1))
+    for k, column in enumerate(chosen):
         rows[4 * k : 4 * k + 4, 1 + column] += _OFFSETS * steps[column]
     found = engine.demand(rows)
-    moved = found[:-1].reshape(len(columns), 4, -1)
-    return found[-1], np.einsum("j,cjn->nc", _WEIGHTS, moved) / steps[columns]
+    moved = found[:-1].reshape(len(chosen), 4, -1)
+    return found[-1], np.einsum("j,cjn->nc", _WEIGHTS, moved) / steps[chosen]
 
 
 def _steps(engine: Engine) -> np.ndarray:

@@ -208,7 +208,7 @@ class _Run:
         y, v, a, _ = engine.motion
         engine.stand(self.here)
         engine.choose(float(times[0]))
-        free = np.setdiff1d(np.arange(engine.size), engine.dependent)
+        free = engine.independent
         works = engine.count(at.WORKS)
 
         def stand(t: float, x: np.ndarray) -> np.ndarray:
@@ -221,8 +221,10 @@ class _Run:
 
         def slope(t: float, x: np.ndarray) -> np.ndarray:
             row = stand(t, x)
-            accelerations = a[free].copy()
-            return np.concatenate([x[len(free) : 2 * len(free)], accelerations, engine.unfold(row[None])[5][0]])
+            accelerations, found = a[free].copy(), engine.unfold(row[None])
+            if found is None:
+                raise np.linalg.LinAlgError
+            return np.concatenate([x[len(free) : 2 * len(free)], accelerations, found[5][0]])
 
         first = np.concatenate([y[free], v[free], self.here[-works:]])
         scale = self.scale[free]
@@ -279,8 +281,10 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
     supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
     energy, loss, power = balance(found, dissipated, supplied)
-    moved = {"q": found.q, "v": found.v, "a": found.a, "multipliers": found.reactions}
-    return replace(trajectory, times=times, **moved, energy=energy, loss=loss, power=power)
+    return replace(
+        trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
+        power=power,
+    )  # fmt: skip
 
 
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a linkage stretched to its limit"

@@ -103,7 +103,8 @@ class CoupledSystem:
     @cached_property
     def _exerted(self) -> np.ndarray:
         """Which of the engine's reactions each of ``reactions`` is."""
-        layout, place = self.engine.layout, {}
+        layout = self.engine.layout
+        place: dict[str, int] = {}
         for k, (name, _) in enumerate(layout.inboard):
             if name is not None:
                 joint = self.mechanism.joints[name]
@@ -178,7 +179,7 @@ class CoupledSystem:
     @cached_property
     def shape_columns(self) -> dict[int, int]:
         """Place of every shape's coordinate in q -> its place among the tree's coordinates."""
-        found = {}
+        found: dict[int, int] = {}
         for body, fields in zip(self.engine.layout.bodies, self.engine.tables.bodies, strict=True):
             first = self.modal(body).start
             found |= {first + j: int(fields[at.MODAL]) + j for j in range(fields[at.SHAPES])}
@@ -187,10 +188,11 @@ class CoupledSystem:
     def gaps(self, t: float, q: np.ndarray) -> dict[str, float]:
         """How far every joint's rows [m or rad], and every prescribed drive [m or rad], are off at t [s]: by name."""
         self.fold(q, np.zeros(self.size))
-        engine, found = self.engine, {}
+        engine = self.engine
+        found: dict[str, float] = {}
         sections = engine.numbers(at.SECTION, at.SEC * len(engine.layout.sections)).reshape(-1, at.SEC)
         pose: dict[tuple[str, str], Pose] = {
-            key: pose_at(*map(float, sections[k, :3])) for key, k in engine.layout.sections.items()
+            key: pose_at(*sections[k, :3].tolist()) for key, k in engine.layout.sections.items()
         }
         courses = engine.courses(t)
         for joint in self.mechanism.joints.values():

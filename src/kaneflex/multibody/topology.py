@@ -161,7 +161,10 @@ def _build_bodies(
     mechanism: Mechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int],
     counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks, numbers: _Numbers,
 ) -> _Bodies:  # fmt: skip
-    names, coordinates = list(index), []
+    names = list(index)
+    coordinates: list[tuple[str, str]] = []
+    units: tuple[str, ...]
+    joint_numbers: tuple[float, ...]
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
     bodies = np.zeros((len(order), at.DAMPED + 1), np.int64)
     sections = np.full((len(names), 3), -1, np.int64)
@@ -270,8 +273,10 @@ def _order(mechanism: Mechanism) -> list[Branch]:
 
 def _points(mechanism: Mechanism) -> Iterator[BodyPoint]:
     """Points at which joints, springs and loads act; a load spread over a body acts on a section of its own."""
-    for held in (*mechanism.joints.values(), *mechanism.springs.values()):
-        yield from held.sides
+    for joint in mechanism.joints.values():
+        yield from joint.sides
+    for spring in mechanism.springs.values():
+        yield from spring.sides
     for load in mechanism.loads.values():
         if load.point is not None:
             yield load.point
@@ -342,6 +347,7 @@ def _acts(
             found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), -1, -1, -1))
             continue
         point = load.point if load.spread is None else load.spread[0]
+        assert point is not None and load.direction is not None  # which a torque alone has not
         on = index[_key(point) if load.spread is None else (point.body, f"loads.{load.name}")]
         kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
         found.append((kind, on, index[_key(point)], -1, -1, numbers.put(load.direction)))

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from functools import update_wrapper
 from pathlib import Path
 from types import CellType, FunctionType
+from typing import Any
 
 
-def made_of(*files: str) -> Callable[[FunctionType], FunctionType]:
+def made_of(*files: str) -> Callable[[Any], Any]:
     """A decorator, below numba's: the function encloses a number for the text of these files."""
     cell = CellType(zlib.crc32(b"".join(Path(file).read_bytes() for file in files)))
 
