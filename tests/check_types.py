@@ -15,7 +15,7 @@ BASELINE = {
     "fem": 39,
     "integrate": 82,
     "mechanism": 31,
-    "multibody": 75,
+    "multibody": 72,
     "peers": 42,
     "plots": 53,
     "report": 6,
