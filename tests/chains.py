@@ -30,3 +30,28 @@ def chain(count: int, closed: bool, folder: Path) -> Scene:
     path = folder / f"{'closed' if closed else 'open'}-chain-{count}.toml"
     path.write_text("\n".join(text) + "\n", encoding="utf-8")
     return read_scene(path)
+
+
+def bars(count: int, folder: Path, angle: float = -30.0, duration: float = 0.5, damping: float = 0.0) -> Scene:
+    """A strip of 1 m and 1 kg as a chain of rigid bars on pins with torsional springs of E I = 0.5 N m^2, released
+    straight and at rest at an angle [deg] under its weight.
+    """
+    h, E_I = 1.0 / count, 0.5
+    names = [f"bar_{k}" for k in range(1, count + 1)]
+    text = ["schema = 1", 'gravity = [0, "-9.81 m/s^2"]', "[bodies]"]
+    text += [f"{name} = {{length = {h!r}, mass = {h!r}}}" for name in names]
+    text += ["[joints]", f'pin_1 = {{revolute = ["ground", "{names[0]}.start"]}}']
+    text += [f'pin_{k} = {{revolute = ["{a}.end", "{b}.start"]}}' for k, (a, b) in enumerate(pairwise(names), 2)]
+    text += ["[drives]", f'pin_1 = {{free = true, angle = "{angle} deg"}}']
+    text += [f'pin_{k} = {{free = true, angle = "0 deg"}}' for k in range(2, count + 1)]
+    text += ["[springs]"] * (count > 1)
+    text += [
+        f'spring_{k} = {{torsional_at = "pin_{k}", stiffness = {E_I / h!r}, damping = {damping!r}}}'
+        for k in range(2, count + 1)
+    ]
+    text += ["[sensors]", f'tip_x = {{position = "{names[-1]}.end", component = "x"}}']
+    text += [f'tip_y = {{position = "{names[-1]}.end", component = "y"}}', 'pull = {joint_force = "pin_1", component = "x"}']
+    text += ["[solve]", 'preset = "coupled"', f"duration = {duration!r}", "steps = 200", "tolerance = 1e-7"]
+    path = folder / f"bars-{count}.toml"
+    path.write_text("\n".join(text) + "\n", encoding="utf-8")
+    return read_scene(path)

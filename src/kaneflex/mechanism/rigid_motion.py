@@ -61,6 +61,10 @@ class RigidMotion:
     def __contains__(self, name: str) -> bool:
         return name in self.motion.column or name in self.motion.module.CONSTANTS
 
+    def taken(self, instants: np.ndarray) -> RigidMotion:
+        """The motion at some of its instants."""
+        return RigidMotion(self.motion, self.times[instants], self.values[instants])
+
     def frame(self, body: str) -> BodyFrame:
         """The axes of a body, or of the ground."""
         return BodyFrame(self, body)

@@ -18,7 +18,6 @@ from kaneflex.mechanism import springs
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.response.dalembert import Balanced, balanced
 from kaneflex.response.floating_scalars import FloatingScalars
@@ -57,10 +56,11 @@ class CoupledMotion(Motion):
     @property
     def has_rigid_forces(self) -> bool:
         """Not where free joints follow the deformation either: a rigid mechanism would have to vibrate with them."""
-        return not (self.model.scene.is_frame or self.model.module.FREE)
+        forces = any(f"{name}.drive" in self.rigid for name in self.model.scene.drives)
+        return forces and not (self.model.scene.is_frame or self.model.module.FREE)
 
     def taken(self, instants: np.ndarray) -> CoupledMotion:
-        rigid = RigidMotion(self.rigid.motion, self.times[instants], self.rigid.values[instants])
+        rigid = self.rigid.taken(instants)
         picked = {key: getattr(self.trajectory, key)[instants] for key in ("times", "q", "v", "a", "multipliers")}
         shift = {name: part[instants] for name, part in self.shift.items()}
         trajectory = replace(self.trajectory, **picked)
@@ -71,7 +71,7 @@ class CoupledMotion(Motion):
     @cached_property
     def floating(self) -> FloatingScalars:
         """The floating frames as a rigid motion."""
-        return FloatingScalars(self.rigid.motion, self.rigid.times, self.rigid.values, self)
+        return FloatingScalars(self.rigid.motion, self.rigid.times, np.zeros((len(self.times), 0)), self)
 
     @cached_property
     def quiet(self) -> CoupledMotion:

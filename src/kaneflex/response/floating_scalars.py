@@ -35,7 +35,7 @@ class FloatingScalars(RigidMotion):
         if link == "link" and key in ("a_x", "a_y"):
             felt = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.coupled.model.scene.gravity)[:, None]
             return self.frame(body).to_body(felt)["xy".index(key[-1])]
-        return super().__getitem__(name) + self.coupled.shift.get(name, 0.0)
+        return self.coupled.rigid[name] + self.coupled.shift.get(name, 0.0)
 
     def _spring(self, name: str, key: str) -> np.ndarray:
         """Torque of a torsional spring, or a component of the force on its second point."""

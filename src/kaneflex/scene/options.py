@@ -159,7 +159,7 @@ def resolve_options(scene: Scene) -> Options:
             "a structure that stands still has no rigid motion, and its supports may be redundant",
             "Take preset quasistatic, linear or stiffened",
         )  # fmt: skip
-    if not elastic:
+    if not elastic and (dynamics != "coupled" or scene.is_frame):
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
         _check_coupled(scene)

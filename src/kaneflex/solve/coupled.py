@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
-from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.returning import returning
@@ -88,7 +88,7 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
         accelerations = np.array([course[2] for course in courses])
         states = states.reshape(2 * len(free), -1)
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
-        model = replace(model, motion=RigidKinematics(model.motion.module, p))
+        model = replace(model, motion=replace(model.motion, parameters=p))
     return Solution(model, trajectory, seconds)
 
 

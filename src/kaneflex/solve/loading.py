@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from kaneflex.fem.mobility import check_determined
 from kaneflex.mechanism.closure import SWEEP, check_closure
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.mechanism.position_analysis import with_branches
+from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
@@ -25,6 +26,9 @@ from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.rigid_twin import RigidTwin
 
 Progress = Callable[[str], None]
 ONE_WAY = (
@@ -66,6 +70,8 @@ def load(
         raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
+    if options.dynamics == "coupled" and by_numbers(scene):
+        return _load_by_numbers(scene, options, progress, started)
     check_determined(mechanism_of(scene))
     check_free(scene)
     scene = with_branches(scene)
@@ -111,6 +117,53 @@ def load(
     model = replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
     check_start(model)
     return model
+
+
+def by_numbers(scene: Scene) -> bool:
+    """Whether the rigid mechanism beside the coupled one is placed by numbers, not by a module of its own.
+
+    Where nothing deforms there is nothing to compare with it.
+    """
+    return not any(body.elastic or body.modal is not None for body in scene.bodies.values())
+
+
+def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
+    """:func:`load` where the coupled module is all that is derived."""
+    from kaneflex.multibody.rigid_twin import build_twin
+    from kaneflex.multibody.system import build_system, with_stretch
+
+    check_determined(mechanism_of(scene))
+    ignored, scene = _ignored(scene, options), acting(scene, options)
+    placement = place(scene)
+    coupled, derived = build_system(scene, progress)
+    scene = with_stretch(scene)
+    bound = time.perf_counter()
+    progress("compiling, first time only")
+    coupled.compile()
+    compiled = time.perf_counter()
+    motion = _twin(scene, build_twin(scene, coupled, placement), options)
+    check_springs(scene, motion, options)
+    check_finite(scene, motion, options)
+    model = build_model(scene, options, motion)
+    seconds = {
+        "derive": derived,
+        "compile": compiled - bound,
+        "set_up": time.perf_counter() - started - derived - (compiled - bound),
+    }
+    warnings = (*model.warnings, *implausible(scene), *ignored)
+    model = replace(model, coupled=coupled, seconds=seconds, warnings=warnings)
+    check_start(model)
+    return model
+
+
+def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
+    """The rigid motion of a twin, its free joints at their first speeds."""
+    from kaneflex.multibody.rigid_twin import TwinKinematics
+
+    parameters = np.zeros(len(twin.PARAMETERS))
+    if twin.FREE:
+        parameters = at_initial_speed(scene, twin, parameters, options.duration)
+    return TwinKinematics(twin, parameters)
 
 
 def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
@@ -183,9 +236,11 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     horizon = scene.period if options.cycles else options.duration
     times = np.linspace(0.0, horizon, min(options.steps, _MOST) + 1)
     rigid = motion.at(times)
-    if np.isfinite(rigid.values).all():
+    free_bodies = options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values())
+    known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
+    if all(np.isfinite(rigid[name]).all() for name in known):
         return
-    for name in sorted(motion.column, key=lambda name: name not in scene.loads):
+    for name in sorted(known, key=lambda name: name not in scene.loads):
         lost = ~np.isfinite(rigid[name])
         if not lost.any():
             continue
