@@ -50,7 +50,8 @@ def bars(count: int, folder: Path, angle: float = -30.0, duration: float = 0.5, 
         for k in range(2, count + 1)
     ]
     text += ["[sensors]", f'tip_x = {{position = "{names[-1]}.end", component = "x"}}']
-    text += [f'tip_y = {{position = "{names[-1]}.end", component = "y"}}', 'pull = {joint_force = "pin_1", component = "x"}']
+    text += [f'tip_y = {{position = "{names[-1]}.end", component = "y"}}']
+    text += ['pull = {joint_force = "pin_1", component = "x"}']
     text += ["[solve]", 'preset = "coupled"', f"duration = {duration!r}", "steps = 200", "tolerance = 1e-7"]
     path = folder / f"bars-{count}.toml"
     path.write_text("\n".join(text) + "\n", encoding="utf-8")

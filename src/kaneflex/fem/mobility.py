@@ -13,6 +13,7 @@ from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -123,8 +124,10 @@ def _in_words(
     return "; ".join(reasons), cure[:1].upper() + cure[1:]
 
 
-def check_determined(mechanism: NumericMechanism) -> None:
+def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[str, ...]:
     """What is redundant or open in a mechanism, whatever its lengths are, named before anything is derived.
+
+    ``twice``: whether joints may hold what others hold already. Returns the rows "<joint>.<row>" of those that do.
 
     The constraints' Jacobian at places drawn by chance, where only guides and welds hold their angles, has at least the
     rank that it has where the mechanism closes: what is dependent here is so everywhere.
@@ -135,14 +138,14 @@ def check_determined(mechanism: NumericMechanism) -> None:
         Naming the redundant joints or drives, and the bodies that nothing determines.
     """
     if mechanism.frame:
-        return
+        return ()
     joints, bodies = [*mechanism.joints], [*mechanism.bodies]
     constraints = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0))
     names = [f"{name}.{row}" for name, joint in mechanism.joints.items() for row in joint.rows]
     held = len(names)
     names += [f"{drive}.drive" for drive in constraints.driven(joints)]
     if not names:
-        return
+        return ()
     jacobian = constraints.jacobian(_by_chance(mechanism), bodies, joints)
     jacobian[:, 2::3] /= mechanism.size
     order = list(range(len(names)))
@@ -156,13 +159,35 @@ def check_determined(mechanism: NumericMechanism) -> None:
     _, sizes, shapes = np.linalg.svd(jacobian)
     free = shapes[int((sizes > _DEPENDENT * sizes[0]).sum()) :]
     loose = [body for k, body in enumerate(bodies) if abs(free[:, 3 * k : 3 * k + 3]).max(initial=0.0) > 1e-6]
-    if spare or loose:
+    drives = [name.removesuffix(".drive") for name in spare if name.endswith(".drive")]
+    if loose or (spare and not (twice and not drives)):
         reason, cure = _in_words(mechanism, spare, loose, ())
-        drives = [name.removesuffix(".drive") for name in spare if name.endswith(".drive")]
+        if spare and not loose and not drives:
+            cure += "; preset coupled moves bodies that are held twice where their joints agree"
         key = f"drives.{drives[-1]}" if drives and len(drives) == len(spare) else "joints"
         raise SceneError(key, None, reason, cure)
+    return tuple(spare)
 
 
+def check_held_twice(mechanism: NumericMechanism, placement: Placement, spare: Sequence[str]) -> None:
+    """Joints that hold something twice must leave the mechanism as many degrees of freedom as it has drives.
+
+    Raises
+    ------
+    SceneError
+        Naming the rows ``spare`` where the joints lock the mechanism at its first place.
+    """
+    bodies, joints = [*mechanism.bodies], [*mechanism.joints]
+    jacobian = Constraints(mechanism, {}).jacobian({GROUND: np.zeros(3), **placement.poses}, bodies, joints)
+    jacobian[:, 2::3] /= mechanism.size
+    free = jacobian.shape[1] - np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2))
+    if free < len(mechanism.drives):
+        reason, cure = _in_words(mechanism, spare, (), ())
+        raise SceneError("joints", None, f"{reason}; where it starts they let nothing move", cure)
+
+
+_HELD = 1e-7
+"""Share of the largest singular value below which rows of joints say the same where the bodies were placed."""
 _DEPENDENT = 1e-9
 """Share of a row, or of the largest singular value, below which rounding is what is left."""
 

@@ -49,15 +49,14 @@ def check_free(scene: Scene) -> None:
     Raises
     ------
     SceneError
-        Before anything is derived; no preset can do without that turn.
+        Before anything is derived; preset coupled alone can do without that turn.
     """
     free = [name for name, drive in scene.drives.items() if drive.free]
     if free and len(scene.drives) > 1 and not scene.is_frame and (group := larger_group(mechanism_of(scene))):
         raise SceneError(
             f"drives.{free[0]}", "free",
-            f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone, under "
-            "every preset",
-            "Prescribe all drives, or leave the others out",
+            f"the loop of {', '.join(group)}, of more than two bodies, needs a mechanism with this drive alone",
+            "Take preset coupled, prescribe all drives, or leave the others out",
         )  # fmt: skip
 
 

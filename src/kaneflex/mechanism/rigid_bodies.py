@@ -92,7 +92,7 @@ def carried_bodies(scene: Scene) -> dict[str, Carried]:
             joints = " and ".join(joint for joint, _, _ in holders[name])
             raise SceneError(
                 f"bodies.{name}", "rigid", f"{joints} hold it between rigid bodies, so that it can't follow the links",
-                "Take preset rigid, give one of these bodies a beam, or leave one of the joints out",
+                "Take preset coupled or rigid, give one of these bodies a beam, or leave one of the joints out",
             )  # fmt: skip
         carried[name] = _carry(scene, holders[name][0], prescribed) if holders[name] else Carried("free", (0.0, 0.0))
     return carried
@@ -115,8 +115,8 @@ def _carry(scene: Scene, holder: tuple[str, Address, Address], prescribed: set[s
     if joint.kind == "prismatic":
         if other.body not in prescribed:
             raise SceneError(
-                f"joints.{name}", other.body, "a guide on a body that elastic links carry is not available yet",
-                "Put the guide on the ground or on a driven body, or take preset rigid",
+                f"joints.{name}", other.body, "a guide on a body that elastic links carry moves with them",
+                "Take preset coupled or rigid, or put the guide on the ground or on a driven body",
             )  # fmt: skip
         return Carried("guided", scene.point(own), name, other)
     kind = "hinged" if joint.kind == "revolute" and name not in scene.drives else "welded"
@@ -130,6 +130,11 @@ def check_elastic(scene: Scene) -> None:
     masses on a link lie on its axis, where its nodes are.
     """
     carried_bodies(scene)  # raises where they can't follow the links
+    check_on_axes(scene)
+
+
+def check_on_axes(scene: Scene) -> None:
+    """What acts on elastic links does so on their axes; no guide holds one."""
     for name, spring in scene.springs.items():
         joined = scene.joints[spring.torsional_at].addresses if spring.torsional_at is not None else ()
         if scene.solve.preset == "paper" and any(a.body != "ground" and scene.bodies[a.body].elastic for a in joined):

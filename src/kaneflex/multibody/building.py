@@ -40,28 +40,30 @@ _NARROW = 12
 
 
 def build_model(
-    scene: Scene, options: Options, motion: RigidKinematics, frozen: Model | None = None, like: Model | None = None
+    scene: Scene, options: Options, motion: RigidKinematics, frozen: Model | None = None, like: Model | None = None,
+    bare: bool = False,
 ) -> Model:
     """Mesh the links, assemble, reduce.
 
     ``frozen`` gives the order of the coordinates, the bases and the modes of damping; ``like`` the equations, where
-    they are the same.
+    they are the same. ``bare``: no equations beside the coupled ones, as no elastic stage can follow the rigid one.
     """
     reference, warnings = _reference(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
         mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
         return replace(like, **mine, energy=None, warnings=(), seconds={})
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
-        empty = {
-            key: Affine.zero(0, 1 if key == "F" else 0) for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
-        }
-        none = ElasticEquations((), **empty)
+        none = _no_equations()
         return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
     links = {
         name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
         for name, body in scene.bodies.items()
         if body.elastic
     }
+    if bare:
+        parts = {name: link.part for name, link in links.items()}
+        none = _no_equations()
+        return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
     carried = carried_bodies(scene)
     interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
     parts, bases = _parts(scene, options, links, interfaces, {} if frozen is None else frozen.bases)
@@ -87,6 +89,12 @@ def build_model(
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
     return replace(model, warnings=warnings)
+
+
+def _no_equations() -> ElasticEquations:
+    """Of no coordinates."""
+    names = ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g", "F")
+    return ElasticEquations((), **{key: Affine.zero(0, 1 if key == "F" else 0) for key in names})
 
 
 def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, like: Model) -> bool:

@@ -13,9 +13,9 @@ KINDS = ((0, 0),)
 
 @njit(**OPTIONS)
 def courses(t, p, out, k):
-    """Coordinate, speed and acceleration of every drive: p has them as they are now."""
-    for i in range(p.size):
-        out[k + i] = p[i]
+    """Coordinate, speed and acceleration of every drive: p has how many numbers these are, then the numbers."""
+    for i in range(int(p[0])):
+        out[k + i] = p[1 + i]
 
 
 @njit(**OPTIONS)

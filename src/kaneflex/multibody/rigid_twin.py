@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType, SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import evaluate_block
 from kaneflex.support.contract import COURSES
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.run import CoupledTrajectory
 
 _FAR = 0.1
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
@@ -165,16 +169,16 @@ class RigidTwin:
         if engine.count(at.REACTIONS):
             steps = max(1, math.ceil((abs(drives[::3] - before["drives"]) / self._measure).max(initial=0.0) / _FAR))
         for k in range(1, steps + 1):
-            engine.p[:] = drives
-            engine.p[::3] = before["drives"] + k / steps * (drives[::3] - before["drives"])
+            engine.p[1:] = drives
+            engine.p[1::3] = before["drives"] + k / steps * (drives[::3] - before["drives"])
             found = engine.unfold(before["row"][None])
             if found is None or self._opened() > 1e-6:
                 engine.stand(before["row"])
-                engine.p[::3] = before["drives"]
+                engine.p[1::3] = before["drives"]
                 engine.choose(0.0)
                 return None
             if k == steps or k % 8 == 0:
-                before["row"], before["drives"] = engine.row(0.0), engine.p[::3].copy()
+                before["row"], before["drives"] = engine.row(0.0), engine.p[1::3].copy()
                 if engine.count(at.REACTIONS):
                     engine.choose(0.0)
         return found[0][0], found[1][0], found[2][0]
@@ -199,8 +203,7 @@ class RigidTwin:
         compile_engine()
         q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
         stood["drives"] = np.array([self.start.drives[name] for name in self.mechanism.drives])
-        engine.p[:] = 0.0
-        engine.p[::3] = stood["drives"]
+        engine.p[1::3] = stood["drives"]
         engine.fold(q, np.zeros_like(q))
         engine.choose(0.0)
         stood["row"] = engine.row(0.0)
@@ -213,6 +216,26 @@ class TwinKinematics(RigidKinematics):
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedKinematics(TwinKinematics):
+    """The same where nothing deforms: at the instants of a trajectory the bodies are where that brought them."""
+
+    followed: CoupledTrajectory
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """As the twin tabulates it."""
+        t = self.followed
+        place = np.minimum(np.searchsorted(t.times, times), len(t.times) - 1)
+        if not (t.times[place] == times).all():
+            return super().table(times)
+        start = self.module.system.start
+        rows = [slice(start[body], start[body] + BODY) for body in self.module.engine.layout.bodies]
+        q, v, a = (np.stack([part[place, row] for row in rows], 1) for part in (t.q, t.v, t.a))
+        turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], -1)
+        bodies = np.concatenate([q[..., :2], turn, v, a], -1).reshape(len(times), -1)
+        return np.concatenate([self.module.said(times, self.parameters), bodies], 1)
 
 
 class _Placed(RigidMotion):
@@ -241,7 +264,7 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
     placed = replace(mechanism, drives=drives, loads={}, springs={})
-    rigid = dict.fromkeys(mechanism.bodies, (0, 0, 0))
-    module = SimpleNamespace(BODIES=rigid, **{name: getattr(rigid_kernels, name) for name in ("KINDS", *at.KERNEL_NAMES)})
-    engine = build_engine(placed, module, _PlainBlocks(scene), np.zeros(3 * len(drives)))
+    kernels = {name: getattr(rigid_kernels, name) for name in ("KINDS", *at.KERNEL_NAMES)}
+    module = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
+    engine = build_engine(placed, module, _PlainBlocks(scene), np.array([3.0 * len(drives)] + [0.0] * (3 * len(drives))))
     return RigidTwin(mechanism, system, engine, start)

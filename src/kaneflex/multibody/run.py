@@ -20,6 +20,9 @@ _PIECE, _FEW, _QUICK = 100, 10, 0.2
 """Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first
 where an event is looked for, and about how long as many steps as are then tried may take [s]."""
 
+_AGREE = 1e-7
+"""Share of the mechanism's size by which joints that hold something twice may differ."""
+
 
 @dataclass(frozen=True, eq=False)
 class CoupledTrajectory:
@@ -157,6 +160,9 @@ class _Run:
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
                 outcome, words = _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
+            misfit = self._misfit()
+            if misfit:
+                return Outcome.SINGULAR, misfit
             if progress is not None:
                 came = max(self.times[self.filled], self.here[0])
                 progress(float((came - self.times[0]) / (self.times[-1] - self.times[0])))
@@ -164,6 +170,22 @@ class _Run:
             if stop is not None and self.filled > before and stop(self.trajectory(filled)):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
+
+    def _misfit(self) -> str:
+        """What to say where joints that hold something twice no longer agree; nothing where they do."""
+        engine = self.engine
+        if engine.count(at.KEPT) == engine.count(at.REACTIONS):
+            return ""
+        t, size = float(self.here[0]), self.system.mechanism.size
+        engine.stand(self.here)
+        apart = abs(engine.openings(t)) / size
+        row = int(apart.argmax())
+        if apart[row] <= _AGREE:
+            return ""
+        acts = engine.tables.acts[: engine.count(at.DRIVES), at.ROW_AT]
+        joint = engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
+        return (f"over-constrained after t = {t:.6g} s: {joint} holds what other joints hold already, and misses it by "
+                f"{apart[row]:.2g} of the mechanism's size")  # fmt: skip
 
     @property
     def tried(self) -> int:

@@ -44,6 +44,8 @@ class CoupledSystem:
     mechanism : NumericMechanism
     links, shapes : mapping of str
         Finite elements and modal coordinates of every elastic link.
+    undetermined : tuple of str
+        Names among ``constraints`` of reactions that no equation determines; they are not numbers.
     """
 
     module: ModuleType
@@ -51,6 +53,7 @@ class CoupledSystem:
     mechanism: NumericMechanism
     links: Mapping[str, Link]
     shapes: Mapping[str, Shapes]
+    undetermined: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -140,7 +143,9 @@ class CoupledSystem:
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
-        return Unfolded(q, v, a, found[3][:, self._exerted], *found[4:])
+        exerted = found[3][:, self._exerted]
+        exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
+        return Unfolded(q, v, a, exerted, *found[4:])
 
     def settle(self, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded | None:
         """The state at t [s] with its loops closed, accelerations and reactions; None at a singular state.

@@ -16,6 +16,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.returning import returning
+from kaneflex.multibody.rigid_twin import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.response.coupled_motion import CoupledMotion
@@ -89,6 +90,9 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
         states = states.reshape(2 * len(free), -1)
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
         model = replace(model, motion=replace(model.motion, parameters=p))
+    if isinstance(model.motion, TwinKinematics) and not model.coupled.shape_columns:
+        motion = FollowedKinematics(model.motion.module, model.motion.parameters, trajectory)
+        model = replace(model, motion=motion)
     return Solution(model, trajectory, seconds)
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.fem.mobility import check_determined
-from kaneflex.mechanism.closure import SWEEP, check_closure
+from kaneflex.fem.mobility import check_determined, check_held_twice
+from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place, with_branches
-from kaneflex.mechanism.rigid_bodies import check_elastic
+from kaneflex.mechanism.rigid_bodies import carried_bodies, check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
@@ -28,7 +28,7 @@ from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.multibody.rigid_twin import RigidTwin
+    from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
 
 Progress = Callable[[str], None]
 ONE_WAY = (
@@ -122,19 +122,35 @@ def load(
 def by_numbers(scene: Scene) -> bool:
     """Whether the rigid mechanism beside the coupled one is placed by numbers, not by a module of its own.
 
-    Where nothing deforms there is nothing to compare with it.
+    Where nothing deforms there is nothing to compare with it; and where joints hold something twice, or no elastic
+    stage can follow the rigid one, no module can be derived.
     """
-    return not any(body.elastic or body.modal is not None for body in scene.bodies.values())
+    if not any(body.elastic or body.modal is not None for body in scene.bodies.values()):
+        return True
+    if check_determined(mechanism_of(scene), twice=True):
+        return True
+    try:
+        check_free(scene)
+        carried_bodies(scene)
+    except SceneError:
+        return True
+    return False
 
 
 def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """:func:`load` where the coupled module is all that is derived."""
+    from kaneflex.multibody.held_twice import check_sensors, undetermined
     from kaneflex.multibody.rigid_twin import build_twin
+    from kaneflex.multibody.run import rigid_state
     from kaneflex.multibody.system import build_system, with_stretch
 
-    check_determined(mechanism_of(scene))
+    mechanism = mechanism_of(scene)
+    spare = check_determined(mechanism, twice=True)
+    check_on_axes(scene)
     ignored, scene = _ignored(scene, options), acting(scene, options)
     placement = place(scene)
+    if spare:
+        check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
     bound = time.perf_counter()
@@ -142,18 +158,39 @@ def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started
     coupled.compile()
     compiled = time.perf_counter()
     motion = _twin(scene, build_twin(scene, coupled, placement), options)
+    check_twin(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
-    model = build_model(scene, options, motion)
+    model = build_model(scene, options, motion, bare=True)
     seconds = {
         "derive": derived,
         "compile": compiled - bound,
         "set_up": time.perf_counter() - started - derived - (compiled - bound),
     }
     warnings = (*model.warnings, *implausible(scene), *ignored)
+    if spare:
+        open_rows = undetermined(coupled, rigid_state(coupled, motion.at(0.0))[0])
+        check_sensors(scene, open_rows)
+        coupled = replace(coupled, undetermined=open_rows)
     model = replace(model, coupled=coupled, seconds=seconds, warnings=warnings)
     check_start(model)
     return model
+
+
+def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
+    """Prescribed drives must take the rigid mechanism through their range; where free joints go is not known yet."""
+    mechanism, twin = mechanism_of(scene), motion.module
+    horizon = (scene.period if options.cycles else None) or options.duration
+    rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, horizon, SWEEP + 1))
+    first = next(iter(mechanism.bodies))
+    lost = np.flatnonzero(~np.isfinite(rigid[f"{first}.x"]))
+    if len(lost) and np.isfinite(rigid.said).all():
+        joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
+        raise SceneError(
+            "joints", joints, f"at {stand(mechanism, rigid, int(lost[0]))} the loops that they close don't close, or "
+            "leave open how they go on",
+            "Change the lengths, or limit the drive's range",
+        )  # fmt: skip
 
 
 def _twin(scene: Scene, twin: RigidTwin, options: Options) -> RigidKinematics:
@@ -182,9 +219,14 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     scene = acting(scene, options)
     system = None
     if model.coupled is not None:
+        from kaneflex.multibody.rigid_twin import RigidTwin, build_twin
         from kaneflex.multibody.system import neighbour_system, with_stretch
 
         system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
+    if system is not None and isinstance(model.module, RigidTwin):
+        system = replace(system, undetermined=model.coupled.undetermined)
+        motion = _twin(scene, build_twin(scene, system, place(scene)), options)
+        return replace(build_model(scene, options, motion, bare=True), coupled=system)
     found = build_model(scene, options, _moved(model, scene, duration), model if frozen else None)
     return replace(found, coupled=system)
 

@@ -1,0 +1,99 @@
+"""Reactions that the equations of motion leave open, as joints hold something twice and nothing there deforms.
+
+All joints' rows act on all bodies' speeds, those of shapes among them, by the transposed Jacobian of the rows. A sum of
+rows that moves nothing can be added to the reactions without any change of the motion: what it is made of is open.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.mechanism.joints import coordinate, residuals
+from kaneflex.mechanism.planar import Pose, pose_at
+from kaneflex.multibody import tables as at
+from kaneflex.multibody.system import BODY, CoupledSystem
+from kaneflex.scene import Scene
+from kaneflex.support.errors import SceneError
+
+_STEP = 1e-30
+"""Imaginary step: f(x + i h) = f(x) + i h f'(x) to the last bit (Squire & Trapp 1998, SIAM Review 40)."""
+_NOTHING = 1e-7
+"""Share of the largest singular value below which a sum of rows moves nothing, and of a sum below which a row is not
+in it."""
+
+
+def jacobian(system: CoupledSystem, q: np.ndarray) -> np.ndarray:
+    """Derivatives of the rows of all ``reactions`` of a system by the speeds of all bodies at a state q (size,)."""
+    system.fold(q, np.zeros_like(q))
+    engine, mechanism = system.engine, system.mechanism
+    engine.openings(0.0)  # leaves W of the sections
+    tables, sections, owners = engine.tables, engine.sections, engine.layout.bodies
+
+    def share(key: tuple[str, str]) -> tuple[slice, np.ndarray] | None:
+        k = engine.layout.sections[key]
+        owner, _, first = tables.sections[k]
+        if owner < 0:
+            return None
+        start, width = system.start[owners[owner]], BODY + int(tables.bodies[owner, at.SHAPES])
+        first += engine.count(at.W_NOW)
+        return slice(start, start + width), tables.w[first : first + 3 * width].reshape(3, width)
+
+    found = np.zeros((len(system.constraints), system.size))
+    row_of = {name: k for k, name in enumerate(system.constraints)}
+    for joint in mechanism.joints.values():
+        keys = [(side.body, side.name) for side in joint.sides]
+        poses: list[Pose] = [pose_at(*sections[engine.layout.sections[key], :3].tolist()) for key in keys]
+        names = [f"{joint.name}.{row}" for row in joint.rows]
+        driven = f"{joint.name}.drive" in row_of
+        for side, key in enumerate(keys):
+            part = share(key)
+            for k, moved in enumerate(poses[side].nudged(1j * _STEP)):
+                both = (moved, poses[1]) if side == 0 else (poses[0], moved)
+                values = (*residuals(joint, *both), *([coordinate(joint, *both)] * driven))
+                for name, value in zip([*names, *[f"{joint.name}.drive"] * driven], values, strict=True):
+                    if part is not None:
+                        found[row_of[name], part[0]] += np.imag(value) / _STEP * part[1][k]
+    return found
+
+
+def undetermined(system: CoupledSystem, q: np.ndarray) -> tuple[str, ...]:
+    """Names among a system's ``constraints`` that no equation of motion determines at a state."""
+    rows = jacobian(system, q) * np.where([unit == "rad" for _, unit in system.coordinates], 1.0, system.mechanism.size)
+    rows /= np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+    sums, sizes, _ = np.linalg.svd(rows)
+    rank = int((sizes > _NOTHING * sizes.max(initial=0.0)).sum())
+    open_rows = abs(sums[:, rank:]).max(axis=1, initial=0.0) > _NOTHING
+    return tuple(name for name, is_open in zip(system.constraints, open_rows, strict=True) if is_open)
+
+
+def check_sensors(scene: Scene, open_rows: tuple[str, ...]) -> None:
+    """No sensor may read what is open.
+
+    Raises
+    ------
+    SceneError
+        Naming the sensor, what is open, and the joints that hold it together.
+    """
+    for name, sensor in scene.sensors.items():
+        if sensor.kind in ("axial_force", "bending_moment", "shear_force", "strain"):
+            body = sensor.target.body
+            read = [row for row in open_rows if body in scene.joints[row.rpartition(".")[0]].bodies]
+        elif sensor.kind in ("joint_force", "drive_torque", "drive_force"):
+            read = [row for row in open_rows if row.rpartition(".")[0] == sensor.target]
+            if sensor.kind != "joint_force":
+                read = [row for row in read if row.endswith(".drive")]
+            elif sensor.component == "angle":
+                read = [row for row in read if row.endswith(".moment")]
+            else:
+                own = f".force_{sensor.component}" if sensor.axes == "global" else ".force"
+                read = [row for row in read if own in row or row.endswith(".normal")]
+        else:
+            continue
+        if read:
+            joints = list(dict.fromkeys(row.rpartition(".")[0] for row in open_rows))
+            raise SceneError(
+                f"sensors.{name}", str(sensor.target),
+                f"{', '.join(joints)} hold the same together, and rigid bodies don't say which of them bears how much: "
+                f"{', '.join(read)} is not determined",
+                "Leave the sensor or one of these joints out, or give one of the bodies a beam",
+            )  # fmt: skip

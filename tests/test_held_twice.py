@@ -1,0 +1,88 @@
+"""Joints that hold something twice: the motion is that without them, what they share is no number."""
+
+import numpy as np
+import pytest
+from test_mobility import CARRIED_RHOMBUS, THREE_CRANKS, TWO_GUIDES
+
+import kaneflex
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.scene import read_scene
+from kaneflex.support.errors import SceneError
+
+COUPLED = '\n[solve]\npreset = "coupled"\nduration = "0.5 s"\nsteps = 100\n'
+FREE = ("main = {speed = \"60 rpm\", cycle = \"360 deg\"}", 'main = {free = true, angle = "60 deg"}')
+ROCKED = FREE[0], 'main = {law = "1 + 0.3 * sin(6 * t)"}'
+WEIGHT = '\ngravity = [0, "-9.81 m/s^2"]\n'
+SENSORS = '\n[sensors]\nx = {position = "bar.end", component = "x"}\ny = {position = "bar.end", component = "y"}\n'
+
+
+def scene(tmp_path, text):
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    return read_scene(file)
+
+
+def swung(tmp_path, text):
+    solution = kaneflex.simulate(kaneflex.load(scene(tmp_path, text)))
+    assert solution.outcome is Outcome.COMPLETED, solution.message
+    return solution
+
+
+def test_a_third_parallel_crank_falls_with_the_others(tmp_path):
+    """One degree of freedom, by hand: I phi'' = -g (3 m/2 + M) l cos phi; it passes the change point at 0 deg."""
+    text = THREE_CRANKS.replace(*FREE).replace("schema = 1", "schema = 1" + WEIGHT) + SENSORS + COUPLED
+    solution = swung(tmp_path, text)
+    from scipy.integrate import solve_ivp
+
+    m, M, l, g = 0.1, 0.3, 0.05, 9.81
+    inertia = 3 * m * l**2 / 3 + M * l**2
+    found = solve_ivp(
+        lambda t, x: [x[1], -g * (1.5 * m + M) * l * np.cos(x[0]) / inertia], (0.0, 0.5), [np.radians(60.0), 0.0],
+        "DOP853", solution.times, rtol=1e-10, atol=1e-10,
+    )  # fmt: skip
+    assert solution.series["x"].values == pytest.approx(0.4 + l * np.cos(found.y[0]), abs=2e-6)
+    energy = solution.trajectory.energy
+    total = energy.kinetic + energy.strain + energy.weight
+    assert abs(total - total[0]).max() < 1e-7 * energy.kinetic.max()
+
+
+def test_what_three_cranks_share_is_no_number(tmp_path):
+    """Three cranks bear the bar as two would."""
+    text = THREE_CRANKS.replace(*ROCKED) + COUPLED
+    model = kaneflex.load(scene(tmp_path, text))
+    assert set(model.coupled.undetermined) >= {"far_pin.force_x", "far_pin.force_y", "middle_pin.force_y"}
+    sensor = '\n[sensors]\nbearing = {joint_force = "far", component = "y", axes = "global"}\n'
+    with pytest.raises(SceneError, match="sensors.bearing.*far_pin.*is not determined.*give one of the bodies a beam"):
+        kaneflex.load(scene(tmp_path, text + sensor))
+
+
+def test_the_drive_of_three_cranks_is_determined(tmp_path):
+    """One degree of freedom: torque = I phi'' + g (3 m/2 + M) l cos phi."""
+    text = THREE_CRANKS.replace(*ROCKED).replace("schema = 1", "schema = 1" + WEIGHT) + COUPLED
+    solution = swung(tmp_path, text + '\n[sensors]\ntorque = {drive_torque = "main"}\n')
+    phi, inertia = 1.0 + 0.3 * np.sin(6.0 * solution.times), 0.1 * 0.05**2 + 0.3 * 0.05**2
+    expected = 9.81 * 0.05 * (1.5 * 0.1 + 0.3) * np.cos(phi) - 10.8 * inertia * np.sin(6.0 * solution.times)
+    assert solution.series["torque"].values == pytest.approx(expected, abs=1e-9)
+
+
+def test_two_guides_in_line_hold_a_cart(tmp_path):
+    text = TWO_GUIDES.replace("left = {speed = \"1 m/s\"}", "left = {law = \"0.1 * sin(10 * t)\"}")
+    text = text.replace('duration = "1 s"', 'duration = "1 s"\npreset = "coupled"\nsteps = 100')
+    solution = swung(tmp_path, text + '\n[sensors]\nforce = {drive_force = "left"}\n')
+    assert solution.series["force"].values == pytest.approx(-10.0 * np.sin(10.0 * solution.times), abs=1e-9)
+    assert {"left.normal", "left.moment", "right.normal", "right.moment"} == set(solution.model.coupled.undetermined)
+
+
+def test_cranks_that_do_not_fit_are_refused(tmp_path):
+    text = THREE_CRANKS.replace('third = {length = "50 mm"', 'third = {length = "52 mm"') + COUPLED
+    with pytest.raises(SceneError, match="far"):
+        kaneflex.load(scene(tmp_path, text))
+
+
+def test_a_rhombus_of_rigid_bars_on_an_elastic_arm(tmp_path):
+    """Symmetric about its diagonal: what opens it does the work that its energies gain."""
+    text = CARRIED_RHOMBUS.replace("[solve]", '[solve]\npreset = "coupled"\nsteps = 200')
+    solution = swung(tmp_path, text)
+    energy = solution.trajectory.energy
+    balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied
+    assert abs(balance - balance[0]).max() < 1e-6 * abs(energy.kinetic).max()
