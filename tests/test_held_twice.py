@@ -86,3 +86,49 @@ def test_a_rhombus_of_rigid_bars_on_an_elastic_arm(tmp_path):
     energy = solution.trajectory.energy
     balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied
     assert abs(balance - balance[0]).max() < 1e-6 * abs(energy.kinetic).max()
+
+
+CYLINDER = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+ground = {foot = ["0.5 m", "-0.5 m"]}
+[bodies]
+boom = {length = "2 m", beam = {material = "steel", A = "1000 mm^2", I = "200000 mm^4"}, points = {lug = ["1 m", 0]}}
+barrel = {length = "0.5 m", mass = "2 kg"}
+rod = {length = "0.5 m", mass = "1 kg"}
+[joints]
+pivot = {revolute = ["ground", "boom.start"]}
+foot = {revolute = ["ground.foot", "barrel.start"]}
+cylinder = {prismatic = ["barrel", "rod.start"], direction = [1, 0]}
+head = {revolute = ["rod.end", "boom.lug"], near = {boom = "3 deg"}}
+[drives]
+cylinder = {law = "0.25 + 0.02 * sin(10 * t)"}
+[sensors]
+tip = {position = "boom.end", component = "y"}
+push = {drive_force = "cylinder"}
+[solve]
+preset = "coupled"
+duration = "0.3 s"
+steps = 100
+"""
+TAIL = """
+schema = 1
+like = "six-bar"
+[bodies]
+tail = {length = "50 mm", mass = "0.1 kg"}
+[joints]
+hook = {revolute = ["ground", "tail.start"]}
+[drives]
+hook = {free = true}
+[solve]
+start = "zero"
+preset = "coupled"
+duration = "0.05 s"
+"""
+
+
+@pytest.mark.parametrize("text", [CYLINDER, TAIL], ids=["a cylinder on an elastic boom", "a free joint beside a drive"])
+def test_what_no_rigid_motion_leads_keeps_the_balance_of_energy(tmp_path, text):
+    energy = swung(tmp_path, text).trajectory.energy
+    balance = energy.kinetic + energy.strain + energy.weight + energy.dissipated - energy.supplied
+    assert abs(balance - balance[0]).max() < 1e-7 * energy.kinetic.max()
