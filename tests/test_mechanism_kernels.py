@@ -105,8 +105,8 @@ def page() -> dict[str, object]:
 
 
 def test_the_page_prints_what_it_says(page):
-    """A loop of one's own by Newmark's method is the run by the runtime's; places, torque and a refusal."""
-    assert page["printed"] == page["promised"] and len(page["promised"]) == 3
+    """A loop of one's own by Newmark's method is the run by the runtime's; places, torque, a refusal, a body's mass."""
+    assert page["printed"] == page["promised"] and len(page["promised"]) == 4
     table = re.findall(r"^\| (`.*?) \| ", page["text"], flags=re.MULTILINE)
     named = {name for cell in table for name in re.findall(r"`(\w+)", cell)}
     assert named == set(page["kernels"].shapes)
@@ -165,7 +165,7 @@ def safe_with(safe, own):
 
 
 def test_coupled_equations_have_kernels_of_their_own():
-    with pytest.raises(SceneError, match=r"solve.preset = 'coupled': its M, K and F depend on the coordinates.*module"):
+    with pytest.raises(SceneError, match=r"solve.preset = 'coupled': its M, K and F depend on the coordinates.*engine"):
         _ = model("elastic-pendulum").kernels
 
 

@@ -40,6 +40,7 @@ def simulate_coupled(
     """Integrate the coupled equations over the model's horizon, from a state where one is given."""
     started = time.perf_counter()
     system, options = model.coupled, model.options
+    assert system is not None
     method = method_of(model)
     times = (after.t if after is not None else 0.0) + model.step * np.arange(options.steps + 1)
     if after is not None and options.start == "given":
@@ -66,6 +67,7 @@ def method_of(model: Model) -> Method:
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the rigid mechanism, deformed where the scene starts from equilibrium, or as it gives them."""
     system, first = model.coupled, model.motion.at(0.0)
+    assert system is not None
     q, v = rigid_state(system, first)
     if model.options.start == "given":
         q, v = laid_over(model, q, v)
@@ -90,6 +92,7 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
         states = states.reshape(2 * len(free), -1)
         p = with_courses(model.motion.module, model.motion.parameters, trajectory.times, states, accelerations)
         model = replace(model, motion=replace(model.motion, parameters=p))
+    assert model.coupled is not None
     if isinstance(model.motion, TwinKinematics) and not model.coupled.shape_columns:
         motion = FollowedKinematics(model.motion.module, model.motion.parameters, trajectory)
         model = replace(model, motion=motion)
@@ -163,6 +166,7 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
             "Start from zero",
         )  # fmt: skip
     system, t = model.coupled, float(rigid.times[0])
+    assert system is not None
     engine = prepare(system, t, q, rigid_state(system, rigid)[1])
     if settled(engine, t) is not None:
         found = system.unfold(engine.row(t)[None])
@@ -184,7 +188,9 @@ def _periodic(
     """
     modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
     turns = np.array([k + 2 for k in system.start.values()])
-    cycle, found, slope = returning(system, float(times[0]), q, v), None, None
+    cycle = returning(system, float(times[0]), q, v)
+    found: CoupledTrajectory | None = None
+    slope: np.ndarray | None = None
     move, missed = np.zeros(0), np.zeros(0)
     for count in range(_CYCLES):
         before, found = found, integrate(system, q, v, times, method)
@@ -214,4 +220,5 @@ def _periodic(
         except (ArithmeticError, np.linalg.LinAlgError):
             q, v, slope = end, end_rate, None
     message = f"no periodic state: the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
+    assert found is not None
     return replace(found, outcome=Outcome.NO_PERIODIC_STATE, message=message)
