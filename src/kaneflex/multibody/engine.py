@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numba.core.errors import NumbaExperimentalFeatureWarning
@@ -13,7 +14,6 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.collocation import Table
 from kaneflex.multibody.topology import Layout, build_tables
 
@@ -232,7 +232,7 @@ class Engine:
         return out if done else None
 
 
-def build_engine(mechanism: NumericMechanism, module: ModuleType, blocks: Blocks, p: np.ndarray) -> Engine:
+def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
     """The engine of a mechanism, with its structure's module and the module's parameters; at rest, no loop closed."""
     tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, module.KINDS, blocks, mechanism.size)
     kernels = tuple(getattr(module, name) for name in at.KERNEL_NAMES)

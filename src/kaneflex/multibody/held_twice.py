@@ -13,6 +13,7 @@ from kaneflex.mechanism.planar import Pose, pose_at
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
 _STEP = 1e-30
@@ -76,8 +77,10 @@ def check_sensors(scene: Scene, open_rows: tuple[str, ...]) -> None:
     """
     for name, sensor in scene.sensors.items():
         if sensor.kind in ("axial_force", "bending_moment", "shear_force", "strain"):
+            assert isinstance(sensor.target, Address)
             body = sensor.target.body
-            read = [row for row in open_rows if body in scene.joints[row.rpartition(".")[0]].bodies]
+            joints = {row: scene.joints[row.rpartition(".")[0]] for row in open_rows}
+            read = [row for row, joint in joints.items() if body in (end.body for end in joint.addresses)]
         elif sensor.kind in ("joint_force", "drive_torque", "drive_force"):
             read = [row for row in open_rows if row.rpartition(".")[0] == sensor.target]
             if sensor.kind != "joint_force":

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType, SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -212,7 +212,7 @@ class RigidTwin:
 class TwinKinematics(RigidKinematics):
     """The motion of a twin: bodies are placed when one is asked for."""
 
-    module: RigidTwin
+    module: Any
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
         return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
