@@ -21,7 +21,7 @@ BASELINE = {
     "report": 6,
     "response": 64,
     "scene": 101,
-    "solve": 53,
+    "solve": 45,
     "stability": 25,
     "study": 66,
     "support": 5,

@@ -79,8 +79,8 @@ def check_sensors(scene: Scene, open_rows: tuple[str, ...]) -> None:
         if sensor.kind in ("axial_force", "bending_moment", "shear_force", "strain"):
             assert isinstance(sensor.target, Address)
             body = sensor.target.body
-            joints = {row: scene.joints[row.rpartition(".")[0]] for row in open_rows}
-            read = [row for row, joint in joints.items() if body in (end.body for end in joint.addresses)]
+            held = {row: scene.joints[row.rpartition(".")[0]] for row in open_rows}
+            read = [row for row, joint in held.items() if body in (end.body for end in joint.addresses)]
         elif sensor.kind in ("joint_force", "drive_torque", "drive_force"):
             read = [row for row in open_rows if row.rpartition(".")[0] == sensor.target]
             if sensor.kind != "joint_force":

@@ -181,6 +181,7 @@ class RigidTwin:
                 before["row"], before["drives"] = engine.row(0.0), engine.p[1::3].copy()
                 if engine.count(at.REACTIONS):
                     engine.choose(0.0)
+        assert found is not None
         return found[0][0], found[1][0], found[2][0]
 
     def _opened(self) -> float:
@@ -241,6 +242,8 @@ class FollowedKinematics(TwinKinematics):
 class _Placed(RigidMotion):
     def __init__(self, motion: TwinKinematics, times: np.ndarray) -> None:
         self.__dict__.update(motion=motion, times=times)
+
+    motion: Any
 
     def __getitem__(self, name: str) -> np.ndarray:
         column = self.motion.column[name]
