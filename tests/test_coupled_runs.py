@@ -8,6 +8,7 @@ from command_line import cli
 from scipy.special import ellipk
 
 import kaneflex
+from kaneflex.multibody import tables as at
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.support.errors import SceneError
@@ -51,6 +52,12 @@ def test_errors_fall_at_the_order_of_the_integrator(integrator, order):
     errors = [abs(speed(steps) - speed(12800)).max() for steps in (200, 400, 800)]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (orders > order - 1.5).all(), errors
+
+
+def test_shapes_that_only_turn_the_nodes_leave_the_loops_to_the_joints():
+    """Two elements have a shape without displacement at any node: scaled by that, its slopes are huge."""
+    found = run("four-bar-motor", "bodies.coupler.beam.elements=2", "solve.duration=0.01 s", "solve.steps=20")
+    assert found.outcome.name == "COMPLETED" and found.model.coupled.engine.count(at.KEPT) == 2
 
 
 def test_loops_stay_closed():

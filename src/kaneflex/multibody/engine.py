@@ -106,7 +106,9 @@ class Engine:
         left = list(range(rows))
         kept: list[int] = []
         dependent: list[int] = []
-        G = G / np.maximum(abs(G).max(axis=1, initial=0.0), 1e-300)[:, None]
+        # A shape counts as much as its largest share, however it was scaled: one that only turns the nodes has huge ones.
+        G[:, shapes] /= np.maximum(abs(G[:, shapes]).max(axis=0, initial=0.0), 1e-300)
+        G /= np.maximum(abs(G[:, joints]).max(axis=1, initial=0.0), _RANK)[:, None]
         others = [k for k in joints if k not in spared]
         for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
             columns = [k for k in columns if k not in dependent]
