@@ -106,7 +106,7 @@ class Engine:
         left = list(range(rows))
         kept: list[int] = []
         dependent: list[int] = []
-        # A shape counts as much as its largest share, however it was scaled: one that only turns the nodes has huge ones.
+        # A shape counts as its largest share, however it was scaled: one that only turns the nodes has huge ones.
         G[:, shapes] /= np.maximum(abs(G[:, shapes]).max(axis=0, initial=0.0), 1e-300)
         G /= np.maximum(abs(G[:, joints]).max(axis=1, initial=0.0), _RANK)[:, None]
         others = [k for k in joints if k not in spared]
