@@ -59,10 +59,6 @@ RACES = (
         "slider-crank-150-coupled", (), "rod", "mid_transverse", (60, 125, 250, 500, 1000, 2000, 4000, 8000), 16000,
         _NONLINEAR,
     ),
-    Race(
-        "four-bar-motor", ("solve.duration=0.5 s",), "coupler", "coupler_mid",
-        (125, 250, 500, 1000, 2000, 4000, 8000, 16000), 32000, _NONLINEAR,
-    ),
 )  # fmt: skip
 TOLERANCE = 1e-5
 """Of a step of the coupled equations, far below the error asked for; the converged answer keeps the scene's own."""
