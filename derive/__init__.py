@@ -14,6 +14,7 @@ The pipeline, one file a stage:
     generate    the whole: generate(scene) -> module text; generate_pruned: without some groups of terms
     flexible    Kane's equations of one free body with modal coordinates
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text
+    contact     what two sections do to each other where they touch: contact_text() -> module text
     coupled_module  a structure's part in the coupled equations: generate_coupled(scene, counts, structure) -> text
 """
 

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from kaneflex.derive.body import body_text
+from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
 from kaneflex.derive.emit import tables_text
@@ -32,6 +33,7 @@ def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = {f"{name}.py": text for name, text in element_texts().items()}
     texts |= {"tables.py": tables_text(), "body.py": body_text(), "joints.py": joints_text()}
+    texts["contact.py"] = contact_text()
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}
     for name in sorted(shipped_scenes()):

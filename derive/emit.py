@@ -72,13 +72,17 @@ class NumbaPrinter(PythonCodePrinter):
 
 @dataclass(frozen=True)
 class Kernel:
-    """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers."""
+    """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
+
+    One that ``returns`` has no array: its outputs are numbers by names of their own.
+    """
 
     program: Program
     arguments: tuple[str, ...]
     reads: tuple[tuple[sm.Symbol, str], ...]
     doc: str
     zeros: bool = False
+    returns: bool = False
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -103,7 +107,10 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     for slot, expression in program.outputs:
         if expression != 0 or kernel.zeros:
             stored.setdefault(expression, []).append(slot)
-    body += [" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items()]
+    if kernel.returns:
+        body.append(f"return {', '.join(_bare(text(expression)) for _, expression in program.outputs)}")
+    else:
+        body += [" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items()]
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
     code = "\n".join(f"    {line}" for line in body or ["pass"])
     return f"@njit(**OPTIONS)\ndef {program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"

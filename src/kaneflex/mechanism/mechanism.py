@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from kaneflex.mechanism.parts import Body, Drive, Joint, Load, Mass, Mechanism, Spring
-from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector
+from kaneflex.mechanism.parts import Body, Contact, Drive, Joint, Load, Mass, Mechanism, Spring
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector, quarter_turn
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.structure import ANY
@@ -44,9 +44,10 @@ def _made(scene: Scene) -> NumericMechanism:
         scene.structure(), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
     )
     joints = {name: replace(joint, near=scene.joints[name].near) for name, joint in found.joints.items()}
+    contacts = {name: replace(contact, law=scene.contacts[name].law) for name, contact in found.contacts.items()}
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
-    return NumericMechanism(**{**vars(found), "joints": joints}, size=size)
+    return NumericMechanism(**vars(found) | {"joints": joints, "contacts": contacts}, size=size)
 
 
 def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
@@ -59,9 +60,9 @@ def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
     bodies, joints = each("bodies", reader.body), each("joints", reader.joint)
     reader.joints = joints
     masses, drives, loads = each("masses", reader.mass), each("drives", reader.drive), each("loads", reader.load)
-    springs = each("springs", reader.spring)
+    acting = each("springs", reader.spring), each("contacts", reader.contact)
     gravity = tuple(numbers(f"gravity.{'xy'[k]}", "m/s^2", structure["gravity"][k]) for k in range(2))
-    return Mechanism(bodies, joints, masses, drives, loads, springs, gravity, structure["frame"], structure["viscous"])
+    return Mechanism(bodies, joints, masses, drives, loads, *acting, gravity, structure["frame"], structure["viscous"])
 
 
 class _Reader:
@@ -161,3 +162,30 @@ class _Reader:
         stiffness = self.numbers(f"{path}.stiffness", unit.format(""), spring["stiffness"])
         damping = self.numbers(f"{path}.damping", unit.format(" s"), spring["damping"])
         return Spring(name, first, second, joint, stiffness, damping, free)
+
+    def contact(self, name: str, contact: Mapping[str, Any]) -> Contact:
+        path, direction = f"contacts.{name}", (0, 0)
+
+        def number(key: str, unit: str) -> Number:
+            return self.numbers(f"{path}.{key}", unit, ANY)
+
+        first, second = (self.point(address) for address in contact["between"])
+        if contact["kind"] == "point-line":
+            direction = self.vector(contact["direction"], f"{path}.direction_", "1")
+        if "corner" in contact:
+            second = _corner(name, second, direction, contact["corner"], number("length", "m"), number("height", "m"))
+        push = number("stiffness", "N/m^n"), number("exponent", "1"), number("damping", "N s/m")
+        reach, radius = number("reach", "m"), number("radius", "m")
+        return Contact(
+            name, first, second, contact["kind"], direction, reach, radius, *push, number("restitution", "1"),
+            joint=contact.get("joint"),
+        )  # fmt: skip
+
+
+def _corner(name: str, middle: BodyPoint, inward: Vector, corner: int, length: Number, height: Number) -> BodyPoint:
+    """That of a block which touches a face with this inward normal, before (1) or behind (-1) its middle."""
+    x, y = quarter_turn(inward)
+    along, out = corner * length / 2, height / 2
+    return BodyPoint(
+        middle.body, name, (middle.at[0] + along * x - out * inward[0], middle.at[1] + along * y - out * inward[1])
+    )

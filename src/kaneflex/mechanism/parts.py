@@ -168,6 +168,51 @@ class Spring:
 
 
 @dataclass(frozen=True)
+class Contact:
+    """Two sides that touch at times, and then push each other apart (:mod:`kaneflex.mechanism.contacts`).
+
+    Attributes
+    ----------
+    kind : str
+        "point-line", "circle-circle" or "circle-in-circle": the second side in the first.
+    direction : tuple
+        Unit normal of a line, in the first body's axes, to where the second side may be; of circles (0, 0).
+    reach : number
+        How far along it from the first point the second may come [m]; of circles the sum, or difference, of radii.
+    radius : number
+        That of the second side's circle [m], 0 of a point, or where it is of no account.
+    stiffness, exponent : number
+        K [N/m^n] and n of K d^n.
+    damping : number
+        c of Kelvin-Voigt [N s/m].
+    restitution : number
+        That which is asked for.
+    law : str
+        One of ``contacts.LAWS``; known by numbers alone.
+    joint : str or None
+        The joint with a clearance that it belongs to.
+    """
+
+    name: str
+    first: BodyPoint
+    second: BodyPoint
+    kind: str
+    direction: Vector
+    reach: Number
+    radius: Number
+    stiffness: Number
+    exponent: Number
+    damping: Number
+    restitution: Number
+    law: str = ""
+    joint: str | None = None
+
+    @property
+    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+        return self.first, self.second
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """Bodies, joints and what acts on them.
 
@@ -187,6 +232,7 @@ class Mechanism:
     drives: Mapping[str, Drive]
     loads: Mapping[str, Load]
     springs: Mapping[str, Spring]
+    contacts: Mapping[str, Contact]
     gravity: Vector
     frame: bool
     viscous: bool
