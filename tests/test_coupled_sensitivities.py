@@ -10,10 +10,10 @@ from runs import run
 from test_sensitivities import differences
 
 from kaneflex.solve import coupled
-from kaneflex.study.sensitivity.neighbours import neighbours
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.replay import Replay
 from kaneflex.study.sensitivity.report import sensitivities
+from kaneflex.study.sensitivity.slopes import neighbour_at
 
 PENDULUM = ("elastic-pendulum", "solve.duration=0.01", "solve.steps=200", "solve.tolerance=1e-9")
 RINGING = ("elastic-pendulum", "solve.duration=0.5", "solve.steps=40", "solve.tolerance=1e-10")
@@ -93,8 +93,7 @@ def test_neighbours_take_the_steps_of_the_run():
     assert len(own.ends) == own.steps > 4 * len(own.times)
     assert set(own.times[1:]) <= set(own.ends)
     (parameter,) = find_parameters(solution.model.scene, ["strip.E"])
-    nearest = neighbours(solution.model, parameter, 1e-15, True)[1]
-    again = Replay(solution).runs(parameter, [nearest], 1e-15)[0].trajectory
+    again = Replay(solution)(neighbour_at(solution.model, parameter, -1e-15, True)).trajectory
     assert (again.steps, again.rejected) == (own.steps, 0)
     np.testing.assert_array_equal(again.ends, own.ends)
     np.testing.assert_allclose(again.q, own.q, rtol=0, atol=1e-9 * abs(own.q).max())

@@ -7,9 +7,9 @@ from runs import model, run
 from kaneflex.report.summary import sensor_summaries
 from kaneflex.solve.loading import neighbour
 from kaneflex.solve.simulation import simulate
-from kaneflex.study.sensitivity.neighbours import neighbours
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
+from kaneflex.study.sensitivity.slopes import neighbour_at
 from kaneflex.support.errors import SceneError
 
 STEP = 1e-3  # larger than the package's own, with differences of a higher order
@@ -130,7 +130,7 @@ def test_what_the_options_leave_out_stays_in_the_equations():
     found = model("engine-rig", "solve.terms.gravity=false", "solve.duration=0.1", "solve.steps=50")
     assert found.scene.structure_hash() != found.module.STRUCTURE
     (parameter,) = find_parameters(found.scene, ["rod.E"])
-    assert {each.module for each in neighbours(found, parameter, 1e-4, True)} == {found.module}
+    assert neighbour_at(found, parameter, 1e-4, True).module == found.module
 
 
 def test_what_can_not_depend_on_a_parameter_has_a_slope_of_exactly_zero():

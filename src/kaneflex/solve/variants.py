@@ -1,7 +1,7 @@
 """Many models of one scene: each is the scene with settings over it, loaded like the one before, solved in lanes.
 
-Every study is a question put to these: a sweep reads its points of them, the stability over speeds its models; runs
-whose time counts go one by one, see :mod:`kaneflex.study.runs`.
+Every study is a question put to these: a sweep reads its points of them, sensitivities the neighbours of a run, the
+stability over speeds its models; runs whose time counts go one by one, see :mod:`kaneflex.study.runs`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from kaneflex.solve.solution import Solution
 
 Settings = Sequence[str]
 """Of the form path=value, laid over a scene."""
+Solver = Callable[[Model], Solution]
 Name = TypeVar("Name", bound=Hashable)
 Found = TypeVar("Found")
 
@@ -47,28 +48,33 @@ class Variants:
         self._last = load(with_settings(self.scene, settings), like=self._last)
         return self._last
 
-    def read(
-        self, variants: Mapping[Name, Settings], reader: Callable[[Name, Solution], Found]
-    ) -> Iterator[tuple[Name, Found | Exception]]:
-        """What is read of each variant's solution, in their order, or the exception that came instead.
 
-        Those that are alike are integrated side by side, LANES at a time. What is found of one does not depend on the
-        others, whatever goes wrong with them.
-        """
-        names = list(variants)
-        for first in range(0, len(names), LANES):
-            loaded = {name: _tried(self.load, variants[name]) for name in names[first : first + LANES]}
-            models = [model for model in loaded.values() if isinstance(model, Model)]
-            solutions = dict(zip(models, _together(models), strict=True))
-            for name, model in loaded.items():
-                if isinstance(model, Model):
-                    yield name, _tried(_read, reader, name, model, solutions[model])
-                else:
-                    yield name, model
+def read(
+    models: Mapping[Name, Callable[[], Model]],
+    reader: Callable[[Name, Solution], Found],
+    solver: Solver | None = None,
+) -> Iterator[tuple[Name, Found | Exception]]:
+    """What is read of each model's solution, in their order, or the exception that came instead.
+
+    Those that are alike are integrated side by side, LANES at a time, the others by ``solver``, by default `solve`.
+    What is found of one does not depend on the others, whatever goes wrong with them.
+    """
+    names = list(models)
+    for first in range(0, len(names), LANES):
+        loaded = {name: _tried(models[name]) for name in names[first : first + LANES]}
+        whole = [model for model in loaded.values() if isinstance(model, Model)]
+        solutions = dict(zip(whole, _together(whole), strict=True))
+        for name, model in loaded.items():
+            if isinstance(model, Model):
+                yield name, _tried(_read, reader, solver or solve, name, model, solutions[model])
+            else:
+                yield name, model
 
 
-def _read(reader: Callable[[Name, Solution], Found], name: Name, model: Model, solution: Solution | None) -> Found:
-    return reader(name, solution or solve(model))
+def _read(
+    reader: Callable[[Name, Solution], Found], solver: Solver, name: Name, model: Model, solution: Solution | None
+) -> Found:
+    return reader(name, solution or solver(model))
 
 
 def _together(models: Sequence[Model]) -> list[Solution | None]:
@@ -81,5 +87,5 @@ def _together(models: Sequence[Model]) -> list[Solution | None]:
 def _tried(action: Callable[..., Found], *arguments: object) -> Found | Exception:
     try:
         return action(*arguments)
-    except Exception as error:  # whatever one variant breaks, the others are to be computed
+    except Exception as error:  # whatever one model breaks, the others are to be computed
         return error

@@ -55,10 +55,11 @@ def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
 
     As many as there are lanes are in work at a time. What a record holds does not depend on the points beside it.
     """
-    from kaneflex.solve.variants import Variants
+    from kaneflex.solve.variants import Variants, read
 
-    settings = {point: plan.settings(point) for point in points}
-    for point, found in Variants(plan.scene).read(settings, partial(_record, plan)):
+    variants = Variants(plan.scene)
+    models = {point: partial(variants.load, plan.settings(point)) for point in points}
+    for point, found in read(models, partial(_record, plan)):
         yield found if isinstance(found, Record) else _failure(point, found)
 
 

@@ -6,7 +6,6 @@ keep their number and their shares of the run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,8 +18,7 @@ from kaneflex.multibody.returning import Returning, returning
 from kaneflex.multibody.run import CoupledTrajectory, integrate
 from kaneflex.solve.coupled import as_solution, beginning, method_of
 from kaneflex.solve.solution import Solution
-from kaneflex.study.sensitivity.neighbours import SHARES, slope
-from kaneflex.study.sensitivity.parameters import Parameter
+from kaneflex.study.sensitivity.slopes import SHARES, slope
 from kaneflex.support.errors import SceneError
 
 State = tuple[np.ndarray, np.ndarray]
@@ -39,34 +37,30 @@ class Replay:
 
     solution: Solution
 
-    def runs(self, parameter: Parameter, models: Sequence[Model], step: float) -> list[Solution]:
-        """The runs of neighbours, in the order of SHARES; where one does not complete its first cycle, that one alone.
+    def __call__(self, model: Model) -> Solution:
+        """The run of a neighbour; of one that does not complete its first cycle, that one.
+
+        The start of a cycle goes by Newton's method where the neighbour returns, with the run's own tangent: all
+        neighbours' starts are off by as much, to the second order of their distance.
 
         Raises
         ------
         SceneError
             If the run could be periodic in other ways, too.
         """
-        starts = [beginning(model) for model in models]
+        start = beginning(model)
         if self.solution.model.options.start == "periodic":
-            starts = [self._beside(start) for start in starts]
-            cycles = [self._run(model, *start) for model, start in zip(models, starts, strict=True)]
-            broken = [k for k, cycle in enumerate(cycles) if cycle.outcome is not Outcome.COMPLETED]
-            if broken:
-                return [as_solution(models[broken[0]], cycles[broken[0]], 0.0)]
+            start = self._beside(start)
+            cycle = self._run(model, *start)
+            if cycle.outcome is not Outcome.COMPLETED:
+                return as_solution(model, cycle, 0.0)
             if not np.linalg.cond(self._returning) < _SINGULAR:
                 raise SceneError(
-                    parameter.name, parameter.value, "the periodic run is not the only one nearby",
+                    "solve.start", "periodic", "the periodic run is not the only one nearby",
                     "Damp the motion, or start from zero or quasistatic",
                 )  # fmt: skip
-            x = np.linalg.solve(self._returning, slope([*map(self._gap, models, cycles)], step))
-            starts = [
-                self._cycle.moved(model.coupled, *start, -share * step * x)
-                for share, model, start in zip(SHARES, models, starts, strict=True)
-            ]
-        return [
-            as_solution(model, self._run(model, *start), 0.0) for model, start in zip(models, starts, strict=True)
-        ]
+            start = self._cycle.moved(model.coupled, *start, -np.linalg.solve(self._returning, self._gap(model, cycle)))
+        return as_solution(model, self._run(model, *start), 0.0)
 
     @property
     def _own(self) -> CoupledTrajectory:

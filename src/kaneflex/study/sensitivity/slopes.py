@@ -1,25 +1,33 @@
-"""The slopes of a run's sensors along its parameters, through the runs of four neighbours each."""
+"""The slopes of a run's sensors along its parameters, through the runs of four neighbours each.
+
+A slope is the logarithmic derivative p dx/dp, in the unit of x, at a fixed share of the cycle or of the run: the
+difference quotient of fourth order, (x(-2h) - 8 x(-h) + 8 x(h) - x(2h)) / 12 h (Fornberg 1988, Math. Comp. 51). What is
+equal in all neighbours has a slope of exactly zero.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import islice
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from itertools import groupby
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES
+from kaneflex.fem.links import mesh
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.model import Model
+from kaneflex.solve.loading import neighbour
 from kaneflex.solve.quasistatic import mechanism_modes
-from kaneflex.solve.simulation import simulate_together, solve
 from kaneflex.solve.solution import Solution
-from kaneflex.study.sensitivity.neighbours import SHARES, bend, neighbours, slope
+from kaneflex.solve.variants import read
 from kaneflex.study.sensitivity.parameters import Parameter
 from kaneflex.support.errors import SceneError
 
 Slopes = Mapping[str, np.ndarray]
 """Sensor -> p dy/dp over the stored times, (n_times,), in the sensor's unit."""
+SHARES = (-2, -1, 1, 2)
+"""Where the neighbours lie, in relative steps of the parameter."""
 _STEP = 4e-4
 """Relative step from neighbour to neighbour, where the curves are as smooth as the runs of mechanisms mostly are: what
 is left out and what rounding leaves are then about the same."""
@@ -44,21 +52,29 @@ def differentiated(
     SceneError
         If a neighbour has no such equations or no such run, or a quasi-static answer is held by inertia relief alone.
     """
-    _refuse_relief(solution.model, solution.times[0])
-    series = {sensor: series.values for sensor, series in solution.series.items()}
-    run = _runs(solution)
+    model = solution.model
+    _refuse_relief(model, solution.times[0])
+    solver = None
+    if model.coupled is not None:
+        from kaneflex.study.sensitivity.replay import Replay
+
+        solver = Replay(solution)
+    largest = {sensor: _largest(series.values) for sensor, series in solution.series.items()}
     steps = dict.fromkeys(parameters, _STEP)
     while steps:
-        some = dict(islice(steps.items(), LANES // len(SHARES)))
-        models = {each: neighbours(solution.model, each, step, frozen) for each, step in some.items()}
-        for parameter, solutions in run(models, some).items():
-            _check_complete(parameter, solutions)
+        models = {
+            (parameter, share): partial(neighbour_at, model, parameter, share * step, frozen)
+            for parameter, step in steps.items()
+            for share in SHARES
+        }
+        for parameter, four in groupby(read(models, _values, solver), key=lambda found: found[0][0]):
+            at = [_demanded(values) for _, values in four]
             step = steps.pop(parameter)
-            at = {sensor: [found.series[sensor].values for found in solutions] for sensor in series}
-            slopes = {sensor: slope(values, step) for sensor, values in at.items()}
+            slopes = {sensor: slope([values[sensor] for values in at], step) for sensor in largest}
             bent = max(
-                _largest(bend(at[sensor], step)) / max(_largest(slopes[sensor]), _QUIET * _largest(values), 1e-300)
-                for sensor, values in series.items()
+                _largest(bend([values[sensor] for values in at], step))
+                / max(_largest(slopes[sensor]), _QUIET * size, 1e-300)
+                for sensor, size in largest.items()
             )
             if bent > _BENT and step > _SMALLEST:
                 steps[parameter] = max(_SMALLEST, 0.9 * step * math.sqrt(_BENT / bent))
@@ -66,25 +82,56 @@ def differentiated(
                 yield parameter, slopes
 
 
-Neighbours = Mapping[Parameter, list[Model]]
-Runs = Mapping[Parameter, Sequence[Solution]]
+def neighbour_at(model: Model, parameter: Parameter, change: float, frozen: bool) -> Model:
+    """The model whose parameter is 1 + change times as large; ``frozen`` where it keeps the modal bases.
+
+    Raises
+    ------
+    SceneError
+        If a small change of the parameter changes which equations there are, or what can be assembled.
+    """
+    scene = parameter.scaled(model.scene, 1.0 + change)
+    if scene.structure_hash() != parameter.scaled(model.scene, 1.0).structure_hash():
+        raise SceneError(
+            parameter.name, parameter.value, "a small change of it makes other equations",
+            "Move it off the value at which the equations change",
+        )  # fmt: skip
+    elements = {name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links}
+    if any(len(mesh(scene, name, elements[name])) != len(link.nodes) for name, link in model.links.items()):
+        raise SceneError(
+            parameter.name, parameter.value, "a small change of it makes another mesh",
+            "Move it off the value at which the numbers of elements change",
+        )  # fmt: skip
+    return neighbour(model, scene, frozen)
 
 
-def _runs(solution: Solution) -> Callable[[Neighbours, Mapping[Parameter, float]], Runs]:
-    """What makes of some parameters' neighbours, and their steps, the neighbours' runs."""
-    if solution.model.coupled is None:
-        return _together
-    from kaneflex.study.sensitivity.replay import Replay
-
-    replay = Replay(solution)
-    return lambda models, steps: {each: replay.runs(each, own, steps[each]) for each, own in models.items()}
+def slope(values: Sequence[np.ndarray], step: float) -> np.ndarray:
+    """p dx/dp from the values at the neighbours, in the order of SHARES."""
+    lowest, low, high, highest = values
+    return (8.0 * (high - low) - (highest - lowest)) / (12.0 * step)
 
 
-def _together(models: Neighbours, steps: Mapping[Parameter, float]) -> Runs:
-    """All runs side by side, as far as that is possible."""
-    every = [model for own in models.values() for model in own]
-    found = iter([run or solve(model) for run, model in zip(simulate_together(every), every, strict=True)])
-    return {each: list(islice(found, len(own))) for each, own in models.items()}
+def bend(values: Sequence[np.ndarray], step: float) -> np.ndarray:
+    """By how much the difference quotients of second order over 2 h and 4 h differ: h^2 / 2 of the third derivative."""
+    lowest, low, high, highest = values
+    return (highest - lowest) / (4.0 * step) - (high - low) / (2.0 * step)
+
+
+def _values(neighbour: tuple[Parameter, int], solution: Solution) -> Slopes:
+    """Every sensor of a neighbour's run, which must be complete."""
+    parameter, _ = neighbour
+    if solution.outcome is not Outcome.COMPLETED:
+        raise SceneError(
+            parameter.name, parameter.value, f"with a small change of it there is no such run: {solution.message}",
+            "Damp the motion, or start from zero or quasistatic",
+        )  # fmt: skip
+    return {sensor: series.values for sensor, series in solution.series.items()}
+
+
+def _demanded(values: Slopes | Exception) -> Slopes:
+    if isinstance(values, Exception):
+        raise values
+    return values
 
 
 def _refuse_relief(model: Model, t: float) -> None:
@@ -94,15 +141,6 @@ def _refuse_relief(model: Model, t: float) -> None:
             "mechanism modes are left to inertia relief, whose rounding would drown the differences",
             "Take preset stiffened, or hold the mechanism",
         )  # fmt: skip
-
-
-def _check_complete(parameter: Parameter, solutions: Sequence[Solution]) -> None:
-    for solution in solutions:
-        if solution.outcome is not Outcome.COMPLETED:
-            raise SceneError(
-                parameter.name, parameter.value, f"with a small change of it there is no such run: {solution.message}",
-                "Damp the motion, or start from zero or quasistatic",
-            )  # fmt: skip
 
 
 def _largest(values: np.ndarray) -> float:
