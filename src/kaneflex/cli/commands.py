@@ -9,30 +9,27 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from kaneflex.cli.compare import compare
+from kaneflex.cli.folders import Target, folder_options
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
 from kaneflex.cli.scene import (
     INTERRUPTED,
     STOPPED_EARLY,
     USER_ERROR,
     SceneArguments,
-    Target,
+    at_option,
     gathered,
-    mode_angle,
-    read,
     scene_options,
 )
 from kaneflex.cli.stability import stability
 from kaneflex.cli.sweep import sweep
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
 from kaneflex.support.errors import SceneError, UserError
-from kaneflex.support.output_folders import file_stem
 
 if TYPE_CHECKING:
     import numpy as np
@@ -132,7 +129,7 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 
 
 @main.command()
-@scene_options
+@scene_options()
 @click.option(
     "--json-schema", is_flag=True, is_eager=True, expose_value=False, callback=_print_schema,
     help="Print the JSON Schema of scene files, for editors, and stop.",
@@ -156,10 +153,7 @@ def check(asked: SceneArguments) -> None:
 
 
 @main.command()
-@scene_options
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder to make. [default: NAME-results]"
-)
+@scene_options()
 @click.option(
     "--after", type=click.Path(path_type=Path), metavar="RESULTS",
     help="Continue from the last state of another run's folder (preset coupled).",
@@ -178,8 +172,7 @@ def check(asked: SceneArguments) -> None:
 )
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
-@click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True)
-@click.option("--force", is_flag=True, help="Replace an earlier result folder.")
+@folder_options("results")
 @gathered(asked=SceneArguments, target=Target)
 def run(
     asked: SceneArguments, target: Target, after: Path | None, parameters: tuple[str, ...], basis: str,
@@ -200,7 +193,7 @@ def run(
     share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():
         scene = asked.read()
-    target = replace(target, default=f"{file_stem(scene.name)}-results")
+    target = target.named(scene, "results")
     names = [name.strip() for text in parameters for name in text.split(",")]
     summary = run_into(scene, target, asked.changes, after, names, basis == "frozen", share, sensors or None)
     _report(summary, target.folder)
@@ -233,11 +226,8 @@ def _report(summary: Summary, folder: Path) -> None:
 
 
 @main.command()
-@scene_options
-@click.option(
-    "--at", metavar="DRIVE=ANGLE",
-    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
-)  # fmt: skip
+@scene_options()
+@at_option
 @click.option("--count", type=click.IntRange(min=1), help="How many of the lowest modes. [default: all, 50 at most]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: frequencies_hz, mode_shapes, coordinates.")
 @click.option(
@@ -257,12 +247,10 @@ def modes(
     from kaneflex.solve.loading import load
     from kaneflex.support.terminal import Waiting
 
-    scene = asked.read()
     if export is not None:
-        _export(scene, export, force)
+        _export(asked.read(), export, force)
         return
-    if at is not None:
-        scene = read(asked.name, [*asked.changes, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+    scene = asked.read_at(at)
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
         names, omega, shapes = _modes_of(model, count)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.scene import SceneArguments, Target, gathered
-from kaneflex.support.output_folders import file_stem
+from kaneflex.cli.folders import Target, folder_options, into, write_csv, write_json
+from kaneflex.cli.scene import SceneArguments, gathered, scene_options
 
 if TYPE_CHECKING:
     from kaneflex.study.comparison import Comparison
     from kaneflex.study.differences import Difference
 
 
+COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
+
+
 @click.command()
-@click.argument("name", metavar="SCENE")
+@scene_options("settings", "steps")
 @click.option(
     "--presets", metavar="NAMES",
     help="Presets to run, like linear,stiffened,coupled. [default: these three; with --with the scene's own]",
@@ -29,15 +33,7 @@ if TYPE_CHECKING:
     "--against", metavar="NAME",
     help="The one that the others are measured against. [default: the other program, else the last]",
 )  # fmt: skip
-@click.option(
-    "--set", "settings", multiple=True, metavar="PATH=VALUE", help="Change an entry of the scene. Can be repeated."
-)
-@click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle.")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder to make. [default: NAME-comparison]"
-)
-@click.option("--plots/--no-plots", default=True, help="Draw the curves, PNG and SVG.", show_default=True)
-@click.option("--force", is_flag=True, help="Replace an earlier comparison's folder.")
+@folder_options("comparison")
 @gathered(asked=SceneArguments, target=Target)
 def compare(
     asked: SceneArguments, target: Target, presets: str | None, peer: str | None, peer_elements: int | None,
@@ -49,14 +45,17 @@ def compare(
     in which the curves lie over each other. A preset that SCENE can't be run with is left out, with the reason.
     Exudyn comes with pip install "kaneflex[peer]".
     """
-    from kaneflex.cli.workflow import compare_into
     from kaneflex.solve.curves import Resolution
+    from kaneflex.study.comparison import compare as side_by_side
 
     scene = asked.read()
     names = None if presets is None else [part.strip() for part in presets.split(",")]
-    target = replace(target, default=f"{file_stem(scene.name)}-comparison")
     resolution = Resolution(peer_elements, peer_steps)
-    comparison = compare_into(scene, target, names, against, asked.changes, peer, resolution)
+    target = target.named(scene, "comparison")
+    comparison = into(
+        target, COMPARISON_FILE, lambda stage: side_by_side(scene, names, against, stage, peer, resolution),
+        lambda found, folder: _write(found, asked.changes, folder), "overlay",
+    )  # fmt: skip
     click.echo(difference_table(comparison))
     click.echo(f"Written to {target.folder}")
     for model, curves in comparison.curves.items():
@@ -66,6 +65,24 @@ def compare(
             click.echo(f"{model}: {sensor} is not compared: {reason}", err=True)
     for model, reason in comparison.left_out.items():
         click.echo(f"Left out: {model}: {reason}", err=True)
+
+
+def _write(comparison: Comparison, settings: Sequence[str], folder: Path) -> None:
+    from kaneflex.study.differences import Difference
+
+    rows = [asdict(entry) for entry in comparison.differences]
+    about = {
+        "scene": comparison.scene.name,
+        "settings": list(settings),
+        "against": comparison.against,
+        "differences": rows,
+        "notes": {model: list(curves.notes) for model, curves in comparison.curves.items()},
+        "not_compared": {model: dict(curves.missing) for model, curves in comparison.curves.items()},
+        "left_out": dict(comparison.left_out),
+    }
+    write_json(folder / COMPARISON_FILE, about)
+    write_csv(folder / DIFFERENCES_FILE, [field.name for field in fields(Difference)], rows)
+    comparison.labelled.to_netcdf(folder / CURVES_FILE)
 
 
 def difference_table(comparison: Comparison) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.cli.scene import all_settings, configuration, mode_angle, read
+from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.errors import OutputError, SceneError
 from kaneflex.support.output_folders import file_stem
@@ -18,16 +18,10 @@ if TYPE_CHECKING:
 _PICTURES = (".png", ".svg", ".pdf")
 
 force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
-preset_option = click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`.")
-set_option = click.option(
-    "--set", "settings", multiple=True, metavar="PATH=VALUE", help="Change an entry of the scene. Can be repeated."
-)
 
 
 @click.command()
-@click.argument("name", metavar="SCENE")
-@preset_option
-@set_option
+@scene_options("preset", "settings")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.png",
     help="Picture to write: .png, .svg or .pdf. [default: NAME.png]",
@@ -37,9 +31,8 @@ set_option = click.option(
     help="Place, like main=30deg or bore=20mm; plain numbers are SI. Can be repeated. [default: as the run starts]",
 )  # fmt: skip
 @force_option
-def show(
-    name: str, preset: str | None, settings: tuple[str, ...], output: Path | None, places: tuple[str, ...], force: bool
-) -> None:
+@gathered(asked=SceneArguments)
+def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], force: bool) -> None:
     """Draw SCENE with its bodies, joints, drives, loads and sensors, and count its degrees of freedom.
 
     Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
@@ -51,7 +44,7 @@ def show(
     from kaneflex.report.presentation import block, mobility_lines, parts
     from kaneflex.support.atomic_output import refuse_existing, write_bytes
 
-    scene = read(name, all_settings(preset, settings))
+    scene = asked.read()
     path = output or Path(f"{file_stem(scene.name)}.png")
     if path.suffix not in _PICTURES:
         raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
@@ -93,23 +86,16 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
 
 
 @click.command()
-@click.argument("name", metavar="SCENE")
-@preset_option
-@set_option
-@click.option(
-    "--at", metavar="DRIVE=ANGLE",
-    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
-)  # fmt: skip
+@scene_options("preset", "settings")
+@at_option
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
     help="File to write: .npz for NumPy or .mat for MATLAB.",
 )  # fmt: skip
 @force_option
-def linearise(
-    name: str, preset: str | None, settings: tuple[str, ...], at: str | None, sensors: tuple[str, ...], output: Path,
-    force: bool,
-) -> None:  # fmt: skip
+@gathered(asked=SceneArguments)
+def linearise(asked: SceneArguments, at: str | None, sensors: tuple[str, ...], output: Path, force: bool) -> None:
     """Write the elastic equations of SCENE at one instant as a state space.
 
     The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
@@ -124,10 +110,7 @@ def linearise(
 
     check_file_kind(output)
     refuse_existing(output, force, "engine.npz")
-    chosen = all_settings(preset, settings)
-    scene = read(name, chosen)
-    if at is not None:
-        scene = read(name, [*chosen, f"solve.mode_angle={mode_angle(scene, at)!r}"])
+    scene = asked.read_at(at)
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
         system = state_space(model, sensors=sensors or None)

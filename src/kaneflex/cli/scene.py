@@ -1,19 +1,19 @@
-"""What commands share: a scene with the changes of the command line, the folder to write, and configurations."""
+"""What commands share: a scene with the changes of the command line, quantities and configurations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import wraps
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from kaneflex.support.errors import SceneError, nearest
+from kaneflex.support.errors import Fault, SceneError, nearest
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
+    from kaneflex.support.units import Dimension
 
 USER_ERROR, STOPPED_EARLY, INTERRUPTED = 2, 3, 130
 """Exit codes: something to cure, a run that went unstable or found no periodic state, Ctrl-C."""
@@ -31,30 +31,18 @@ class SceneArguments:
 
     @property
     def changes(self) -> list[str]:
-        """All changes as settings."""
-        return all_settings(self.preset, self.settings, self.steps, self.integrator)
+        """All changes as settings; the options of their own come last and win."""
+        own = {"preset": self.preset, "steps": self.steps, "integrator": self.integrator}
+        return [*self.settings, *(f"solve.{key}={value}" for key, value in own.items() if value is not None)]
 
     def read(self) -> Scene:
         """The scene with them."""
         return read(self.name, self.changes)
 
-
-@dataclass(frozen=True)
-class Target:
-    """The folder to make, if one is named, whether to draw, and whether to replace an earlier folder.
-
-    default: its name where the command line gives none
-    """
-
-    output: Path | None
-    plots: bool = True
-    force: bool = False
-    default: str = ""
-
-    @property
-    def folder(self) -> Path:
-        """The folder to make."""
-        return self.output or Path(self.default)
+    def read_at(self, at: str | None) -> Scene:
+        """The scene with them, its reference configuration that of "DRIVE=ANGLE", where one is given."""
+        scene = self.read()
+        return scene if at is None else read(self.name, [*self.changes, f"solve.mode_angle={mode_angle(scene, at)!r}"])
 
 
 def gathered(**kinds: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -73,30 +61,32 @@ def gathered(**kinds: type) -> Callable[[Callable[..., None]], Callable[..., Non
     return decorate
 
 
-def scene_options(command: Callable[..., None]) -> Callable[..., None]:
-    """SCENE and what can be changed in it."""
-    options = (
-        click.argument("name", metavar="SCENE"),
-        click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`."),
-        click.option(
-            "--set", "settings", multiple=True, metavar="PATH=VALUE",
-            help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
-            "Can be repeated.",
-        ),
-        click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
-        click.option("--integrator", metavar="NAME", help="Integrator, see `kaneflex list`."),
-    )  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+_OPTIONS = {
+    "preset": click.option("--preset", metavar="NAME", help="Named model, see `kaneflex list`."),
+    "settings": click.option(
+        "--set", "settings", multiple=True, metavar="PATH=VALUE",
+        help='Change an entry of the scene: rod.elements=1, rod.length="140 mm", solve.start=zero, loads.gas=none. '
+        "Can be repeated.",
+    ),
+    "steps": click.option("--steps", metavar="N", help="Steps per cycle, or per run where there is no cycle."),
+    "integrator": click.option("--integrator", metavar="NAME", help="Integrator, see `kaneflex list`."),
+}  # fmt: skip
+"""By the fields of :class:`SceneArguments`."""
+at_option = click.option(
+    "--at", metavar="DRIVE=ANGLE",
+    help="Configuration, like main=90deg or bore=20mm; plain numbers are SI. [default: solve.mode_angle of the scene]",
+)  # fmt: skip
 
 
-def all_settings(
-    preset: str | None, settings: tuple[str, ...], steps: str | None = None, integrator: str | None = None
-) -> list[str]:
-    """All changes as settings; the options of their own come last and win."""
-    own = {"preset": preset, "steps": steps, "integrator": integrator}
-    return [*settings, *(f"solve.{key}={value}" for key, value in own.items() if value is not None)]
+def scene_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """SCENE and what can be changed in it: by all options, or by those of these names."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        for name in reversed(names or tuple(_OPTIONS)):
+            command = _OPTIONS[name](command)
+        return click.argument("name", metavar="SCENE")(command)
+
+    return decorate
 
 
 def read(name: str, settings: list[str]) -> Scene:
@@ -107,10 +97,27 @@ def read(name: str, settings: list[str]) -> Scene:
     return with_settings(scene, settings) if settings else scene
 
 
+def quantity(option: str, text: str, dimension: Dimension, whole: str | None = None) -> float:
+    """What an option says in SI: a plain number is in SI, any other has a unit; ``text`` may be a part of the whole."""
+    from kaneflex.support.units import to_si
+
+    try:
+        return to_si(_plain(text), dimension)
+    except Fault as fault:
+        raise SceneError(option, whole or text, fault.reason, fault.cure) from None
+
+
+def _plain(text: str) -> float | str:
+    """A plain number, or the text that is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def configuration(scene: Scene, at: str) -> tuple[str, float]:
     """Drive and coordinate [rad or m] of "DRIVE=ANGLE", like main=90deg; a guide's like bore=20mm; plain numbers SI."""
-    from kaneflex.support.errors import Fault
-    from kaneflex.support.units import ANGLE, LENGTH, to_si
+    from kaneflex.support.units import ANGLE, LENGTH
 
     drive, equals, angle = at.partition("=")
     if not equals:
@@ -118,11 +125,8 @@ def configuration(scene: Scene, at: str) -> tuple[str, float]:
     if drive not in scene.drives:
         raise SceneError("--at", at, f"the scene has no drive {drive!r}", nearest(drive, scene.drives))
     dimension = LENGTH if scene.slides(drive) else ANGLE
-    try:
-        coordinate = to_si(float(angle) if _is_number(angle) else angle, dimension)
-    except Fault as fault:
-        raise SceneError("--at", at, fault.reason, fault.cure) from None
-    if _is_number(angle) and coordinate:
+    coordinate = quantity("--at", angle, dimension, at)
+    if coordinate and isinstance(_plain(angle), float):
         read = scene.written_coordinate(drive, coordinate)
         click.echo(f"--at {at}: a plain number is in {dimension.unit}, so {read}", err=True)
     return drive, coordinate
@@ -136,11 +140,3 @@ def mode_angle(scene: Scene, at: str) -> float:
         cure = f"Give the angle of {first}"
         raise SceneError("--at", at, "a configuration is given by the first drive's angle", cure)
     return angle
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from kaneflex.cli.scene import all_settings, read
-from kaneflex.support.errors import Fault, SceneError
-from kaneflex.support.output_folders import file_stem
+from kaneflex.cli.folders import Found, Target, folder_options, into, write_csv, write_json
+from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.cli.trade_folder import Data
     from kaneflex.study.trade.ranking import Ranked, Trade
     from kaneflex.study.trade.record import Choice
     from kaneflex.study.trade.terms import Effect, Terms
@@ -21,48 +22,37 @@ if TYPE_CHECKING:
 _UNKNOWN = "What is not known of it"
 
 
-def _options(command: Callable[..., None]) -> Callable[..., None]:
-    """What both commands take."""
-    options = (
-        click.argument("name", metavar="SCENE"),
+def _options(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """What both commands take; ``ending`` is that of their folder."""
+    parts = (
+        scene_options("settings"),
         click.option("--tolerance", default="1%", metavar="SHARE", help="Error of each sensor.", show_default=True),
         click.option("--budget", default="60s", metavar="TIME", help="For running and timing.", show_default=True),
         click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Count this one. Can be repeated."),
-        click.option(
-            "--set", "settings", multiple=True, metavar="PATH=VALUE",
-            help="Change an entry of the scene. Can be repeated.",
-        ),
-        click.option(
-            "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
-            help="Folder to make. [default: NAME-COMMAND]",
-        ),
-        click.option("--plots/--no-plots", default=True, help="Draw the picture, PNG and SVG.", show_default=True),
-        click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
-    )  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+        folder_options(ending),
+        gathered(asked=SceneArguments, target=Target),
+    )
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        for part in reversed(parts):
+            command = part(command)
+        return command
+
+    return decorate
 
 
 @click.command()
-@_options
-def trade(
-    name: str, tolerance: str, budget: str, sensors: tuple[str, ...], settings: tuple[str, ...], output: Path | None,
-    plots: bool, force: bool,
-) -> None:  # fmt: skip
+@_options("trade")
+def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Rank models of SCENE by error and time, and name the cheapest within the tolerance.
 
     Presets, elements of each link, modes, steps, integrators and single terms left out are tried against the scene's
     own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture.
     """
-    from kaneflex.cli.trade_folder import trade_into
-    from kaneflex.support.units import TIME
+    from kaneflex.cli.trade_folder import trade_data
+    from kaneflex.study.trade.ranking import trade as ranked
 
-    share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
-    chosen = all_settings(None, settings)
-    scene = read(name, chosen)
-    folder = output or Path(f"{file_stem(scene.name)}-trade")
-    found = trade_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
+    found, folder = _weighed("trade", ranked, trade_data, asked, target, **limits)
     click.echo(trade_table(found))
     click.echo(reference_lines(found))
     click.echo(choice_line(found))
@@ -70,29 +60,44 @@ def trade(
 
 
 @click.command()
-@_options
-def terms(
-    name: str, tolerance: str, budget: str, sensors: tuple[str, ...], settings: tuple[str, ...], output: Path | None,
-    plots: bool, force: bool,
-) -> None:  # fmt: skip
+@_options("terms")
+def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Say what each group of terms costs SCENE, what changes without it, and whether the tolerance needs it.
 
     Every group is left out of preset stiffened alone: spin, gyroscopic, Euler and geometric terms, damping, axial
     deformation, each load, dynamics, two-way coupling and what else the scene has. The folder holds terms.csv,
     terms.json and a picture.
     """
-    from kaneflex.cli.trade_folder import terms_into
-    from kaneflex.support.units import TIME
+    from kaneflex.cli.trade_folder import terms_data
+    from kaneflex.study.trade.terms import terms as left_out
 
-    share, seconds = tolerance_of(tolerance), _quantity("--budget", budget, TIME)
-    chosen = all_settings(None, settings)
-    scene = read(name, chosen)
-    folder = output or Path(f"{file_stem(scene.name)}-terms")
-    found = terms_into(scene, folder, share, seconds, sensors or None, chosen, plots, force)
+    found, folder = _weighed("terms", left_out, terms_data, asked, target, **limits)
     click.echo(terms_table(found))
     full = found.full
     click.echo(f"Stiffened with all of them: {full.operations} operations, {full.ns_per_step:.0f} ns a step")
     _close(folder, found.left_out)
+
+
+def _weighed(
+    ending: str, question: Callable[..., Found], data: Callable[[Found, list[str]], Data], asked: SceneArguments,
+    target: Target, tolerance: str, budget: str, sensors: tuple[str, ...],
+) -> tuple[Found, Path]:  # fmt: skip
+    """What a question to the models of a scene found, and the folder that holds it as a table and as JSON."""
+    from kaneflex.support.units import TIME
+
+    share, seconds = tolerance_of(tolerance), quantity("--budget", budget, TIME)
+    scene = asked.read()
+    target = target.named(scene, ending)
+
+    def write(found: Found, folder: Path) -> None:
+        about, rows = data(found, asked.changes)
+        write_json(folder / f"{ending}.json", about)
+        write_csv(folder / f"{ending}.csv", list(rows[0]), rows)
+
+    def ask(stage: Callable[[str], None]) -> Found:
+        return question(scene, share, seconds, sensors or None, stage)
+
+    return into(target, f"{ending}.json", ask, write, ending), target.folder
 
 
 def _close(folder: Path, left_out: Mapping[str, str]) -> None:
@@ -106,19 +111,7 @@ def tolerance_of(text: str) -> float:
     from kaneflex.support.units import RATIO
 
     percent = text.strip().endswith("%")
-    return _quantity("--tolerance", text.strip().removesuffix("%"), RATIO) * (0.01 if percent else 1.0)
-
-
-def _quantity(option: str, text: str, dimension: object) -> float:
-    from kaneflex.support.units import to_si
-
-    try:
-        try:
-            return float(text)
-        except ValueError:
-            return to_si(text, dimension)
-    except Fault as fault:
-        raise SceneError(option, text, fault.reason, fault.cure) from None
+    return quantity("--tolerance", text.strip().removesuffix("%"), RATIO, text) * (0.01 if percent else 1.0)
 
 
 def trade_table(found: Trade) -> str:

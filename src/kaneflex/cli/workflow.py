@@ -1,20 +1,15 @@
-"""A run or a comparison, from a scene to a complete result folder."""
+"""A run, from a scene to a complete result folder."""
 
 from __future__ import annotations
 
-import csv
 import gc
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kaneflex.cli.scene import Target
+from kaneflex.cli.folders import Target
 from kaneflex.scene import with_settings
-from kaneflex.solve.curves import FINE_ENOUGH, Resolution
-from kaneflex.study.differences import Difference
 from kaneflex.support.output_folders import whole_folder, writing
 from kaneflex.support.terminal import Waiting
 
@@ -22,12 +17,10 @@ if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
     from kaneflex.scene import Scene
     from kaneflex.solve.solution import Solution
-    from kaneflex.study.comparison import Comparison
     from kaneflex.study.sensitivity.report import Sensitivities
     from kaneflex.study.trade.record import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
-COMPARISON_FILE, DIFFERENCES_FILE, CURVES_FILE = "comparison.json", "differences.csv", "curves.nc"
 
 
 def run_into(
@@ -164,62 +157,3 @@ def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
     stage = "drawing the pictures"
     waiting.stage(stage)
     draw_all(solution, folder, waiting.share_of(stage))
-
-
-def compare_into(
-    scene: Scene, target: Target, presets: Sequence[str] | None = None, against: str | None = None,
-    settings: Sequence[str] = (), peer: str | None = None, resolution: Resolution = FINE_ENOUGH,
-) -> Comparison:  # fmt: skip
-    """Compare models and write ``comparison.json``, ``differences.csv``, ``curves.nc`` and pictures into a new folder.
-
-    Parameters
-    ----------
-    scene : Scene
-        With all settings laid over it.
-    target : Target
-        Its folder appears when it is complete.
-    presets, against, peer, resolution
-        As :func:`kaneflex.compare` takes them.
-    settings : sequence of str
-        The settings, for the file.
-
-    Raises
-    ------
-    OutputError
-        If the folder exists or can't be written, before anything is computed where that can be known.
-    SceneError
-        As :func:`kaneflex.compare`.
-    """
-    from kaneflex.study.comparison import compare
-
-    folder = target.folder
-    with whole_folder(folder, mark=COMPARISON_FILE, force=target.force) as partial, Waiting() as waiting:
-        comparison = compare(scene, presets, against, waiting.stage, peer, resolution)
-        with writing(folder):
-            _write_comparison(comparison, settings, partial)
-            if target.plots:
-                from kaneflex.plots.overlay import draw_overlay
-
-                waiting.stage("drawing the pictures")
-                draw_overlay(comparison, partial)
-    return comparison
-
-
-def _write_comparison(comparison: Comparison, settings: Sequence[str], folder: Path) -> None:
-    rows = [asdict(entry) for entry in comparison.differences]
-    about = {
-        "scene": comparison.scene.name,
-        "settings": list(settings),
-        "against": comparison.against,
-        "differences": rows,
-        "notes": {model: list(curves.notes) for model, curves in comparison.curves.items()},
-        "not_compared": {model: dict(curves.missing) for model, curves in comparison.curves.items()},
-        "left_out": dict(comparison.left_out),
-    }
-    text = json.dumps(about, indent=2, ensure_ascii=False) + "\n"
-    (folder / COMPARISON_FILE).write_text(text, encoding="utf-8", newline="\n")
-    with (folder / DIFFERENCES_FILE).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Difference)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    comparison.labelled.to_netcdf(folder / CURVES_FILE)

@@ -7,6 +7,7 @@ matplotlib is imported with the first picture, never with this package.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,6 +59,17 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
     if progress is not None:
         progress(1.0)
     return written
+
+
+def draw(kind: str, found: object, folder: Path) -> list[Path]:
+    """Write the picture of what a study found into a folder that exists, as KIND.png and KIND.svg.
+
+    ``kind`` is the module that makes it: "overlay" of a comparison, "stability", "terms" or "trade".
+    """
+    from kaneflex.plots.style import save, styled
+
+    with styled():
+        return save(import_module(f"kaneflex.plots.{kind}").figure(found), folder / kind)
 
 
 def figures(solution: Solution) -> Iterator[tuple[str, Figure]]:

@@ -5,14 +5,13 @@ Paper Figs. 18-22, 27, 28.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, new_figure, readable, save, styled
+from kaneflex.plots.style import PALETTE, new_figure, readable
 
 if TYPE_CHECKING:
     from kaneflex.study.comparison import Comparison
@@ -21,12 +20,6 @@ _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 _DASHES = ((0, ()), (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 """The later a curve is drawn, the more gaps it has, so that those below it are seen."""
-
-
-def draw_overlay(comparison: Comparison, folder: Path) -> list[Path]:
-    """Write ``overlay.png`` and ``overlay.svg`` into a folder that exists."""
-    with styled():
-        return save(figure(comparison), folder / "overlay")
 
 
 def figure(comparison: Comparison) -> Figure:

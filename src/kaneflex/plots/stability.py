@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import GREY, PALETTE, new_figure, readable, save, styled
+from kaneflex.plots.style import GREY, PALETTE, new_figure, readable
 from kaneflex.stability.report import Stability
 from kaneflex.stability.sweep import ORDERS, Sweep
 
 _LEAST = 1e-3
 """Multiplier under which all disturbances are gone after a period."""
-
-
-def draw_stability(found: Stability, folder: Path) -> list[Path]:
-    """Write ``stability.png`` and ``stability.svg`` into a folder that exists."""
-    with styled():
-        return save(figure(found), folder / "stability")
 
 
 def figure(found: Stability) -> Figure:

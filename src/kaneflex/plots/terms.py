@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import GREY, PALETTE, new_figure, save, shade, styled
+from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
 
 if TYPE_CHECKING:
     from kaneflex.study.trade.terms import Terms
 
 _LEAST = 1e-6
 """Change [%] at which the logarithmic axis begins."""
-
-
-def draw_terms(found: Terms, folder: Path) -> list[Path]:
-    """Write ``terms.png`` and ``terms.svg`` into a folder that exists."""
-    with styled():
-        return save(figure(found), folder / "terms")
 
 
 def figure(found: Terms) -> Figure:

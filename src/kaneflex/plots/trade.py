@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import GREY, PALETTE, new_figure, save, styled
+from kaneflex.plots.style import GREY, PALETTE, new_figure
 from kaneflex.scene.parts import PRESETS
 
 if TYPE_CHECKING:
@@ -17,12 +16,6 @@ if TYPE_CHECKING:
 
 _LEAST, _MOST = 1e-8, 5.0
 """Errors beyond which a point stands at the bottom or top: the axis is logarithmic, and instability without bounds."""
-
-
-def draw_trade(found: Trade, folder: Path) -> list[Path]:
-    """Write ``trade.png`` and ``trade.svg`` into a folder that exists."""
-    with styled():
-        return save(figure(found), folder / "trade")
 
 
 def figure(found: Trade) -> Figure:

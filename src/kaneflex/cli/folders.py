@@ -1,0 +1,109 @@
+"""The folder that a command makes: its options, and its files, written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from kaneflex.support.output_folders import file_stem, whole_folder, writing
+from kaneflex.support.terminal import Waiting
+
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Target:
+    """The folder to make, if one is named, whether to draw, and whether to replace an earlier folder."""
+
+    output: Path | None
+    plots: bool = True
+    force: bool = False
+
+    def named(self, scene: Scene, ending: str) -> Target:
+        """With a folder in any case: where the command line gives none, the scene's name with that ending."""
+        return replace(self, output=self.folder if self.output else Path(f"{file_stem(scene.name)}-{ending}"))
+
+    @property
+    def folder(self) -> Path:
+        """The folder to make."""
+        assert self.output is not None
+        return self.output
+
+
+def folder_options(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """The options that are a :class:`Target`; ``ending`` is that of the folder's name by default."""
+    options = (
+        click.option(
+            "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+            help=f"Folder to make. [default: NAME-{ending}]",
+        ),
+        click.option("--plots/--no-plots", default=True, help="Draw the pictures, PNG and SVG.", show_default=True),
+        click.option("--force", is_flag=True, help="Replace an earlier folder of this command."),
+    )  # fmt: skip
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def into(
+    target: Target, mark: str, compute: Callable[[Callable[[str], None]], Found],
+    write: Callable[[Found, Path], None], picture: str,
+) -> Found:  # fmt: skip
+    """Compute something and write it into a new folder, which appears when it is complete.
+
+    Parameters
+    ----------
+    target : Target
+    mark : str
+        File by which an earlier folder of the same making is known.
+    compute : callable
+        Called with what is told the name of each stage.
+    write : callable
+        Called with what was computed and the folder to write it into.
+    picture : str
+        Of :func:`kaneflex.plots.draw`, which makes it of what was computed.
+
+    Raises
+    ------
+    OutputError
+        If the folder exists or can't be written, before anything is computed where that can be known.
+    """
+    folder = target.folder
+    with whole_folder(folder, mark=mark, force=target.force) as partial, Waiting() as waiting:
+        found = compute(waiting.stage)
+        waiting.stage("writing")
+        with writing(folder):
+            write(found, partial)
+            if target.plots:
+                from kaneflex.plots import draw
+
+                waiting.stage("drawing the pictures")
+                draw(picture, found, partial)
+    return found
+
+
+def write_json(path: Path, data: object) -> None:
+    """Write plain data."""
+    text = json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_csv(path: Path, head: Sequence[str], rows: Sequence[Mapping[str, object]]) -> None:
+    """Write rows by the names of their columns."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(head), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
