@@ -215,16 +215,15 @@ LONG = {
     "integrate/dense.py": {"_columns", "_newmark"},
     "integrate/matrices.py": {"residual", "true_accelerations"},
     "integrate/steppers.py": {"_newmark_matrices", "_stage_matrices", "collocation", "exact_modal", "newmark"},
-    "multibody/collocation.py": {"_factors", "_iterate", "integrate", "settle"},
+    "multibody/collocation.py": {"_iterate", "integrate"},
     "multibody/recursion.py": {"_condense", "solve"},
-    "multibody/reduction.py": {"reduced_demand"},
     "multibody/rigid_kernels.py": {"deform", "energy", "inertia", "inverse", "jacobian", "push"},
-    "multibody/unfolding.py": {"fold", "openings", "states", "unfold"},
+    "multibody/unfolding.py": {"unfold"},
 }
 """Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls.
 
-In multibody the eight kernels of a structure are parameters of all that is called from outside, and
-these kernels have the parameters of generated ones.
+In multibody what Python calls takes every array by itself, and the kernels of a rigid body have the parameters of the
+generated ones.
 """
 COMPILES = {"njit", "compiled", "inlined", "_cached"}
 OVERDUE = {"solve/loading.py": {"load"}}

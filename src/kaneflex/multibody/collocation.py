@@ -24,37 +24,31 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit, types
-from numba.types import boolean, complex128, float64, int64
+from numba.types import boolean, float64, int64
 
-from kaneflex.generated import joints
-from kaneflex.multibody import dense_lu, loops, powers, recursion, tables, tree
-from kaneflex.multibody.loops import close, copy, factorise_closed, follow, mend, middle, settle_now, solve_closed, worn
+from kaneflex.multibody.loops import (
+    close, copy, factorise_closed, follow, give, mend, middle, row_size, settle_now, solve_closed, worn,
+)  # fmt: skip
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES, FIRST, KEPT,
-    KERNELS, LAST_A, LAST_R, LOADS, MODAL, NOW, OPTIONS, OUTER, PAIR_PIVOTS, PIVOTS, RATE, REACTION, REACTIONS,
-    RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, TABLES, WORKS,
-    V, Y, Z, apart, numbers, pointed,
+    ACCEL, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES, ENTRY, FIRST,
+    HANDLE, KEPT, LAST_A, LAST_R, LOADS, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, RATE, REACTION, REACTIONS,
+    RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, Z,
+    apart, larger, opened, opening, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand, prescribe
-from kaneflex.support.fingerprint import made_of
 
-_made_of_parts = made_of(
-    dense_lu.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__, tables.__file__,
-    tree.__file__,
-)  # fmt: skip
 DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED = 0, 1, 2, 3, 4, 5
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
 independent."""
-MATRIX, ZM = float64[:, ::1], complex128[:, ::1]
 
 
 class Table(NamedTuple):
     """Coefficients of a collocation method: nodes, A, its square, weights b and b A, 1 where the last node is the end.
 
     ``real``, ``pair``: an eigenvalue of A each; ``into``, ``out``: rows of T^-1 and columns of T that belong to them,
-    (2, 3) complex.
+    (2, 3) complex. Every part is an array, since compiled code has their addresses.
     """
 
     nodes: np.ndarray
@@ -62,23 +56,14 @@ class Table(NamedTuple):
     a_2: np.ndarray
     b_1: np.ndarray
     b_2: np.ndarray
-    ends: float
-    real: float
-    pair: complex
+    ends: np.ndarray
+    real: np.ndarray
+    pair: np.ndarray
     into: np.ndarray
     out: np.ndarray
 
 
-TABLE = types.NamedTuple([V, MATRIX, MATRIX, V, V, float64, float64, complex128, ZM, ZM], Table)
-
-
-@njit(**OPTIONS)
-def _pointed(table):
-    """The same by its addresses."""
-    return Table(
-        numbers(table.nodes), numbers(table.a_1), numbers(table.a_2), numbers(table.b_1), numbers(table.b_2),
-        table.ends, table.real, table.pair, numbers(table.into), numbers(table.out),
-    )  # fmt: skip
+_opened_table = opening(types.NamedTuple([N, N, N, N, N, N, N, Z, Z, Z], Table))
 
 
 def collocation_table(nodes: np.ndarray) -> Table:
@@ -90,8 +75,8 @@ def collocation_table(nodes: np.ndarray) -> Table:
     order = [int(abs(values.imag).argmin()), int(values.imag.argmax())]
     into, out = np.linalg.inv(T)[order], T.T[order]
     return Table(
-        nodes, A, A @ A, b, b @ A, float(nodes[2] == 1.0), float(values[order[0]].real), complex(values[order[1]]),
-        np.ascontiguousarray(into, complex), np.ascontiguousarray(out, complex),
+        nodes, A, A @ A, b, b @ A, np.array([float(nodes[2] == 1.0)]), values[order[:1]].real.copy(),
+        values[order[1:]].astype(complex), np.ascontiguousarray(into, complex), np.ascontiguousarray(out, complex),
     )  # fmt: skip
 
 
@@ -125,24 +110,24 @@ def _first_guess(m, table, h, length, here):
 
 
 @njit(**OPTIONS)
-def _factors(m, kernels, p, table, t, h, here, A, B):
+def _factors(m, table, t, h, here, A, B):
     """Factors where the step is half way: nowhere in it is the mass then far from theirs. False at a singular state."""
     apart()
     plan, w = m.plan, m.w
     n = plan[COORDINATES]
     for k in range(n):
         w[plan[Y] + k] = here[1 + k] + 0.5 * h * (here[1 + n + k] + 0.25 * h * here[1 + 2 * n + k])
-    prescribe(m, kernels, p, t + 0.5 * h)
-    if not close(m, kernels):
+    prescribe(m, t + 0.5 * h)
+    if not close(m):
         return False
-    middle(m, kernels)
-    if not factorise_closed(m, h * table.real, A, plan[PIVOTS]):
+    middle(m)
+    if not factorise_closed(m, h * table.real[0], A, plan[PIVOTS]):
         return False
-    return factorise_closed(m, h * table.pair, B, plan[PAIR_PIVOTS])
+    return factorise_closed(m, h * table.pair[0], B, plan[PAIR_PIVOTS])
 
 
 @njit(**OPTIONS)
-def _stage(m, kernels, p, table, t, h, i, here):
+def _stage(m, table, t, h, i, here):
     """Put everything where stage i has it, and find what its motion asks for; False where a loop doesn't close."""
     apart()
     plan, w, c = m.plan, m.w, table.nodes[i]
@@ -154,9 +139,9 @@ def _stage(m, kernels, p, table, t, h, i, here):
         w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
     copy(w, of + n * i, plan[ACCEL], n)
     copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
-    if not follow(m, kernels, p, t + c * h):
+    if not follow(m, t + c * h):
         return False
-    demand(m, kernels, p, t + c * h)
+    demand(m, t + c * h)
     copy(w, plan[ACCEL], of + n * i, n)
     courses = plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS])
     for k in range(courses):
@@ -201,7 +186,7 @@ def _improve(m, table, h, A, B):
             for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
                 d = one * A[answer + k] + (two * B[answer + k]).real
                 w[plan[STAGE_A] + n * i + k] += d
-                change = max(change, h * h * abs(d) / w[plan[SCALE] + k])
+                change = larger(change, h * h * abs(d) / w[plan[SCALE] + k])
         for r in range(count):
             d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
             w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
@@ -213,14 +198,14 @@ def _improve(m, table, h, A, B):
 
 
 @njit(**OPTIONS)
-def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
+def _iterate(m, table, t, h, here, replayed, counts, A, B):
     """Solve for the stages; whether that came to an end."""
     apart()
     before, size = 0.0, m.plan[COORDINATES]
     for iteration in range(30 if replayed else 10):
         counts[2] += 1
         for i in range(3):
-            if not _stage(m, kernels, p, table, t, h, i, here):
+            if not _stage(m, table, t, h, i, here):
                 return False
             copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
             if iteration > 0:
@@ -234,7 +219,7 @@ def _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B):
                 return True
             if rate >= 1.0 and change > 1e-3:
                 return False
-            if change * rate < 1e-5 * max(1.0 - rate, 0.0):
+            if change * rate < 1e-5 * larger(1.0 - rate, 0.0):
                 return True
             if change < 1e-6:
                 return True
@@ -251,7 +236,7 @@ def _error(m, table, h, here, A):
     """
     apart()
     plan, w, c = m.plan, m.w, table.nodes
-    n, of, at, step = plan[COORDINATES], plan[STAGE_A], plan[ACCEL], h * table.real
+    n, of, at, step = plan[COORDINATES], plan[STAGE_A], plan[ACCEL], h * table.real[0]
     w_0, w_1, w_2 = _basis(c, 0.0, 0), _basis(c, 0.0, 1), _basis(c, 0.0, 2)
     for k in range(n):
         w[at + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
@@ -263,12 +248,12 @@ def _error(m, table, h, here, A):
     for b in range(plan[BODIES]):
         first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
         for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
-            error = max(error, abs(w[at + k] + A[answer + k]) / w[plan[SCALE] + k])
+            error = larger(error, abs(w[at + k] + A[answer + k]) / w[plan[SCALE] + k])
     return 0.5 * h * h * error
 
 
 @njit(**OPTIONS)
-def _finish(m, kernels, p, table, t, end, here, A):
+def _finish(m, table, t, end, here, A):
     """Take the step: leave ``here`` at its end, works included; False at a singular state."""
     apart()
     plan, w = m.plan, m.w
@@ -287,55 +272,43 @@ def _finish(m, kernels, p, table, t, end, here, A):
     of = plan[STAGE_R]
     for k in range(r):
         w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
-    if not follow(m, kernels, p, end):
+    if not follow(m, end):
         return False
-    if table.ends == 0.0 and not mend(m, kernels, p, end, A, 1):
+    if table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1):
         return False
     copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
     copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
-    here[0] = end
-    for k in range(n):
-        here[1 + k], here[1 + n + k] = w[plan[Y] + k], w[plan[RATE] + k]
-        here[1 + 2 * n + k] = w[plan[ACCEL] + k]
-    for k in range(r):
-        here[1 + 3 * n + k] = w[plan[NOW] + k]
+    give(m, end, here)
     return True
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def settle(m, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, A):
+@njit(**ENTRY)
+def settle(handle, t):
     """Put the dependent coordinates and rates where the loops close, and find accelerations and reactions of the cuts.
 
-    The motion is that of the tables, at Y, RATE, ACCEL and NOW. A: room for real factors. False at a singular state.
+    The motion is that of the tables, at Y, RATE, ACCEL and NOW. False at a singular state.
     """
-    kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    return settle_now(pointed(m), kernels, numbers(p), t, numbers(A))
+    m = opened(handle)
+    return settle_now(m, t, m.real, 0.0, 2)
 
 
-@njit(cache=True, **(OUTER | {"_nrt": False}))
-@_made_of_parts
-def integrate(
-    tables, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, parameters, method, control, motion,
-    given, times, rows, counts, ends, real, pair,
-):  # fmt: skip
-    """Fill rows 1, 2, ... of a table at ``times`` [s], from ``motion``; every one of them is the end of a step.
+@njit(**ENTRY)
+def integrate(handle, method, control, here, given, fixed, times, count, rows, counts, ends):
+    """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
 
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
     1 where the dependent coordinates are to stay].
-    motion: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
-    reactions of the cuts, works: a row of the table. given: the ends [s] of the steps to take from there, with the
-    ``times`` among them; empty where the control of the error chooses them. Works are time integrals of powers
+    here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
+    reactions of the cuts, works: a row of the table. given: the ends [s] of the ``fixed`` steps to take from there,
+    with the ``times`` among them; none where the control of the error chooses them. Works are time integrals of powers
     (dissipation, loads, drives). counts: accepted and rejected steps, Newton iterations, factorisations. ends: filled
-    with those of the steps that are taken, at most as many as may be tried. real, pair: room for factors.
-    Returns a status.
+    with those of the steps that are taken, at most as many as may be tried. Returns a status.
     """
-    kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    m, p, table, here = pointed(tables), numbers(parameters), _pointed(method), numbers(motion)
-    A, B = numbers(real), numbers(pair)
-    wanted, row, length, replayed = control[0], 0, control[5], given.size > 0
+    m, table = opened(handle), _opened_table(method)
+    A, B, width = m.real, m.pair, row_size(m)
+    wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
     taken, tried, status = 0, 0, DONE
-    while row + 1 < times.size:
+    while row + 1 < count:
         if tried == control[2]:
             status = PAUSED
             break
@@ -345,8 +318,8 @@ def integrate(
             end = given[taken]
             h = end - t
         else:
-            wanted = min(wanted, control[1])
-            if wanted < 1e-12 * (times[times.size - 1] - times[0]):
+            wanted = smaller(wanted, control[1])
+            if wanted < 1e-12 * (times[count - 1] - times[0]):
                 status = TOO_SMALL
                 break
             # Steps of equal length up to the next instant: none is cut to a sliver.
@@ -355,8 +328,8 @@ def integrate(
             end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
         _first_guess(m, table, h, length, here)
         counts[3] += 1
-        solved = _factors(m, kernels, p, table, t, h, here, A, B)
-        if not (solved and _iterate(m, kernels, p, table, t, h, here, replayed, counts, A, B)):
+        solved = _factors(m, table, t, h, here, A, B)
+        if not (solved and _iterate(m, table, t, h, here, replayed, counts, A, B)):
             if replayed:
                 status = NO_CONVERGENCE
                 break
@@ -365,13 +338,13 @@ def integrate(
             continue
         if not replayed:
             error = _error(m, table, h, here, A)
-            growth = min(3.0, max(0.2, 0.9 * error ** (-0.2)))
+            growth = smaller(3.0, larger(0.2, 0.9 * error ** (-0.2)))
             if not error <= 1.0:
                 counts[1] += 1
-                wanted, length = h * min(growth, 0.9), 0.0
+                wanted, length = h * smaller(growth, 0.9), 0.0
                 continue
-            wanted = max(wanted, h * growth) if growth >= 1.0 else h * growth
-        if not _finish(m, kernels, p, table, t, end, here, A):
+            wanted = larger(wanted, h * growth) if growth >= 1.0 else h * growth
+        if not _finish(m, table, t, end, here, A):
             status = SINGULAR
             break
         counts[0] += 1
@@ -379,8 +352,8 @@ def integrate(
         taken += 1
         if end == times[row + 1]:
             row += 1
-            for k in range(rows.shape[1]):
-                rows[row, k] = here[k]
+            for k in range(width):
+                rows[row * width + k] = here[k]
         if control[6] == 0.0 and worn(m):
             status = TURNED
             break
@@ -388,9 +361,8 @@ def integrate(
     return status
 
 
-_STRUCTURE = (TABLES, *KERNELS, V)
-SIGNATURES = {
-    settle: boolean(*_STRUCTURE, float64, V),
-    integrate: int64(*_STRUCTURE, TABLE, V, V, V, V, MATRIX, V, V, V, Z),
+ENTRIES = {
+    settle: boolean(HANDLE, float64),
+    integrate: int64(HANDLE, HANDLE, N, N, N, int64, N, int64, N, N, N),
 }
-"""What is compiled once for the mechanisms of all scenes, and for which arguments."""
+"""What Python calls, and with which arguments."""

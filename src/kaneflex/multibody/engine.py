@@ -5,16 +5,18 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import ModuleType
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numba.core.errors import NumbaExperimentalFeatureWarning
+from numba.types import FunctionType
 
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.collocation import Table
+from kaneflex.multibody.library import library
+from kaneflex.multibody.tables import Handle
 from kaneflex.multibody.topology import Layout, build_tables
 
 _HUGE = 1e9
@@ -84,12 +86,12 @@ class Engine:
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Take coordinates and rates of the bodies, in the order of the tree."""
-        unfolding.fold(self.tables, *self.kernels, q, v)
+        self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
         """How far every row of the cuts is open [m or rad] where the coordinates are."""
         out = np.zeros(self.count(at.REACTIONS))
-        unfolding.openings(self.tables, *self.kernels, self.p, t, out)
+        self._call(unfolding.openings, t, out)
         return out
 
     def choose(self, t: float, spared: Sequence[int] = ()) -> np.ndarray:
@@ -176,17 +178,20 @@ class Engine:
 
     def demand(self, rows: np.ndarray) -> np.ndarray:
         """See :func:`kaneflex.multibody.reduction.reduced_demand`. Raises ArithmeticError where a row doesn't close."""
-        compile_engine((reduction.reduced_demand,))
-        independent, rows = self.independent, np.ascontiguousarray(rows)
+        independent, rows = self.independent.astype(np.int64), np.ascontiguousarray(rows)
         out = np.zeros((len(rows), len(independent)))
-        done = reduction.reduced_demand(self.tables, *self.kernels, self.p, independent, rows, out)
+        done = self._call(reduction.reduced_demand, independent, len(independent), rows, *rows.shape, out)
         if done < len(rows):
             raise ArithmeticError(f"no motion at t = {rows[done, 0]:.6g} s: its loops don't close")
         return out
 
     def settle(self, t: float) -> bool:
         """Close the loops where the independent coordinates are, and find accelerations and reactions there."""
-        return bool(collocation.settle(self.tables, *self.kernels, self.p, t, self.real))
+        return bool(self._call(collocation.settle, t))
+
+    def move_on(self, t: float) -> bool:
+        """Close the loops in place, speed and acceleration where the independent coordinates are; False: they don't."""
+        return bool(self._call(unfolding.move_on, t))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular."""
@@ -213,25 +218,52 @@ class Engine:
         while done < len(times):
             self.fold(parts[1][done], parts[2][done])
             self.choose(float(times[done]))
-            now = unfolding.states(self.tables, *self.kernels, self.p, *parts, done, held, self.real, rows)
+            now = self._call(unfolding.states, parts[0], len(times), *parts[1:], done, held, rows)
             if now == done:
                 return None
             done = now
         return rows
 
-    def integrate(self, table: Table, *parts: np.ndarray) -> int:
-        """See :func:`kaneflex.multibody.collocation.integrate`; parts: from control to ends."""
-        return int(collocation.integrate(
-            self.tables, *self.kernels, self.p, table, *parts, self.real, self.pair,
+    def integrate(self, method: Handle, control: np.ndarray, here: np.ndarray, *parts: np.ndarray) -> int:
+        """See :func:`kaneflex.multibody.collocation.integrate`; parts: given, times, rows, counts, ends."""
+        given, times, *out = parts
+        return int(self._call(
+            collocation.integrate, method, control, here, given, len(given), times, len(times), *out
         ))  # fmt: skip
 
-    def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...] | None:
-        """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration; None: singular."""
+    def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+        """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
         widths = (size, size, size, 3 * bodies + self.count(at.REACTIONS), 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
-        done = unfolding.unfold(self.tables, *self.kernels, self.p, np.ascontiguousarray(rows), *out)
-        return out if done else None
+        self._call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)
+        return out
+
+    def compile(self) -> None:
+        """Compile what is not compiled yet, so that it is seen and timed apart from computing."""
+        self._handle  # noqa: B018 - which asks for the kernels' addresses
+        library()
+
+    def _call(self, function: Any, *values: Any) -> Any:
+        """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
+        return library()[function](self._handle.address, *(_by_address(value) for value in values))
+
+    @cached_property
+    def _handle(self) -> Handle:
+        pointers = [_kernel_address(kernel, kind) for kernel, kind in zip(self.kernels, at.KERNELS, strict=True)]
+        t = self.tables
+        return Handle(
+            t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
+        )
+
+
+def _by_address(value: Any) -> Any:
+    if isinstance(value, Handle):
+        return value.address
+    if not isinstance(value, np.ndarray):
+        return value
+    assert value.flags.c_contiguous
+    return value.ctypes.data
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
@@ -241,25 +273,9 @@ def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.nd
     return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))
 
 
-def compile_kernels(module: ModuleType) -> None:
-    """Compile the kernels of a structure's module."""
+def _kernel_address(kernel: Any, kind: FunctionType) -> int:
+    """Where compiled code finds a kernel of a structure's module, which is compiled here unless it is already."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        for name, kind in zip(at.KERNEL_NAMES, at.KERNELS, strict=True):
-            kernel = getattr(module, name)
-            if not kernel.overloads:
-                kernel.compile(kind.signature.args)
-
-
-def compile_engine(functions: Sequence | None = None) -> None:
-    """Compile what all mechanisms share, once on a machine: importing these files compiles nothing.
-
-    Without ``functions`` what every run needs.
-    """
-    needed = collocation.SIGNATURES | unfolding.SIGNATURES
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        for function in functions or needed:
-            if not function.overloads:
-                function.compile((needed | reduction.SIGNATURES)[function])
-                function.disable_compile()
+        found = kernel.get_compile_result(kind.signature)
+    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))

@@ -17,7 +17,8 @@ from kaneflex.multibody.tables import (
     ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, COURSE_OF, CUT, CUT_OF, DEMAND, DEPENDENT, DOF, FIRST, FRAME,
     FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE,
     MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION,
-    REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION, SECTIONS, SHAPES, SIDE, SPEEDS, W_NOW, Y, apart,
+    REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION, SECTIONS, SHAPES, SIDE, SPEEDS, WORKS, W_NOW, Y, apart,
+    kernel, larger,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe, turned
 
@@ -67,27 +68,27 @@ def gradient(m, row, cut, bends, out):
 
 
 @njit(**OPTIONS)
-def bent(m, kernels):
+def bent(m):
     """W of all sections where the bodies are now."""
     apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-            kernels[JACOBIANS](
+            kernel(m.kernels, JACOBIANS)(
                 m.bodies[b, KIND], w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
                 plan[W_NOW] + m.sections[n, JACOBIAN],
             )  # fmt: skip
 
 
 @njit(**OPTIONS)
-def gradients(m, kernels):
+def gradients(m):
     """Derivatives of the kept rows where everything is, and the factors of those by dependent coordinates."""
     apart()
     plan, w = m.plan, m.w
     count, n = plan[KEPT], plan[COORDINATES]
     if plan[BENDS]:
-        bent(m, kernels)
+        bent(m)
     for r in range(count):
         at = plan[GRADIENT] + n * r
         for i in range(n):
@@ -99,16 +100,16 @@ def gradients(m, kernels):
 
 
 @njit(**OPTIONS)
-def close(m, kernels):
+def close(m):
     """Put the dependent coordinates where the loops close (Newton); False where they don't."""
     apart()
     plan, w = m.plan, m.w
     count, before = plan[KEPT], math.inf
-    deform(m, kernels)
+    deform(m)
     place(m)
     for turn in range(20 if count else 0):
         cut_rows(m)
-        if not gradients(m, kernels):
+        if not gradients(m):
             return False
         for r in range(count):
             w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r]]
@@ -117,25 +118,25 @@ def close(m, kernels):
         for k in range(count):
             i = plan[plan[DEPENDENT] + k]
             w[plan[Y] + i] += w[plan[SIDE] + k]
-            size = max(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
+            size = larger(size, abs(w[plan[SIDE] + k]) / w[plan[MEASURE] + i])
         if size < CLOSED:
             return True
         if not size < 1e3 or (turn > 8 and size > before):
             return False
         before = size
         if plan[BENDS]:
-            deform(m, kernels)
+            deform(m)
         place(m)
     return count == 0
 
 
 @njit(**OPTIONS)
-def follow(m, kernels, p, t):
+def follow(m, t):
     """Everything moves as the independent coordinates say, dependent ones included; False: a loop doesn't close."""
     apart()
     plan, w = m.plan, m.w
-    prescribe(m, kernels, p, t)
-    if not close(m, kernels):
+    prescribe(m, t)
+    if not close(m):
         return False
     count = plan[KEPT]
     for rate in range(1, 3):
@@ -144,7 +145,7 @@ def follow(m, kernels, p, t):
             w[of + plan[plan[DEPENDENT] + k]] = 0.0
         for turn in range(2 if count else 1):
             if plan[BENDS]:
-                deform(m, kernels)
+                deform(m)
             if rate == 1:
                 move(m)
             else:
@@ -157,6 +158,18 @@ def follow(m, kernels, p, t):
                 for k in range(count):
                     w[of + plan[plan[DEPENDENT] + k]] = w[plan[SIDE] + k]
     return True
+
+
+@njit(**OPTIONS)
+def stand(m, t):
+    """Everything moves as all coordinates say, which close the loops already."""
+    apart()
+    prescribe(m, t)
+    deform(m)
+    place(m)
+    move(m)
+    accelerate(m)
+    cut_rows(m)
 
 
 @njit(**OPTIONS)
@@ -249,6 +262,33 @@ def worn(m):
 
 
 @njit(**OPTIONS)
+def row_size(m):
+    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts, works."""
+    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + m.plan[WORKS]
+
+
+@njit(**OPTIONS)
+def take(m, row):
+    """The motion of a row."""
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    for i in range(n):
+        w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = row[1 + 3 * n + r]
+
+
+@njit(**OPTIONS)
+def give(m, t, row):
+    """The motion as a row, its works left."""
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    row[0] = t
+    for i in range(n):
+        row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+    for r in range(plan[REACTIONS]):
+        row[1 + 3 * n + r] = w[plan[NOW] + r]
+
+
+@njit(**OPTIONS)
 def copy(w, of, into, count):
     """Copy numbers of the tables."""
     for k in range(count):
@@ -256,26 +296,29 @@ def copy(w, of, into, count):
 
 
 @njit(**OPTIONS)
-def middle(m, kernels):
+def middle(m):
     """Matrices of the factors to come where everything is now."""
     apart()
     plan, w = m.plan, m.w
-    assemble(m, kernels)
+    assemble(m)
     copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
     copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * plan[REACTIONS])
 
 
 @njit(**OPTIONS)
-def mend(m, kernels, p, t, A, turns):
-    """Mend accelerations and reactions where everything is, in as many turns; False: singular."""
+def mend(m, t, A, h, turns):
+    """Mend accelerations and reactions where everything is, in as many turns; False: singular.
+
+    ``h``: 0, or 1 where STIFFNESS is a mass that coordinates have besides.
+    """
     apart()
     plan, w = m.plan, m.w
-    middle(m, kernels)
-    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+    middle(m)
+    if not factorise_closed(m, h, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
     for _ in range(turns):
-        demand(m, kernels, p, t)
+        demand(m, t)
         for k in range(plan[COORDINATES]):
             A[answer + k] = -w[plan[DEMAND] + k]
         solve_closed(m, A, plan[PIVOTS])
@@ -283,18 +326,21 @@ def mend(m, kernels, p, t, A, turns):
             w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
         for i in range(plan[COORDINATES]):
             w[plan[ACCEL] + i] += A[answer + i]
-        if not follow(m, kernels, p, t):
+        if not follow(m, t):
             return False
     return True
 
 
 @njit(**OPTIONS)
-def settle_now(m, kernels, p, t, A):
-    """Accelerations and reactions of the cuts where and as fast as the independent coordinates are; False: singular."""
+def settle_now(m, t, A, h, turns):
+    """Accelerations and reactions of the cuts where and as fast as the independent coordinates are; False: singular.
+
+    ``h`` and ``turns``: see :func:`mend`.
+    """
     apart()
     plan, w = m.plan, m.w
     for i in range(plan[COORDINATES]):
         w[plan[ACCEL] + i] = 0.0
     for r in range(plan[REACTIONS]):
         w[plan[NOW] + r] = 0.0
-    return follow(m, kernels, p, t) and mend(m, kernels, p, t, A, 2)
+    return follow(m, t) and mend(m, t, A, h, turns)

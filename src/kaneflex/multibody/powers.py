@@ -7,13 +7,13 @@ from numba import njit
 from kaneflex.multibody.tables import (
     ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY,
     JOINT, JOINTS, KIND, LOADS, MODAL, NOW, NUMBERS, ON, OPTIONS, PARENT, POWER, RATE, REVOLUTE, ROW_AT, SEC, SECTION,
-    SHAPES, SIZE, SPRING, SPRING_SIZE, SPRINGS, SUMS, TORQUE, WHAT, Y, apart, shifted,
+    SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE, SUMS, TORQUE, WHAT, Y, apart, kernel, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import load_direction, turned
 
 
 @njit(**OPTIONS)
-def energies(m, kernels):
+def energies(m):
     """At SUMS: kinetic energy, strain energy, dissipated power, and potential energy of the weight."""
     apart()
     plan, w = m.plan, m.w
@@ -23,7 +23,7 @@ def energies(m, kernels):
     sums = shifted(w, at)
     for b in range(plan[BODIES]):
         f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
-        x, z = kernels[ENERGY](
+        x, z = kernel(m.kernels, ENERGY)(
             m.bodies[b, KIND], w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3],
             w[f + 4], w[f + 5], w[f + 6], w[f + 7], sums,
         )  # fmt: skip

@@ -11,24 +11,25 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.tables import (
-    BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGE_SIZE, HINGES,
+    BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGES, HINGE_SIZE,
     INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, KIND, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
-    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart,
+    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel,
 )  # fmt: skip
 from kaneflex.multibody.tree import turned
 
 
 @njit(**OPTIONS)
-def assemble(m, kernels):
+def assemble(m):
     """Mass matrices of all bodies, and W of all sections: their twists by the speeds of frame and shapes."""
     apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
         f, kind, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, KIND], plan[Y] + m.bodies[b, MODAL]
         c, s = w[f + 3], w[f + 4]
-        kernels[INERTIA](kind, w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
+        kernel(m.kernels, INERTIA)(kind, w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-            kernels[JACOBIANS](kind, w, m.sections[n, POINT], w, i, c, s, w, plan[W] + m.sections[n, JACOBIAN])
+            at = m.sections[n, JACOBIAN]
+            kernel(m.kernels, JACOBIANS)(kind, w, m.sections[n, POINT], w, i, c, s, w, plan[W] + at)
 
 
 @njit(**OPTIONS)

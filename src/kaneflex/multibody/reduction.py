@@ -7,21 +7,15 @@ independent coordinates. The reactions that close the loops take what the depend
 from __future__ import annotations
 
 from numba import njit
-from numba.types import float64, int64
+from numba.types import int64
 
-from kaneflex.generated import joints
-from kaneflex.multibody import dense_lu, loops, recursion, tables, tree
+from kaneflex.multibody import dense_lu
 from kaneflex.multibody.loops import bent, follow, gradient
 from kaneflex.multibody.tables import (
-    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, GRADIENT, INPUT, KEPT, KERNELS, LOOP, LOOP_PIVOTS, NOW, OPTIONS,
-    OUTER, RATE, REACTIONS, ROW_OF, SIDE, TABLES, V, Y, apart, numbers, pointed,
+    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, ENTRY, GRADIENT, HANDLE, INPUT, KEPT, LOOP, LOOP_PIVOTS, N, NOW,
+    OPTIONS, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, opened, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand
-from kaneflex.support.fingerprint import made_of
-
-_made_of_parts = made_of(
-    dense_lu.__file__, joints.__file__, loops.__file__, recursion.__file__, tables.__file__, tree.__file__
-)
 
 
 @njit(**OPTIONS)
@@ -52,46 +46,41 @@ def react(m):
     return True
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def reduced_demand(
-    tables_, deform, push, jacobian, inverse, inertia, energy, courses, magnitudes, parameters, independent, rows, out
-):
-    """What the motion of every row asks for, (rows, n), N = kg m/s^2 or N m.
+@njit(**ENTRY)
+def reduced_demand(handle, independent, n, rows, count, width, out):
+    """What the motion of every row asks for, (count, n), N = kg m/s^2 or N m.
 
     A row: t [s], then the n independent coordinates, their rates and accelerations, then what is added to the sizes of
     the loads and to the prescribed accelerations. independent: which coordinates of the tree those are. The tables are
     left at the last row, with the reactions of its cuts, and without anything added. Returns the rows that were done:
     the next one doesn't close.
     """
-    m, p = pointed(tables_), numbers(parameters)
-    plan, w, n = m.plan, m.w, independent.size
-    kernels = (deform, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    added, done = rows.shape[1] - 1 - 3 * n, 0
-    for row in range(rows.shape[0]):
-        t = rows[row, 0]
+    m = opened(handle)
+    plan, w = m.plan, m.w
+    added, done = width - 1 - 3 * n, 0
+    for row in range(count):
+        here = shifted(rows, row * width)
         for k in range(n):
             i = independent[k]
-            w[plan[Y] + i], w[plan[RATE] + i] = rows[row, 1 + k], rows[row, 1 + n + k]
-            w[plan[ACCEL] + i] = rows[row, 1 + 2 * n + k]
+            w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = here[1 + k], here[1 + n + k], here[1 + 2 * n + k]
         for k in range(added):
-            w[plan[INPUT] + k] = rows[row, 1 + 3 * n + k]
+            w[plan[INPUT] + k] = here[1 + 3 * n + k]
         for r in range(plan[REACTIONS]):
             w[plan[NOW] + r] = 0.0
         # Once more where the loops are closed already: rates then follow from the gradient of exactly that place.
-        if not (follow(m, kernels, p, t) and follow(m, kernels, p, t)):
+        if not (follow(m, here[0]) and follow(m, here[0])):
             break
-        demand(m, kernels, p, t)
-        bent(m, kernels)
+        demand(m, here[0])
+        bent(m)
         if not react(m):
             break
         for k in range(n):
-            out[row, k] = w[plan[DEMAND] + independent[k]]
+            out[n * row + k] = w[plan[DEMAND] + independent[k]]
         done += 1
     for k in range(added):
         w[plan[INPUT] + k] = 0.0
     return done
 
 
-SIGNATURES = {reduced_demand: int64(TABLES, *KERNELS, V, int64[::1], float64[:, ::1], float64[:, ::1])}
-"""What is compiled once for the mechanisms of all scenes, and for which arguments."""
+ENTRIES = {reduced_demand: int64(HANDLE, HANDLE, int64, N, int64, int64, N)}
+"""What Python calls, and with which arguments."""

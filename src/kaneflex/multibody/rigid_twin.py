@@ -23,7 +23,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody import rigid_kernels
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.blocks import body_block, point_block
-from kaneflex.multibody.engine import Engine, build_engine, compile_engine, compile_kernels
+from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import evaluate_block
@@ -171,8 +171,7 @@ class RigidTwin:
         for k in range(1, steps + 1):
             engine.p[1:] = drives
             engine.p[1::3] = before["drives"] + k / steps * (drives[::3] - before["drives"])
-            found = engine.unfold(before["row"][None])
-            if found is None or self._opened() > 1e-6:
+            if not engine.move_on(0.0) or self._opened() > 1e-6:
                 engine.stand(before["row"])
                 engine.p[1::3] = before["drives"]
                 engine.choose(0.0)
@@ -181,8 +180,8 @@ class RigidTwin:
                 before["row"], before["drives"] = engine.row(0.0), engine.p[1::3].copy()
                 if engine.count(at.REACTIONS):
                     engine.choose(0.0)
-        assert found is not None
-        return found[0][0], found[1][0], found[2][0]
+        q, v, a, *_ = engine.unfold(engine.row(0.0)[None])
+        return q[0], v[0], a[0]
 
     def _opened(self) -> float:
         """Largest opening of a cut [rad or sizes of the mechanism]."""
@@ -200,8 +199,6 @@ class RigidTwin:
 
     def _begin(self, stood: dict[str, np.ndarray]) -> None:
         engine = self.engine
-        compile_kernels(rigid_kernels)
-        compile_engine()
         q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
         stood["drives"] = np.array([self.start.drives[name] for name in self.mechanism.drives])
         engine.p[1::3] = stood["drives"]

@@ -104,7 +104,7 @@ def integrate(
 ) -> CoupledTrajectory:
     """Integrate from q, v at times[0] and give the motion at ``times`` [s], as far as it goes.
 
-    ``ends`` [s], with all ``times`` among them, are those of the steps to take where they are not left to "gauss".
+    ``ends`` [s], with all ``times`` among them, are those of the steps to take where the error doesn't choose them.
     """
     run = _Run(system, q, v, times, method, np.zeros(0) if ends is None else ends)
     started = time.perf_counter()
@@ -243,10 +243,7 @@ class _Run:
 
         def slope(t: float, x: np.ndarray) -> np.ndarray:
             row = stand(t, x)
-            accelerations, found = a[free].copy(), engine.unfold(row[None])
-            if found is None:
-                raise np.linalg.LinAlgError
-            return np.concatenate([x[len(free) : 2 * len(free)], accelerations, found[5][0]])
+            return np.concatenate([x[len(free) : 2 * len(free)], a[free], engine.unfold(row[None])[5][0]])
 
         first = np.concatenate([y[free], v[free], self.here[-works:]])
         scale = self.scale[free]
@@ -268,8 +265,6 @@ class _Run:
     ) -> CoupledTrajectory:
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
-        if found is None:
-            raise ArithmeticError("a state that was integrated to doesn't close")
         done = self.rows[rows][:, -works:]
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,
@@ -278,7 +273,7 @@ class _Run:
         )  # fmt: skip
 
 
-TABLES = {"radau": collocation.RADAU, "gauss": collocation.GAUSS}
+TABLES = {"radau": at.Handle(*collocation.RADAU), "gauss": at.Handle(*collocation.GAUSS)}
 """Coefficients of the integrators that control their error."""
 
 
@@ -317,7 +312,6 @@ _ENDED = {
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
     collocation.NO_CONVERGENCE: (
         Outcome.UNSTABLE,
-        "no step of this length leads on from {at}: ask for more steps, or for the integrator gauss, "
-        "which chooses its own",
+        "no step of the given length leads on from {at}: give shorter ones, or let the error choose them",
     ),
 }  # fmt: skip

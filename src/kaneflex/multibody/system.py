@@ -17,14 +17,12 @@ from kaneflex.mechanism.planar import Pose, pose_at
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module
 from kaneflex.multibody.blocks import Blocks
-from kaneflex.multibody.engine import Engine, build_engine, compile_engine, compile_kernels
+from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.shape_families import check_family
 from kaneflex.multibody.shapes import Shapes, alike, link_shapes, spanned
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
-MOST_MODES = 40
-"""Modes of a link that the equations take."""
 BODY = 3
 """Coordinates x, y, phi of every body, before its modal ones."""
 
@@ -124,8 +122,7 @@ class CoupledSystem:
 
     def compile(self) -> None:
         """Compile all kernels, so that it is seen and timed apart from computing."""
-        compile_kernels(self.module)
-        compile_engine()
+        self.engine.compile()
 
     def measure(self, length: float) -> np.ndarray:
         """What counts as one in each coordinate: ``length`` [m], or 1 rad."""
@@ -135,11 +132,9 @@ class CoupledSystem:
         """Give the engine the coordinates and rates of the bodies."""
         self.engine.fold(q[self._order], v[self._order])
 
-    def unfold(self, rows: np.ndarray) -> Unfolded | None:
-        """Motion of the bodies at rows of the engine; None where a loop doesn't close."""
+    def unfold(self, rows: np.ndarray) -> Unfolded:
+        """Motion of the bodies at rows of the engine, whose loops are closed."""
         found = self.engine.unfold(rows)
-        if found is None:
-            return None
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
@@ -176,10 +171,9 @@ class CoupledSystem:
         return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order]))
 
     def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
-        found = None if rows is None else self.unfold(rows)
-        if found is None:
+        if rows is None:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
-        return found
+        return self.unfold(rows)
 
     @cached_property
     def shape_columns(self) -> dict[int, int]:
@@ -263,11 +257,11 @@ def check_modes(scene: Scene, name: str) -> None:
     modes, static = modes_of(scene), shape_counts(scene)[name][1] - modes_of(scene)
     check_family(scene, name, nodes - 1)
     frame = frame_of(stations(scene, name)).kind
-    limit = min(2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static, MOST_MODES)
+    limit = 2 * nodes - (1 if frame == "mean" else 2) - (frame == "mean") - static
     if modes > limit:
         raise SceneError(
             "solve.modes", modes, f"the coupled equations take up to {limit} fixed-interface modes of {name}",
-            "Ask for fewer modes" + ("" if limit == MOST_MODES else ", or give the link more elements"),
+            "Ask for fewer modes, or give the link more elements",
         )  # fmt: skip
 
 

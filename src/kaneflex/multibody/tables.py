@@ -19,11 +19,13 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, int64, void
 
-OUTER = {"error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
-OPTIONS = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
+from kaneflex.multibody.inner import Inner
 
-V, Z = float64[::1], complex128[::1]
+OUTER = {"error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
+ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True, "pipeline_class": Inner}
+"""What those are made with that Python calls, by their addresses: see :mod:`kaneflex.multibody.library`."""
+OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
+"""What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
 
 SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, HINGE_SIZE = 9, 11, 9, 6, 8
 """Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
@@ -87,12 +89,12 @@ class Tables(NamedTuple):
     w: np.ndarray
 
 
-_I2 = int64[:, ::1]
-TABLES = types.NamedTuple([int64[::1], _I2, _I2, _I2, V], Tables)
-
-
 class Mechanism(NamedTuple):
-    """The tables as compiled code has them: by their addresses. ``pivots``: the plan once more, to be written."""
+    """All that compiled code knows of a mechanism, each by its address.
+
+    ``pivots``: the plan once more, to be written; ``kernels``: addresses of those of the structure, see :func:`kernel`;
+    ``p``: its module's parameters; ``real``, ``pair``: room for factors.
+    """
 
     plan: np.ndarray
     bodies: np.ndarray
@@ -100,6 +102,10 @@ class Mechanism(NamedTuple):
     acts: np.ndarray
     w: np.ndarray
     pivots: np.ndarray
+    kernels: np.ndarray
+    p: np.ndarray
+    real: np.ndarray
+    pair: np.ndarray
 
 
 class Fixed(types.Type):
@@ -137,16 +143,6 @@ def _fixed_item(context, builder, sig, args):
     return found
 
 
-@intrinsic(prefer_literal=True)
-def _fixed(typing, array, width):
-    """The address of an array's whole numbers."""
-
-    def read(context, builder, sig, args):
-        return context.make_array(sig.args[0])(context, builder, args[0]).data
-
-    return Fixed(width.literal_value)(array, width), read
-
-
 @intrinsic
 def apart(typing):
     """Keep the calling function one piece of machine code, not copied into every caller, with its loops as they stand.
@@ -163,16 +159,6 @@ def apart(typing):
 
 
 @intrinsic
-def numbers(typing, array):
-    """The address of an array's numbers."""
-
-    def read(context, builder, sig, args):
-        return context.make_array(sig.args[0])(context, builder, args[0]).data
-
-    return CPointer(array.dtype)(array), read
-
-
-@intrinsic
 def shifted(typing, address, k):
     """The address of the k-th number from there."""
 
@@ -183,6 +169,8 @@ def shifted(typing, address, k):
 
 
 N = CPointer(float64)
+_BITS = 64
+"""Of an address."""
 
 DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY, COURSES, MAGNITUDES = range(8)
 """Places in a structure's kernels: those of its bodies by the kind of their counts, its courses, its loads' sizes."""
@@ -199,9 +187,65 @@ KERNELS = (
 )
 
 
+@intrinsic(prefer_literal=True)
+def kernel(typing, kernels, which):
+    """One of a structure's kernels, to be called."""
+
+    def read(context, builder, sig, args):
+        found = builder.load(builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), which.literal_value)]))
+        function = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        function.jit_addr = builder.inttoptr(found, cgutils.voidptr_t)
+        # Else every call would have a branch for functions that are not compiled yet.
+        builder.assume(builder.icmp_unsigned("!=", function.jit_addr, cgutils.voidptr_t(None)))
+        return function._getvalue()
+
+    return KERNELS[which.literal_value](kernels, which), read
+
+
+def opening(parts):
+    """Of a NamedTuple of addresses: what makes it, in compiled code, of the address of a table of these addresses."""
+
+    @intrinsic
+    def opened(typing, handle):
+        def read(context, builder, sig, args):
+            found = []
+            for k, part in enumerate(parts):
+                address = builder.load(builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), k)]))
+                found.append(builder.inttoptr(address, context.get_value_type(part)))
+            return context.make_tuple(builder, parts, found)
+
+        return parts(handle), read
+
+    return opened
+
+
+HANDLE = CPointer(int64)
+Z = CPointer(complex128)
+opened = opening(
+    types.NamedTuple([Fixed(1), Fixed(16), Fixed(3), Fixed(6), N, HANDLE, HANDLE, N, N, Z], Mechanism)
+)
+"""A mechanism from its handle."""
+
+
+class Handle:
+    """Arrays by their addresses in one table, and the address of that; pickled it finds the addresses anew."""
+
+    def __init__(self, *arrays: np.ndarray) -> None:
+        self.arrays = arrays
+        self._table = np.array([array.ctypes.data for array in arrays], np.int64)
+        self.address = self._table.ctypes.data
+
+    def __reduce__(self) -> tuple:
+        return Handle, self.arrays
+
+
 @njit(**OPTIONS)
-def pointed(m):
-    """The tables by their addresses."""
-    return Mechanism(
-        _fixed(m.plan, 1), _fixed(m.bodies, 16), _fixed(m.sections, 3), _fixed(m.acts, 6), numbers(m.w), numbers(m.plan)
-    )
+def larger(a, b):
+    """The larger of two numbers, and not a number where one of them is none. (numba's own takes seconds to compile.)"""
+    return a if a >= b or a != a else b
+
+
+@njit(**OPTIONS)
+def smaller(a, b):
+    """The smaller of two numbers in the same way."""
+    return a if a <= b or a != a else b

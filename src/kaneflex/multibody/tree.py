@@ -13,11 +13,11 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, COURSES, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST,
+    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST,
     FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS,
     LOCAL, MAGNITUDES, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE,
-    REACTIONS, REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRING_SIZE,
-    SPRINGS, SUMS, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart, shifted,
+    REACTIONS, REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRINGS,
+    SPRING_SIZE, SUMS, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart, kernel, shifted,
 )  # fmt: skip
 
 
@@ -29,11 +29,11 @@ def turned(w, theta, k):
 
 
 @njit(**OPTIONS)
-def prescribe(m, kernels, p, t):
+def prescribe(m, t):
     """The coordinates that drives prescribe, with their rates."""
     apart()
     plan, w = m.plan, m.w
-    kernels[COURSES](t, p, w, plan[COURSE])
+    kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
     loads = plan[SPRINGS] - plan[LOADS]
     for k in range(plan[WORKS] - 1 - loads):
         w[plan[COURSE] + 3 * k + 2] += w[plan[INPUT] + loads + k]
@@ -44,14 +44,14 @@ def prescribe(m, kernels, p, t):
 
 
 @njit(**OPTIONS)
-def deform(m, kernels):
+def deform(m):
     """Where the bodies' points are in their frames."""
     apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
         if m.bodies[b, SHAPES]:
             for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-                kernels[DEFORM](
+                kernel(m.kernels, DEFORM)(
                     m.bodies[b, KIND], w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]),
                     shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w, plan[LOCAL] + SEC * n,
                 )  # fmt: skip
@@ -194,7 +194,7 @@ def cut_rows(m):
 
 
 @njit(**OPTIONS)
-def load_sizes(m, kernels, p, t):
+def load_sizes(m, t):
     """Coordinates of the drives with their rates, and the sizes of the loads, which may depend on them."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
@@ -211,19 +211,19 @@ def load_sizes(m, kernels, p, t):
             laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, row)
         w[k], w[k + 1] = w[row], w[row + 1]
     if plan[LOADS] < plan[SPRINGS]:
-        kernels[MAGNITUDES](t, w, plan[X], p, w, plan[SIZE])
+        kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
         for k in range(plan[SPRINGS] - plan[LOADS]):
             w[plan[SIZE] + k] += w[plan[INPUT] + k]
 
 
 @njit(**OPTIONS)
-def push(m, kernels, n, x, z, turn):
+def push(m, n, x, z, turn):
     """Take a force and a moment on a section off what the motion of its body asks for."""
     apart()
     b = m.sections[n, OWNER]
     if b >= 0:
         w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
-        kernels[PUSHED](
+        kernel(m.kernels, PUSHED)(
             m.bodies[b, KIND], w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4],
             -x, -z, -turn, w, m.plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
@@ -239,35 +239,35 @@ def load_direction(m, n):
 
 
 @njit(**OPTIONS)
-def act(m, kernels, p, t):
+def act(m, t):
     """Loads and springs, taken off what the motion asks for."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
-    load_sizes(m, kernels, p, t)
+    load_sizes(m, t)
     for n in range(plan[LOADS], plan[SPRINGS]):
         size = w[plan[SIZE] + n - plan[LOADS]]
         if acts[n, WHAT] == TORQUE:
-            push(m, kernels, acts[n, AT], 0.0, 0.0, -size)
-            push(m, kernels, acts[n, ON], 0.0, 0.0, size)
+            push(m, acts[n, AT], 0.0, 0.0, -size)
+            push(m, acts[n, ON], 0.0, 0.0, size)
         else:
             x, z = load_direction(m, n)
-            push(m, kernels, acts[n, AT], size * x, size * z, 0.0)
+            push(m, acts[n, AT], size * x, size * z, 0.0)
     sec = shifted(w, plan[SECTION])
     for n in range(plan[SPRINGS], plan[ACTS]):
         first, second, j = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
         k = plan[SPRING] + SPRING_SIZE * (n - plan[SPRINGS])
         if acts[n, WHAT] == TORSIONAL:
             laws.twist(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
-            push(m, kernels, first, 0.0, 0.0, w[k + 1])
-            push(m, kernels, second, 0.0, 0.0, -w[k + 1])
+            push(m, first, 0.0, 0.0, w[k + 1])
+            push(m, second, 0.0, 0.0, -w[k + 1])
         else:
             laws.pull(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
-            push(m, kernels, first, -w[k + 2], -w[k + 3], 0.0)
-            push(m, kernels, second, w[k + 2], w[k + 3], 0.0)
+            push(m, first, -w[k + 2], -w[k + 3], 0.0)
+            push(m, second, w[k + 2], w[k + 3], 0.0)
 
 
 @njit(**OPTIONS)
-def resist(m, kernels, p, t):
+def resist(m, t):
     """What the motion asks for beyond loads, springs and the cuts' reactions: zero where the equations hold.
 
     M a - f over the speeds of all frames and shapes, at FORCE; the tables have the motion, the cut rows and the
@@ -279,30 +279,30 @@ def resist(m, kernels, p, t):
         w[plan[FORCE] + k] = 0.0
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
-        kernels[INVERSE](
+        kernel(m.kernels, INVERSE)(
             m.bodies[b, KIND], w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]),
             shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 7], w[f + 8] - w[plan[GRAVITY]],
             w[f + 9] - w[plan[GRAVITY] + 1], w[f + 10], w, plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
-    act(m, kernels, p, t)
+    act(m, t)
     for n in range(plan[CUTS], plan[DRIVES]):
         end = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[REACTIONS]
         for row in range(acts[n, ROW_AT], end):
             size = w[plan[NOW] + row]
             for side in range(2):
                 j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
-                push(m, kernels, acts[n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
+                push(m, acts[n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
 
 
 @njit(**OPTIONS)
-def demand(m, kernels, p, t):
+def demand(m, t):
     """What every coordinate of the tree asks for, at DEMAND: :func:`resist` along the partial velocities as they are.
 
     Inwards, what an inboard joint exerts (at JOINTS: force and moment at the body's section) is taken off its body,
     whose shapes keep what they ask for themselves, and falls to the body that it hangs on.
     """
     apart()
-    resist(m, kernels, p, t)
+    resist(m, t)
     plan, w = m.plan, m.w
     for b in range(plan[BODIES] - 1, -1, -1):
         inboard, parent, i = m.bodies[b, INBOARD], m.bodies[b, PARENT], plan[DEMAND] + m.bodies[b, FIRST]
@@ -312,11 +312,11 @@ def demand(m, kernels, p, t):
         turn += (w[f] - w[own]) * z - (w[f + 1] - w[own + 1]) * x
         w[k], w[k + 1], w[k + 2] = x, z, turn
         if m.bodies[b, SHAPES]:
-            push(m, kernels, inboard, x, z, turn)
+            push(m, inboard, x, z, turn)
             n = plan[DEMAND] + m.bodies[b, MODAL]
             for l in range(m.bodies[b, SHAPES]):
                 w[n + l] = w[r + 3 + l]
-        push(m, kernels, parent, -x, -z, -turn - (w[own] - w[up]) * z + (w[own + 1] - w[up + 1]) * x)
+        push(m, parent, -x, -z, -turn - (w[own] - w[up]) * z + (w[own + 1] - w[up + 1]) * x)
         if kind == REVOLUTE:
             w[i] = w[j] * turn
         elif kind == PRISMATIC:

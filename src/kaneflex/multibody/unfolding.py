@@ -7,35 +7,24 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64, void
 
-from kaneflex.generated import joints
-from kaneflex.multibody import dense_lu, loops, powers, recursion, tables, tree
-from kaneflex.multibody.loops import bent, factorise_closed, follow, gradient, middle, settle_now, solve_closed
+from kaneflex.multibody import powers
+from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COLUMNS, COORDINATES, CUT, CUTS, DEMAND, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD,
-    JOINT, JOINTS, KEPT, KERNELS, LAST, LOCAL, MODAL, NOW, NUMBERS, OPTIONS, OUTER, PARENT, PIVOTS, POINT, POWER,
-    PRISMATIC, RATE, REACTION, REACTIONS, REVOLUTE, ROW_AT, ROW_OF, SEC, SECTION, SECTIONS, SHAPES, SUMS, TABLES,
-    WORKS, V, Y, apart, numbers, pointed, shifted,
+    ACCEL, BODIES, COORDINATES, CUT, CUTS, DRIVES, ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HANDLE, INBOARD,
+    JOINT, JOINTS, LAST, LOCAL, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, RATE, REACTIONS,
+    REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SUMS, WORKS, Y, apart, opened, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
-from kaneflex.support.fingerprint import made_of
-
-_made_of_parts = made_of(
-    dense_lu.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__, tables.__file__,
-    tree.__file__,
-)  # fmt: skip
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def fold(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, q, v):
+@njit(**ENTRY)
+def fold(handle, q, v):
     """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
-    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    _fold(pointed(tables_), kernels, numbers(q), numbers(v))
+    _fold(opened(handle), q, v)
 
 
 @njit(**OPTIONS)
-def _fold(m, kernels, q, v):
-    """The same in compiled code."""
+def _fold(m, q, v):
     apart()
     plan, w = m.plan, m.w
     k = 0
@@ -46,7 +35,7 @@ def _fold(m, kernels, q, v):
         for j in range(m.bodies[b, SHAPES]):
             w[plan[Y] + i + j], w[plan[RATE] + i + j] = q[k + 3 + j], v[k + 3 + j]
         k += 3 + m.bodies[b, SHAPES]
-    deform(m, kernels)
+    deform(m)
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
         c, s, omega = w[f + 3], w[f + 4], w[f + 7]
@@ -72,107 +61,63 @@ def _fold(m, kernels, q, v):
                 w[y + i], w[r + i] = w[own + i], w[own + 3 + i]
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def unfold(
-    tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, rows, q, v, a, exerted, sums,
-    rates,
-):  # fmt: skip
+@njit(**ENTRY)
+def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
     """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
     the cuts' reactions; on the joint's second body. sums: kinetic energy, strain energy, dissipated power, potential
-    energy of the weight. rates: powers of dissipation, loads, drives. False where a loop doesn't close.
+    energy of the weight. rates: powers of dissipation, loads, drives. The rows close the loops.
     """
-    m = pointed(tables_)
+    m = opened(handle)
     plan, w = m.plan, m.w
-    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    n = plan[COORDINATES]
-    for row in range(rows.shape[0]):
-        for i in range(n):
-            w[plan[Y] + i], w[plan[RATE] + i] = rows[row, 1 + i], rows[row, 1 + n + i]
-            w[plan[ACCEL] + i] = rows[row, 1 + 2 * n + i]
-        for r in range(plan[REACTIONS]):
-            w[plan[NOW] + r] = rows[row, 1 + 3 * n + r]
-        if not follow(m, kernels, numbers(p), rows[row, 0]):
-            return False
-        demand(m, kernels, numbers(p), rows[row, 0])
+    k = 0
+    for row in range(count):
+        here = shifted(rows, row * row_size(m))
+        take(m, here)
+        stand(m, here[0])
+        demand(m, here[0])
         powers.powers(m)
-        powers.energies(m, kernels)
-        k = 0
+        powers.energies(m)
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS]))
         for b in range(plan[BODIES]):
             f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
             for j in range(3):
-                q[row, k + j], v[row, k + j], a[row, k + j] = w[f + j], w[f + 5 + j], w[f + 8 + j]
+                q[k + j], v[k + j], a[k + j] = w[f + j], w[f + 5 + j], w[f + 8 + j]
             for j in range(size):
-                q[row, k + 3 + j], v[row, k + 3 + j] = w[plan[Y] + i + j], w[plan[RATE] + i + j]
-                a[row, k + 3 + j] = w[plan[ACCEL] + i + j]
+                q[k + 3 + j], v[k + 3 + j] = w[plan[Y] + i + j], w[plan[RATE] + i + j]
+                a[k + 3 + j] = w[plan[ACCEL] + i + j]
             k += 3 + size
-            exerted[row, 3 * b], exerted[row, 3 * b + 1], exerted[row, 3 * b + 2] = _exerted(m, b)
+            out[3 * b], out[3 * b + 1], out[3 * b + 2] = _exerted(m, b)
         for r in range(plan[REACTIONS]):
-            exerted[row, 3 * plan[BODIES] + r] = w[plan[NOW] + r]
+            out[3 * plan[BODIES] + r] = w[plan[NOW] + r]
         for j in range(4):
-            sums[row, j] = w[plan[SUMS] + j]
+            sums[4 * row + j] = w[plan[SUMS] + j]
         for j in range(plan[WORKS]):
-            rates[row, j] = w[plan[POWER] + j]
-    return True
+            rates[plan[WORKS] * row + j] = w[plan[POWER] + j]
 
 
-@njit(**OPTIONS)
-def _held(m, kernels, p, t, A):
-    """Accelerations and reactions where STIFFNESS is a mass that coordinates have besides; False: a singular state."""
-    apart()
-    plan, w = m.plan, m.w
-    for i in range(plan[COORDINATES]):
-        w[plan[ACCEL] + i] = 0.0
-    for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = 0.0
-    if not follow(m, kernels, p, t):
-        return False
-    middle(m, kernels)
-    if not factorise_closed(m, 1.0, A, plan[PIVOTS]):
-        return False
-    demand(m, kernels, p, t)
-    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
-    for k in range(plan[COORDINATES]):
-        A[answer + k] = -w[plan[DEMAND] + k]
-    solve_closed(m, A, plan[PIVOTS])
-    for r in range(plan[KEPT]):
-        w[plan[NOW] + plan[plan[ROW_OF] + r]] = A[plan[REACTION] + r]
-    for i in range(plan[COORDINATES]):
-        w[plan[ACCEL] + i] += A[answer + i]
-    return follow(m, kernels, p, t)
+@njit(**ENTRY)
+def move_on(handle, t):
+    """Close the loops in place, speed and acceleration; False where they don't close."""
+    return follow(opened(handle), t)
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def states(
-    tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, times, q, v, first, held, room,
-    rows,
-):  # fmt: skip
+@njit(**ENTRY)
+def states(handle, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
     held: whether STIFFNESS is a mass that coordinates have besides. Returns the row that is singular, or their number.
     """
-    m, A = pointed(tables_), numbers(room)
-    plan, w = m.plan, m.w
-    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    n = plan[COORDINATES]
-    for row in range(first, times.size):
-        _fold(m, kernels, shifted(numbers(q), row * q.shape[1]), shifted(numbers(v), row * v.shape[1]))
-        if held:
-            done = _held(m, kernels, numbers(p), times[row], A)
-        else:
-            done = settle_now(m, kernels, numbers(p), times[row], A)
-        if not done:
+    m = opened(handle)
+    size = m.plan[SPEEDS]
+    for row in range(first, count):
+        t = times[row]
+        _fold(m, shifted(q, row * size), shifted(v, row * size))
+        if not settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2):
             return row
-        rows[row, 0] = times[row]
-        for i in range(n):
-            rows[row, 1 + i], rows[row, 1 + n + i] = w[plan[Y] + i], w[plan[RATE] + i]
-            rows[row, 1 + 2 * n + i] = w[plan[ACCEL] + i]
-        for r in range(plan[REACTIONS]):
-            rows[row, 1 + 3 * n + r] = w[plan[NOW] + r]
-    return times.size
+        give(m, t, shifted(rows, row * row_size(m)))
+    return count
 
 
 @njit(**OPTIONS)
@@ -195,18 +140,16 @@ def _exerted(m, b):
     return normal, turn, along
 
 
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def openings(tables_, deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes, p, t, out):
+@njit(**ENTRY)
+def openings(handle, t, out):
     """Residuals of all rows of the cuts where the coordinates put them; at GRADIENT their derivatives by all of y."""
-    m = pointed(tables_)
+    m = opened(handle)
     plan, w = m.plan, m.w
-    kernels = (deform_, push, jacobian, inverse, inertia, energy, courses, magnitudes)
-    prescribe(m, kernels, numbers(p), t)
-    deform(m, kernels)
+    prescribe(m, t)
+    deform(m)
     place(m)
     cut_rows(m)
-    bent(m, kernels)
+    bent(m)
     n = plan[COORDINATES]
     for i in range(plan[REACTIONS] * n):
         w[plan[GRADIENT] + i] = 0.0
@@ -217,11 +160,11 @@ def openings(tables_, deform_, push, jacobian, inverse, inertia, energy, courses
             out[row] = w[plan[CUT] + 9 * row]
 
 
-_STRUCTURE, MATRIX = (TABLES, *KERNELS), float64[:, ::1]
-SIGNATURES = {
-    fold: void(*_STRUCTURE, V, V),
-    states: int64(*_STRUCTURE, V, V, MATRIX, MATRIX, int64, boolean, V, MATRIX),
-    unfold: boolean(*_STRUCTURE, V, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX),
-    openings: void(*_STRUCTURE, V, float64, V),
+ENTRIES = {
+    fold: void(HANDLE, N, N),
+    unfold: void(HANDLE, N, int64, N, N, N, N, N, N),
+    move_on: boolean(HANDLE, float64),
+    states: int64(HANDLE, N, int64, N, N, int64, boolean, N),
+    openings: void(HANDLE, float64, N),
 }
-"""What is compiled once for the mechanisms of all scenes, and for which arguments."""
+"""What Python calls, and with which arguments."""

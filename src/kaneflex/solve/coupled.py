@@ -169,9 +169,7 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     assert system is not None
     engine = prepare(system, t, q, rigid_state(system, rigid)[1])
     if settled(engine, t) is not None:
-        found = system.unfold(engine.row(t)[None])
-        assert found is not None
-        return found.q[0]
+        return system.unfold(engine.row(t)[None]).q[0]
     raise SceneError(
         "solve.start", model.options.start, "the deformed mechanism finds no equilibrium in 50 steps", "Start from zero"
     )

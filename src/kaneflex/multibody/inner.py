@@ -1,0 +1,43 @@
+"""How those functions are compiled that only other compiled functions call."""
+
+from __future__ import annotations
+
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.typed_passes import NativeLowering
+
+
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _Registered(LoweringPass):
+    """Let other functions call this one, for which no machine code of its own was made."""
+
+    _name = "registered_for_callers"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state) -> bool:
+        state.library._optimize_final_module = state.library._finalize_specific = _with_the_caller
+        name = [].append  # numba wants a builtin of its own for every function, and never calls it
+        state["cr"] = state["cr"]._replace(cfunc=name)
+        state.targetctx.insert_user_function(name, state["cr"].fndesc, [state.library])
+        return True
+
+
+class Inner(CompilerBase):
+    """numba's compiler without its last stage.
+
+    numba optimises every function by itself, with all that it calls, and makes machine code of it that nothing enters.
+    """
+
+    def define_pipelines(self):
+        self.state.flags = self.state.flags.copy()
+        self.state.flags.no_compile = True
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state, "inner")
+        passes.add_pass_after(_Registered, NativeLowering)
+        passes.finalize()
+        return [passes]
+
+
+def _with_the_caller() -> None:
+    """Optimised, and made machine code of, is what encloses this."""

@@ -1,0 +1,70 @@
+"""What Python calls of the compiled engine: one library, compiled once on a machine, entered by addresses.
+
+A compiled function that others enclose is optimised with each of them, so that as many functions with caches of their
+own would each compile the whole engine again. Here one function encloses all that Python calls, and gives their
+addresses; arrays go in by theirs, so that a call costs a few microseconds.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import warnings
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from numba import njit
+from numba.core import cgutils
+from numba.core.errors import NumbaExperimentalFeatureWarning
+from numba.extending import intrinsic
+from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
+
+from kaneflex.generated import joints
+from kaneflex.multibody import (
+    collocation, dense_lu, inner, loops, powers, recursion, reduction, tables, tree, unfolding,
+)  # fmt: skip
+from kaneflex.multibody.tables import OUTER
+from kaneflex.support.fingerprint import made_of
+
+_made_of_parts = made_of(
+    collocation.__file__, dense_lu.__file__, inner.__file__, joints.__file__, loops.__file__, powers.__file__,
+    recursion.__file__, reduction.__file__, tables.__file__, tree.__file__, unfolding.__file__,
+)  # fmt: skip
+ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
+_C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
+
+
+@intrinsic
+def _entered(typing):
+    """The addresses under which C, and ctypes, would call the entries."""
+
+    def read(context, builder, sig, args):
+        found = []
+        for function, entry in ENTRIES.items():
+            made = function.get_compile_result(entry)
+            context.active_code_library.add_linking_library(made.library)
+            kind = context.get_value_type(FunctionType(entry).ftype).pointee
+            wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
+            found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
+        return context.make_tuple(builder, sig.return_type, found)
+
+    return UniTuple(int64, len(ENTRIES))(), read
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses():
+    return _entered()
+
+
+@cache
+def library() -> dict[Any, Callable[..., Any]]:
+    """Every entry as a function of C, by the function of numba's that it is made of; all compiled on the first call."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        found = _addresses()
+    of_c = {}
+    for (function, signature), address in zip(ENTRIES.items(), found, strict=True):
+        kinds = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
+        of_c[function] = ctypes.CFUNCTYPE(*kinds)(address)
+    return of_c
