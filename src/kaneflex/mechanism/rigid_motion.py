@@ -8,8 +8,9 @@ from functools import cached_property
 from types import ModuleType
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from kaneflex.mechanism.affine import Affine, Monomial
+from kaneflex.mechanism.affine import Affine, Monomial, as_array
 from kaneflex.mechanism.body_frame import BodyFrame
 
 
@@ -89,6 +90,17 @@ class RigidMotion:
         for monomial, matrix in affine.terms.items():
             total += self.monomial(monomial) * (matrix @ vectors)
         return total
+
+    def matrices(self, affine: Affine) -> np.ndarray:
+        """An affine matrix at all times, (n_times, rows, columns)."""
+        total = np.zeros((len(self.times), *affine.shape))
+        for monomial, matrix in affine.terms.items():
+            total += self.monomial(monomial)[:, None, None] * as_array(matrix)
+        return total
+
+    def first(self, affine: Affine) -> csr_array:
+        """An affine matrix at the first time."""
+        return affine.at({name: float(self[name][0]) for monomial in affine.terms for name in monomial})
 
     def column_of(self, affine: Affine) -> np.ndarray:
         """An affine vector (rows x 1) at all times; returns (rows, n_times)."""

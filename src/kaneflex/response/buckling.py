@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.multibody.model import Model
-from kaneflex.response.campbell import matrices
 
 _ROUNDING = 1e-9
 """Share of the stiffness that K_g must take away to be a push and no rounding."""
@@ -44,7 +43,7 @@ def buckling(model: Model, times: np.ndarray) -> Buckling | None:
     None where K_s is not positive: what nothing holds has no buckling load.
     """
     rigid = model.motion.at(times)
-    factors = load_factors(matrices(model.equations.K_s, rigid), matrices(model.equations.K_g, rigid))
+    factors = load_factors(rigid.matrices(model.equations.K_s), rigid.matrices(model.equations.K_g))
     return None if factors is None else Buckling(rigid.times, factors)
 
 

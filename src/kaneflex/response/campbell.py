@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.mechanism.affine import Affine, as_array
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model, keep_terms
 
 INSTANTS, FEW_INSTANTS = 144, 36
@@ -46,9 +44,9 @@ def freeze(model: Model, count: int, instants: int) -> Frozen:
     count = min(count, model.reduced.size)
     times = np.arange(instants) * model.scene.period / instants
     rigid = model.motion.at(times)
-    M, C, K = (matrices(model.kept[name], rigid) for name in "MCK")
+    M, C, K = (rigid.matrices(model.kept[name]) for name in "MCK")
     undamped = keep_terms(model.reduced, replace(model.options, damping=False))
-    C_0, K_0 = (matrices(undamped[name], rigid) for name in "CK")
+    C_0, K_0 = (rigid.matrices(undamped[name]) for name in "CK")
     lowest, growth = np.empty((instants, count)), np.empty(instants)
     for k in range(instants):
         free = np.linalg.eigvals(state_matrix(M[k], C_0[k], K_0[k]))
@@ -57,14 +55,6 @@ def freeze(model: Model, count: int, instants: int) -> Frozen:
         growth[k] = np.linalg.eigvals(state_matrix(M[k], C[k], K[k])).real.max()
     coordinates = rigid[f"{next(iter(model.scene.drives))}.angle"]
     return Frozen(times, coordinates, lowest, growth, _condition(M), _condition(K))
-
-
-def matrices(affine: Affine, rigid: RigidMotion) -> np.ndarray:
-    """A square affine matrix at all times of a rigid motion, shape (n_times, n, n)."""
-    total = np.zeros((len(rigid.times), *affine.shape))
-    for monomial, matrix in affine.terms.items():
-        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
-    return total
 
 
 def state_matrix(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:

@@ -128,7 +128,7 @@ def _closing(model: Model, rigid: RigidMotion, ends: list[_Ends]) -> Rates:
     for start in range(0, len(rigid.times), batch):
         rows = slice(start, start + batch)
         here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
-        stiff, rate, accel = (_matrices(order, here) for order in orders)
+        stiff, rate, accel = map(here.matrices, orders)
         diagonal = np.einsum("tii->i", stiff) / len(stiff)
         stiff += np.diag(_LEAST * np.where(diagonal > 0, diagonal, 1.0))
         push, push_rate, push_accel = (part[:, rows].T[..., None] for part in g)
@@ -138,11 +138,3 @@ def _closing(model: Model, rigid: RigidMotion, ends: list[_Ends]) -> Rates:
         for order, part in enumerate((z, z_rate, z_accel)):
             found[order][used, rows] = part[..., 0].T
     return tuple(found)
-
-
-def _matrices(affine: Affine, rigid: RigidMotion) -> np.ndarray:
-    """An affine matrix at all times, (n_times, rows, columns)."""
-    total = np.zeros((len(rigid.times), *affine.shape))
-    for monomial, matrix in affine.terms.items():
-        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
-    return total

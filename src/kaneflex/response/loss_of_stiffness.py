@@ -6,7 +6,6 @@ import numpy as np
 
 from kaneflex.multibody.model import Model
 from kaneflex.response.buckling import load_factors
-from kaneflex.response.campbell import matrices
 
 _INSTANTS = 36
 """Instants of a run that are looked at."""
@@ -35,7 +34,7 @@ def lost_stiffness(model: Model, times: np.ndarray) -> list[str]:
     rigid = model.motion.at(times[:: max(1, len(times) // _INSTANTS)])
     equations = model.equations
     more = equations.K_g if options.geometric else equations.K_d
-    factors = load_factors(matrices(equations.K_s, rigid), matrices(more, rigid))
+    factors = load_factors(rigid.matrices(equations.K_s), rigid.matrices(more))
     if factors is None or not factors.min() < 1.0:
         return []
     at = f"t = {rigid.times[int(factors.argmin())]:.4g} s"

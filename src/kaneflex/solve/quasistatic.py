@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse import coo_array, vstack
 
 from kaneflex.fem.springs import place_springs
-from kaneflex.mechanism.affine import Affine, as_array
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 
 _DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same
@@ -70,23 +68,15 @@ def answers(
             z[rows] = solve_banded_at(model, times[rows], load[rows])
         else:
             rigid = model.motion.at(times[rows])
-            stiffness = _dense(model.kept["K"], rigid)
+            stiffness = rigid.matrices(model.kept["K"])
             if relief:
-                elastic, mass = _dense(model.reduced.K_s, rigid), _dense(model.kept["M"], rigid)
+                elastic, mass = rigid.matrices(model.reduced.K_s), rigid.matrices(model.kept["M"])
                 z[rows] = _relieved(elastic, stiffness, mass, load[rows], relief)
             else:
                 z[rows] = np.linalg.solve(stiffness, load[rows, :, None])[..., 0]
         if progress is not None:
             progress(min(1.0, (first + batch) / len(times)))
     return z
-
-
-def _dense(affine: Affine, rigid: RigidMotion) -> np.ndarray:
-    """Matrices at all times, shape (n_times, n, n)."""
-    total = np.zeros((len(rigid.times), *affine.shape))
-    for monomial, matrix in affine.terms.items():
-        total += rigid.monomial(monomial)[:, None, None] * as_array(matrix)
-    return total
 
 
 def solve_banded_at(model: Model, times: np.ndarray, load: np.ndarray) -> np.ndarray:
@@ -124,7 +114,7 @@ def mechanism_modes(model: Model, t: float) -> int:
         held |= {(end.body, links[end.body].node_at(model.scene.point(end)[0])) for end in ends}
     rows, shapes = [], []
     for k, (name, part) in enumerate(model.parts.items()):
-        moved = _at(model.frame.maps[name], rigid)
+        moved = rigid.first(model.frame.maps[name])
         for node in (node for node in part.place if (name, node) in held):
             x = links[name].nodes[node] / length
             for row, shape in zip(part.place[node], ((1.0, 0.0, 0.0), (0.0, 1.0, x), (0.0, 0.0, 1.0)), strict=True):
@@ -132,20 +122,15 @@ def mechanism_modes(model: Model, t: float) -> int:
                     rows.append(moved[[row]] * (length if shape[0] == shape[1] else 1.0))
                     shapes.append(np.pad(-np.array(shape), (3 * k, 3 * (len(links) - k - 1))))
     for part, parted in place_springs(model.scene, links, model.parts, model.frame):
-        stiff = np.flatnonzero(_at(part.matrices["K_s"], rigid).diagonal())
-        rows.extend(_at(parted, rigid)[[row]] for row in stiff)
+        stiff = np.flatnonzero(rigid.first(part.matrices["K_s"]).diagonal())
+        rows.extend(rigid.first(parted)[[row]] for row in stiff)
         shapes.extend([np.zeros(3 * len(links))] * len(stiff))
-    bodies = [_at(motion, rigid) for motion in model.frame.bodies.values()]
+    bodies = map(rigid.first, model.frame.bodies.values())
     columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
     conditions = np.hstack([vstack(rows).toarray()[:, columns], np.array(shapes)])
     sizes = np.linalg.norm(conditions, axis=0)
     conditions /= np.where(sizes > 0.0, sizes, 1.0)
     return conditions.shape[1] - int(np.linalg.matrix_rank(conditions, tol=_DEPENDENT))
-
-
-def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
-    """An affine matrix at the first instant of a rigid motion."""
-    return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
 def lost_digits(model: Model, t: float) -> float:
@@ -155,7 +140,7 @@ def lost_digits(model: Model, t: float) -> float:
     """
     from scipy.linalg import LinAlgError, cholesky_banded
 
-    stiffness = coo_array(_at(model.reduced.K_s, model.motion.at(t)))
+    stiffness = coo_array(model.motion.at(t).first(model.reduced.K_s))
     size, diagonal = stiffness.shape[0], stiffness.diagonal()
     if not diagonal.min() > 0.0:
         return 1.0

@@ -14,15 +14,16 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import rotate_back
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
+from kaneflex.response.campbell import state_matrix
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import OutputError, SceneError, nearest
@@ -136,53 +137,58 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
         raise SceneError("solve.preset", model.options.preset, reason, cure)
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
-    if model.coupled is not None:
-        return _of_coupled(model, t, chosen)
-    rigid = model.motion.at(t)
-    M, damping, K = (_at(model.kept[name], rigid) for name in "MCK")
-    shifts, units = _inputs(model, rigid)
-    n = len(M)
-    F_u = _load_of(model, t, [*shifts.values()])
-    inertia, rates = np.linalg.solve(M, F_u), -np.linalg.solve(M, np.hstack([K, damping]))
-    readings = _Readings(model, t, chosen)
-    by_z, by_v, by_a = readings.by_coordinates()
-    by_u = readings.by_inputs([*shifts.values()])
-    A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates])
-    names = model.reduced.coordinates
-    return StateSpace(
-        M, damping, K, A, np.vstack([np.zeros_like(inertia), inertia]),
-        np.hstack([by_z, by_v]) + by_a @ rates, by_u + by_a @ inertia,
-        (*names, *(f"{name}'" for name in names)), tuple(shifts), tuple(chosen), tuple(units),
-        tuple(sensor.unit for sensor in chosen.values()), float(t),
-        {name: float(rigid[f"{name}.angle"][0]) for name in model.scene.drives},
-    )  # fmt: skip
-
-
-def _of_coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> StateSpace:
-    """The coupled equations about the steady deformation; the sensors by central differences."""
-    from kaneflex.solve.coupled_linearisation import inputs, linear_about, readings
-
-    found = linear_about(model, t)
-    n, scene = len(found.names), model.scene
-    inertia = np.linalg.solve(found.M, found.B)
-    rates = -np.linalg.solve(found.M, np.hstack([found.K, found.C]))
-    read = readings(model, found, chosen)
+    found = (_one_way if model.coupled is None else _coupled)(model, t, chosen)
+    scene, n = model.scene, len(found.names)
+    A = state_matrix(found.M, found.C, found.K)
+    inertia = np.linalg.solve(found.M, found.F_u)
+    drives = [name.removesuffix(".acceleration") for name in found.inputs[len(scene.loads) :]]
     units = [load.si_unit for load in scene.loads.values()]
-    driven = [name for name, drive in scene.drives.items() if drive.kind != "free"]
-    units += ["m/s^2" if scene.slides(name) else "rad/s^2" for name in driven]
+    units += ["m/s^2" if scene.slides(name) else "rad/s^2" for name in drives]
     return StateSpace(
-        found.M, found.C, found.K, np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]),
-        np.vstack([np.zeros_like(inertia), inertia]), read[:, : 2 * n], read[:, 2 * n :],
-        (*found.names, *(f"{name}'" for name in found.names)), inputs(model), tuple(chosen), tuple(units),
+        found.M, found.C, found.K, A, np.vstack([np.zeros_like(inertia), inertia]),
+        found.by_state + found.by_acceleration @ A[n:], found.by_inputs + found.by_acceleration @ inertia,
+        (*found.names, *(f"{name}'" for name in found.names)), found.inputs, tuple(chosen), tuple(units),
         tuple(sensor.unit for sensor in chosen.values()), float(t),
         {name: float(model.motion.at(t)[f"{name}.angle"][0]) for name in scene.drives},
     )  # fmt: skip
 
 
-def _at(affine: Affine, rigid: RigidMotion) -> np.ndarray:
-    """An affine matrix at the first time of a rigid motion."""
-    names = {name for monomial in affine.terms for name in monomial}
-    return affine.at({name: float(rigid[name][0]) for name in names}).toarray()
+class _Frozen(NamedTuple):
+    """M z'' + C z' + K z = F_u u at one instant, and y = by_state x + by_acceleration z'' + by_inputs u."""
+
+    names: tuple[str, ...]
+    inputs: tuple[str, ...]
+    M: np.ndarray
+    C: np.ndarray
+    K: np.ndarray
+    F_u: np.ndarray
+    by_state: np.ndarray
+    by_acceleration: np.ndarray
+    by_inputs: np.ndarray
+
+
+def _one_way(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
+    rigid = model.motion.at(t)
+    shifts = _inputs(model, rigid)
+    readings = _Readings(model, t, chosen)
+    by_z, by_v, by_a = readings.by_coordinates()
+    return _Frozen(
+        model.reduced.coordinates, tuple(shifts), *(rigid.first(model.kept[name]).toarray() for name in "MCK"),
+        _load_of(model, t, [*shifts.values()]), np.hstack([by_z, by_v]), by_a, readings.by_inputs([*shifts.values()]),
+    )  # fmt: skip
+
+
+def _coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
+    """The coupled equations about the steady deformation; the sensors by central differences."""
+    from kaneflex.solve.coupled_linearisation import inputs, linear_about, readings
+
+    found = linear_about(model, t)
+    n = len(found.names)
+    by_state, by_inputs = np.split(readings(model, found, chosen), [2 * n], axis=1)
+    by_acceleration = np.zeros((len(chosen), n))
+    return _Frozen(
+        found.names, inputs(model), found.M, found.C, found.K, found.B, by_state, by_acceleration, by_inputs
+    )
 
 
 def available_sensors(model: Model) -> dict[str, Sensor]:
@@ -212,10 +218,9 @@ Shift = dict[str, float]
 """Scalar of the motion -> what one unit of an input adds to it."""
 
 
-def _inputs(model: Model, rigid: RigidMotion) -> tuple[dict[str, Shift], list[str]]:
+def _inputs(model: Model, rigid: RigidMotion) -> dict[str, Shift]:
     """Every load's magnitude and every prescribed acceleration, as what they do to the scalars of the motion."""
     shifts: dict[str, Shift] = {name: {name: 1.0} for name in model.scene.loads}
-    units = [load.si_unit for load in model.scene.loads.values()]
     bodies = [*model.scene.bodies]
     angle = {name: np.arctan2(rigid[f"{name}.s"][0], rigid[f"{name}.c"][0]) for name in bodies}
     poses = {name: np.array([rigid[f"{name}.x"][0], rigid[f"{name}.y"][0], angle[name]]) for name in bodies}
@@ -229,11 +234,9 @@ def _inputs(model: Model, rigid: RigidMotion) -> tuple[dict[str, Shift], list[st
             shift |= {f"{name}.a_x": x, f"{name}.a_y": y, f"{name}.epsilon": turn}
             along, across = rotate_back(c, s, (x, y))
             shift |= {f"{name}.link.a_x": along, f"{name}.link.a_y": across}
-        if not _has_terms(model, shift):
-            continue
-        shifts[f"{drive}.acceleration"] = shift
-        units.append("m/s^2" if model.scene.joints[drive].kind == "prismatic" else "rad/s^2")
-    return shifts, units
+        if _has_terms(model, shift):
+            shifts[f"{drive}.acceleration"] = shift
+    return shifts
 
 
 def _has_terms(model: Model, shift: Shift) -> bool:
