@@ -19,17 +19,17 @@ from kaneflex.report.summary import (
     EnergyBalance,
     Instant,
     Operations,
-    PeakSpread,
     SensorSummary,
     Summary,
     Timing,
-    UnresolvedMode,
     _sensor,
     documentation,
     drive_degrees,
     json_schema,
     summarise,
 )
+from kaneflex.solve.mode_angle_envelope import PeakSpread
+from kaneflex.solve.unresolved import UnresolvedMode
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.support.labelled import Labelled

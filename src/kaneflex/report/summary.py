@@ -11,12 +11,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from kaneflex.response.time_statistics import statistics
+from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.solution import MOST_FREQUENCIES
+from kaneflex.solve.unresolved import UnresolvedMode, unresolved
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
+from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
     from kaneflex.response.sensors import Series
@@ -25,11 +28,7 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 1
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Instant(_Table):
+class Instant(PlainTable):
     """When something happened."""
 
     time_s: float = Field(description="time, s")
@@ -38,7 +37,7 @@ class Instant(_Table):
     )
 
 
-class SensorSummary(_Table):
+class SensorSummary(PlainTable):
     """A sensor over the stored times, in SI."""
 
     unit: str = Field(description="SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1")
@@ -51,7 +50,7 @@ class SensorSummary(_Table):
     mean: float = Field(description="mean over time, by the trapezoidal rule")
 
 
-class Timing(_Table):
+class Timing(PlainTable):
     """Wall time of the stages."""
 
     derive_s: float = Field(description="deriving the equations, s; 0 where their module existed")
@@ -61,33 +60,14 @@ class Timing(_Table):
     ns_per_step: float = Field(description="one step in the compiled loop, ns; 0 where nothing is integrated")
 
 
-class Operations(_Table):
+class Operations(PlainTable):
     """Arithmetic operations of one call of a kernel."""
 
     written_out: int = Field(description="as the equations stand")
     shared: int = Field(description="with common subexpressions shared, as emitted")
 
 
-class PeakSpread(_Table):
-    """A sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
-
-    smallest: float = Field(description="smallest peak")
-    largest: float = Field(description="largest peak")
-
-
-class UnresolvedMode(_Table):
-    """A mode at the reference configuration that the steps of a coupled run are too long for.
-
-    Steps under control of their error leave out only vibrations that are smaller than the error allowed; what such a
-    mode bears of forces is then its static share.
-    """
-
-    frequency_hz: float = Field(description="natural frequency, Hz")
-    shape: str = Field(description="what moves most in it: stretch or bending of a link")
-    steps_per_period: float = Field(description="mean steps in its period, below 3")
-
-
-class EnergyBalance(_Table):
+class EnergyBalance(PlainTable):
     """Where the energy went, in J, from start to end; but for preset coupled that of the rigid mechanism."""
 
     stored: float = Field(description="growth of kinetic, strain and potential energy")
@@ -97,7 +77,7 @@ class EnergyBalance(_Table):
     drift: float = Field(description="the gap against the largest energy turned over")
 
 
-class Summary(_Table):
+class Summary(PlainTable):
     """What a run was and gave."""
 
     schema_version: Literal[1] = Field(description="raised when a field goes or changes its meaning")
@@ -171,14 +151,14 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         steps=model.options.steps,
         stored=len(times),
         sensors=sensor_summaries(solution) if len(times) else {},
-        mode_angle_spread=_mode_angle_envelope(solution),
+        mode_angle_spread=mode_angle_spread(model),
         frequencies_hz=list(solution.frequencies),
         degrees_of_freedom=model.degrees_of_freedom,
         modes_kept=model.reduced.size + len(model.shapes_given),
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
-        unresolved_modes=_unresolved(solution),
+        unresolved_modes=unresolved(solution),
         choice=choice,
         timing=Timing(
             derive_s=seconds["derive"],
@@ -231,15 +211,6 @@ def drive_degrees(solution: Solution) -> np.ndarray | None:
     return None
 
 
-def _mode_angle_envelope(solution: Solution) -> dict[str, PeakSpread]:
-    if solution.model.options.dynamics != "frozen":
-        return {}
-    from kaneflex.solve.mode_angle_envelope import mode_angle_spread
-
-    peaks = mode_angle_spread(solution.model)
-    return {name: PeakSpread(smallest=smallest, largest=largest) for name, (smallest, largest) in peaks.items()}
-
-
 def _energy(solution: Solution) -> EnergyBalance | None:
     energy = solution.motion.energy
     if energy is None or not len(solution.times):
@@ -251,17 +222,6 @@ def _energy(solution: Solution) -> EnergyBalance | None:
         gap=abs(energy.gap).max(),
         drift=energy.drift,
     )
-
-
-def _unresolved(solution: Solution) -> list[UnresolvedMode]:
-    if solution.model.coupled is None:
-        return []
-    from kaneflex.solve.unresolved import unresolved
-
-    return [
-        UnresolvedMode(frequency_hz=mode.frequency, shape=mode.shape, steps_per_period=mode.steps)
-        for mode in unresolved(solution)
-    ]
 
 
 def json_schema() -> dict[str, Any]:

@@ -6,16 +6,25 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from pydantic import Field
 
 from kaneflex.multibody.model import Model
 from kaneflex.scene.sensors import DRIVE_KINDS
+from kaneflex.support.plain_table import PlainTable
 
 ANGLES = 12
 """Crank angles, equally spaced over a turn, at which the model is frozen."""
 _RIGID_KINDS = ("joint_force", *DRIVE_KINDS, "spring_force", "spring_torque")
 
 
-def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, tuple[float, float]]:
+class PeakSpread(PlainTable):
+    """A sensor's largest absolute value over the angles at which the equations are frozen, in SI."""
+
+    smallest: float = Field(description="smallest peak")
+    largest: float = Field(description="largest peak")
+
+
+def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, PeakSpread]:
     """Smallest and largest peak of each sensor over the mode angle.
 
     The decoupled equations (143) hold the mass and stiffness of one crank angle, which the paper does not state; no
@@ -24,13 +33,15 @@ def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = N
     Returns
     -------
     dict
-        Sensor -> (smallest, largest) of max |y| over those of ANGLES mode angles at which the first drive ever stands,
-        in the sensor's SI unit.
+        Sensor -> smallest and largest of max |y| over those of ANGLES mode angles at which the first drive ever stands,
+        in the sensor's SI unit; of equations that are not frozen nothing.
     """
     from kaneflex.multibody.building import build_model, stands_at
     from kaneflex.solve.simulation import solve
 
     peaks: dict[str, list[float]] = {}
+    if model.options.dynamics != "frozen":
+        return {}
     for k in range(ANGLES):
         angle = 2 * np.pi * k / ANGLES
         if stands_at(model.scene, angle, model.motion) is None:  # a drive may not go all the way round
@@ -42,4 +53,4 @@ def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = N
                 peaks.setdefault(name, []).append(float(abs(solution.series[name].values).max()))
         if progress is not None:
             progress((k + 1) / ANGLES)
-    return {name: (min(values), max(values)) for name, values in peaks.items()}
+    return {name: PeakSpread(smallest=min(values), largest=max(values)) for name, values in peaks.items()}

@@ -310,7 +310,7 @@ def _left_ringing(solution: Solution) -> list[str]:
             for name, sensor in model.scene.sensors.items() if sensor.kind == "acceleration"]  # fmt: skip
     if not felt or solution.outcome is not Outcome.COMPLETED:
         return []
-    highest = 2.0 * np.pi * max((mode.frequency for mode in unresolved(solution)), default=0.0)
+    highest = 2.0 * np.pi * max((mode.frequency_hz for mode in unresolved(solution)), default=0.0)
     rings = options.tolerance * length * highest**2 > LARGEST_PART * min(felt)
     if not rings or solution.seconds > LONGEST_SECOND:
         return []

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from kaneflex.support.plain_table import PlainTable
 
 _BY_PER_CENT = "p dy/dp / y of the {}: per cent by which it grows with one per cent of p; null where it is zero"
 
 
-class SensorDerivative(BaseModel):
+class SensorDerivative(PlainTable):
     """Derivatives of a sensor's statistics with respect to a parameter p, in SI."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     unit: str = Field(description="the sensor's SI unit over the parameter's")
     min: float = Field(description="of the smallest value")
@@ -23,10 +23,8 @@ class SensorDerivative(BaseModel):
     log_mean: float | None = Field(description=_BY_PER_CENT.format("mean"))
 
 
-class ParameterSensitivity(BaseModel):
+class ParameterSensitivity(PlainTable):
     """How the sensors answer to a small change of one number of the scene."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     value: float = Field(description="the parameter's value, SI")
     unit: str = Field(description="its SI unit; 1 for a plain number")

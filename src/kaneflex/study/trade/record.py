@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from kaneflex.support.plain_table import PlainTable
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Attempt(_Table):
+class Attempt(PlainTable):
     """A model that was run, or why it was not."""
 
     model: str = Field(description="its name, as `kaneflex trade` names it")
@@ -19,7 +17,7 @@ class Attempt(_Table):
     reason: str = Field(description="why it was not run to the end, or what it stepped over; empty if neither")
 
 
-class Choice(_Table):
+class Choice(PlainTable):
     """The cheapest model that keeps a tolerance, and the evidence for it."""
 
     tolerance: float = Field(description="error allowed of each sensor, as a share of its peak")
