@@ -165,10 +165,8 @@ class _Parts:
 
     def _drive(self, name: str) -> None:
         drive = self.scene.drives[name]
-        text = {"free": "free", "law": "law", "table": "table"}.get(drive.kind)
-        if text is None:
-            slides = self.scene.slides(name)
-            text = f"{drive.speed:.4g} m/s" if slides else f"{drive.speed * 30.0 / math.pi:.4g} rpm"
+        said = drive.kind in ("free", "law", "table")
+        text = drive.kind if said else self.scene.written_speed(name, drive.speed, 4)
         if self.scene.slides(name):
             self._sliding(name, text, back=(drive.speed or 0.0) < 0.0, dashed=drive.kind == "free")
             return

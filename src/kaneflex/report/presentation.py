@@ -303,14 +303,10 @@ def _drive(scene: Scene, name: str) -> str:
     if drive.kind in ("law", "table"):
         return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
     if drive.kind == "free":
-        return f"free, from {start} at {_speed(scene, name, drive.initial_speed)}"
+        return f"free, from {start} at {scene.written_speed(name, drive.initial_speed)}"
     if drive.kind == "spin up":
         cycle = f", reached in {drive.spin_up:.6g} s"
-    return f"{_speed(scene, name, drive.speed)} from {start}{cycle}"
-
-
-def _speed(scene: Scene, drive: str, speed: float) -> str:
-    return f"{speed:.6g} m/s" if scene.slides(drive) else f"{speed * 30.0 / math.pi:.6g} rpm"
+    return f"{scene.written_speed(name, drive.speed)} from {start}{cycle}"
 
 
 def modes_table(model: Model, names: Sequence[str], hertz: np.ndarray, shapes: np.ndarray) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import BodyFrame
 from kaneflex.mechanism.planar import cross
-from kaneflex.response.section_forces import Forces, LinkForces
+from kaneflex.response.section_forces import Forces, LinkForces, spread_loads
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
@@ -114,21 +114,14 @@ class Balance:
             )
             place, _, accel = self.motion.moving_place(self.link, (own.nodes[e] + local, 0.0))
             r, a = self._axes.to_body(place[:2] - start), density * self._axes.to_body(accel[:2] - gravity)
-            a -= self._spread(own.nodes[e] + local)
+            a -= sum(first + (own.nodes[e] + local) * rise for first, rise in self._spread)
             total += 0.5 * reach * weight * np.array([*a, cross(r, a) + rotary * accel[2]])
         return total
 
-    def _spread(self, x: float) -> np.ndarray:
-        """Loads spread along the link, per length at x [N/m], in the floating frame's axes (2, n_times)."""
-        floating, scene = self.motion.floating, self.motion.model.scene
-        total = np.zeros((2, len(floating.times)))
-        for name, load in scene.spreads.items():
-            if load.spread_on == self.link:
-                first, last = load.profile
-                size = (first + (last - first) * x / scene.bodies[self.link].length) * floating[name]
-                push = np.array(load.direction)[:, None] * size
-                total += push if load.axes == "body" else self._axes.to_body(push)
-        return total
+    @cached_property
+    def _spread(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Loads spread along the link, in the floating frame's axes."""
+        return list(spread_loads(self.motion.model.scene, self.motion.floating, self.link))
 
 
 @dataclass(frozen=True, eq=False)

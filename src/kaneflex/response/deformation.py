@@ -14,6 +14,7 @@ from kaneflex.mechanism.affine import Affine, Monomial, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
+from kaneflex.response.section_forces import spread_loads
 
 _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
@@ -119,19 +120,11 @@ class Deformation:
 
     def _spread(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
-        scene, rigid, name = self.model.scene, self.rigid, self.link.name
-        along, across = np.zeros((3, self.q.shape[1])), np.zeros((3, self.q.shape[1]))
-        for key, load in scene.spreads.items():
-            if load.spread_on != name:
-                continue
-            (x, y), (first, last) = load.direction, load.profile
-            if load.axes == "global":
-                x, y = rigid.frame(name).to_body((x, y))
-            growth = (last - first) / self.link.length
-            for k, share in enumerate((first + growth * self.link.nodes[e], growth)):
-                along[k] += rigid[key] * share * x
-                across[k] += rigid[key] * share * y
-        return along, across
+        total = np.zeros((3, 2, self.q.shape[1]))
+        for first, rise in spread_loads(self.model.scene, self.rigid, self.link.name):
+            total[0] += first + self.link.nodes[e] * rise
+            total[1] += rise
+        return total[:, 0], total[:, 1]
 
     def _ends(self, e: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
         """(N, V, M) inside the first and the second end of an element."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -37,14 +37,10 @@ class LinkForces:
             if at < x or point == "start":
                 force, moment = self.forces_at(Address(name, point))
                 N, V, M = N - force[0], V - force[1], M + (x - at) * force[1] - moment
-        for load_name, load in self.scene.spreads.items():
-            if load.spread_on == name:
-                first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / self.scene.bodies[name].length
-                vector = np.outer(load.direction, np.ones(self.steps))
-                push = rigid[load_name] * (vector if load.axes == "body" else rigid.frame(name).to_body(vector))
-                # int_0^x q and int_0^x (x - X) q of the linear profile
-                total, arm = first * x + rise * x**2 / 2, first * x**2 / 2 + rise * x**3 / 6
-                N, V, M = N - total * push[0], V - total * push[1], M + arm * push[1]
+        for first, rise in spread_loads(self.scene, rigid, name):
+            # int_0^x q and int_0^x (x - X) q of the linear profile
+            total, arm = first * x + rise * x**2 / 2, first * x**2 / 2 + rise * x**3 / 6
+            N, V, M = N - total[0], V - total[1], M + arm[1]
         return N, V, M
 
     def forces_at(self, address: Address) -> Forces:
@@ -84,6 +80,16 @@ class LinkForces:
         frame = self.rigid.frame(address.body)
         felt = frame.acceleration(self.scene.point(address)) - np.array(self.scene.gravity)[:, None]
         return np.vstack([felt, frame.epsilon])
+
+
+def spread_loads(scene: Scene, rigid: RigidMotion, link: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Each load spread along a link, in its axes: per length at the start [N/m], and its rise [N/m^2]; (2, n_times)."""
+    for name, load in scene.spreads.items():
+        if load.spread_on == link:
+            direction = np.outer(load.direction, rigid[name])
+            push = direction if load.axes == "body" else rigid.frame(link).to_body(direction)
+            first, last = load.profile
+            yield first * push, (last - first) / scene.bodies[link].length * push
 
 
 def joint_force(scene: Scene, rigid: RigidMotion, name: str, reaction: Callable[[str], np.ndarray]) -> np.ndarray:

@@ -167,6 +167,10 @@ class Scene(SceneTable):
         """A drive's coordinate [rad or m] for messages and tables, like "90 deg" or "12.5 mm"."""
         return f"{1e3 * value:.6g} mm" if self.slides(drive) else f"{math.degrees(value):.6g} deg"
 
+    def written_speed(self, drive: str, speed: float, digits: int = 6) -> str:
+        """A drive's speed [rad/s or m/s] for messages and tables, like "6000 rpm" or "0.5 m/s"."""
+        return f"{speed:.{digits}g} m/s" if self.slides(drive) else f"{speed * 30.0 / math.pi:.{digits}g} rpm"
+
     @property
     def joint_torques(self) -> dict[str, tuple[str, float]]:
         """Scalars of the motion that are torques at joints: name -> joint, sign on the joint's second body."""

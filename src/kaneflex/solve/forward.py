@@ -41,7 +41,6 @@ def integrate_free_joints(
     module: ModuleType,
     parameters: np.ndarray,
     options: Options,
-    progress: Callable[[float], None] | None = None,
 ) -> tuple[RigidKinematics, Energy]:
     """Integrate the free joints over the duration of ``options``, by its method and tolerance.
 
@@ -68,7 +67,7 @@ def integrate_free_joints(
     mechanism = mechanism_of(scene)
     check_start(mechanism, standing(module, parameters, 0.0, start), epsilon[0], inertia(0.0, start))
     run = _Steps(scene, module, parameters, options, accelerations)
-    for stretch in run.stretches(start, progress):
+    for stretch in run.stretches(start):
         for t, state in stretch:
             times.append(t)
             states.append(state)
@@ -90,7 +89,7 @@ class _Steps:
         most = max(options.steps, _MOST_NUMBERS / (_COURSES * _PIECES * len(module.FREE)))
         self.shortest = options.duration / most
 
-    def stretches(self, start: np.ndarray, progress: Callable[[float], None] | None):
+    def stretches(self, start: np.ndarray):
         """Lists of _PIECES instants with their states, from after the start to the end."""
         import scipy.integrate
 
@@ -120,8 +119,6 @@ class _Steps:
                 stalled, seen = solver.t - seen[1] < _STALLED * duration, (self.evaluations, solver.t)
             if stalled or self.evaluations > _MOST:
                 raise self.stopped(solver.t, solver.y)
-            if progress is not None:
-                progress(solver.t / duration)
             if solver.t - begun >= self.shortest or solver.status == "finished":
                 yield _sampled(curves, begun, solver.t)
                 begun, curves = solver.t, []

@@ -86,13 +86,9 @@ def load(
 
         coupled, more = build_system(scene, progress)
         scene, derived = with_stretch(scene), derived + more
-    bound = time.perf_counter()
     motion = RigidKinematics(module, bind_parameters(scene, module))
-    progress("compiling, first time only")
-    _compile(motion)
-    if coupled is not None:
-        coupled.compile()
-    compiled = time.perf_counter()
+    # a kernel that every load needs is called once, so that compiling is seen and timed apart from computing
+    compiled = _compiled(progress, lambda: motion.table(np.zeros(1)), *([coupled.compile] if coupled else []))
     warnings, energy = (*implausible(scene), *ignored), None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
@@ -109,12 +105,23 @@ def load(
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = build_model(scene, options, motion, like=like)
-    seconds = {
-        "derive": derived,
-        "compile": compiled - bound,
-        "set_up": time.perf_counter() - started - derived - (compiled - bound),
-    }
-    model = replace(model, coupled=coupled, energy=energy, seconds=seconds, warnings=(*model.warnings, *warnings))
+    model = replace(model, coupled=coupled, energy=energy, warnings=(*model.warnings, *warnings))
+    return _timed(model, started, derived, compiled)
+
+
+def _compiled(progress: Progress, *compile: Callable[[], object]) -> float:
+    """Seconds in which all is compiled that these calls need."""
+    progress("compiling, first time only")
+    started = time.perf_counter()
+    for call in compile:
+        call()
+    return time.perf_counter() - started
+
+
+def _timed(model: Model, started: float, derived: float, compiled: float) -> Model:
+    """The model with what its stages took [s], ready to start from where it asks for."""
+    set_up = time.perf_counter() - started - derived - compiled
+    model = replace(model, seconds={"derive": derived, "compile": compiled, "set_up": set_up})
     check_start(model)
     return model
 
@@ -153,28 +160,18 @@ def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
-    bound = time.perf_counter()
-    progress("compiling, first time only")
-    coupled.compile()
-    compiled = time.perf_counter()
+    compiled = _compiled(progress, coupled.compile)
     motion = _twin(scene, build_twin(scene, coupled, placement), options)
     check_twin(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = build_model(scene, options, motion, bare=True)
-    seconds = {
-        "derive": derived,
-        "compile": compiled - bound,
-        "set_up": time.perf_counter() - started - derived - (compiled - bound),
-    }
-    warnings = (*model.warnings, *implausible(scene), *ignored)
     if spare:
         open_rows = undetermined(coupled, rigid_state(coupled, motion.at(0.0))[0])
         check_sensors(scene, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
-    model = replace(model, coupled=coupled, seconds=seconds, warnings=warnings)
-    check_start(model)
-    return model
+    model = replace(model, coupled=coupled, warnings=(*model.warnings, *implausible(scene), *ignored))
+    return _timed(model, started, derived, compiled)
 
 
 def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
@@ -266,11 +263,6 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
         why = "preset coupled integrates them with the links" if free else "no joint is free"
         found.append(f"solve.forward is for free joints that move before anything deforms, and {why}: left out")
     return tuple(found)
-
-
-def _compile(motion: RigidKinematics) -> None:
-    """Call the kernel that every load needs once, so that compiling is seen and timed apart from computing."""
-    motion.table(np.zeros(1))
 
 
 def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:

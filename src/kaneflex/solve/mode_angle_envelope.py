@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +23,7 @@ class PeakSpread(PlainTable):
     largest: float = Field(description="largest peak")
 
 
-def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = None) -> dict[str, PeakSpread]:
+def mode_angle_spread(model: Model) -> dict[str, PeakSpread]:
     """Smallest and largest peak of each sensor over the mode angle.
 
     The decoupled equations (143) hold the mass and stiffness of one crank angle, which the paper does not state; no
@@ -51,6 +50,4 @@ def mode_angle_spread(model: Model, progress: Callable[[float], None] | None = N
         for name, sensor in model.scene.sensors.items():
             if sensor.kind not in _RIGID_KINDS:
                 peaks.setdefault(name, []).append(float(abs(solution.series[name].values).max()))
-        if progress is not None:
-            progress((k + 1) / ANGLES)
     return {name: PeakSpread(smallest=min(values), largest=max(values)) for name, values in peaks.items()}

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from kaneflex.scene import Scene
     from kaneflex.stability.report import Stability
 
 _ILL = 1e12
@@ -26,11 +25,6 @@ def findings(found: Stability) -> dict[str, str]:
     if found.sweep is not None:
         sentences["speeds"] = _of_speeds(found)
     return sentences
-
-
-def format_speed(scene: Scene, drive: str, speed: float) -> str:
-    """A speed of a drive [rad/s or m/s], as people read it."""
-    return f"{speed:.5g} m/s" if scene.slides(drive) else f"{speed * 30 / math.pi:.5g} rpm"
 
 
 def _of_multipliers(found: Stability) -> str:
@@ -104,11 +98,14 @@ def _of_condition(found: Stability) -> str:
 
 
 def _of_speeds(found: Stability) -> str:
-    swept, scene = found.sweep, found.model.scene
-    ends = [format_speed(scene, swept.drive, float(swept.speeds[k])) for k in (0, -1)]
-    gap = format_speed(scene, swept.drive, swept.widest_gap)
+    swept = found.sweep
+
+    def written(speed: float) -> str:
+        return found.model.scene.written_speed(swept.drive, float(speed), 5)
+
+    ends, gap = [written(swept.speeds[k]) for k in (0, -1)], written(swept.widest_gap)
     missed = f"a band narrower than {gap} may be missed but at 2 f / k turns of a frozen frequency f"
     if not swept.bands:
         return f"stable at all {len(swept.speeds)} speeds from {ends[0]} to {ends[1]}; {missed}"
-    bands = [" to ".join(format_speed(scene, swept.drive, edge) for edge in band) for band in swept.bands]
+    bands = [" to ".join(map(written, band)) for band in swept.bands]
     return f"from {ends[0]} to {ends[1]}, unstable from {', from '.join(bands)}; {missed}"

@@ -61,11 +61,11 @@ class Multipliers:
         return float(np.log(self.radius) / self.period)
 
 
-def floquet_multipliers(model: Model, tolerance: float = CONVERGED) -> Multipliers:
+def floquet_multipliers(model: Model) -> Multipliers:
     """Multipliers of M z'' + C z' + K z = 0 over a period, with as many steps as they need.
 
     The method is of order four and neither damps nor excites: from one attempt to the next its steps are halved, until
-    the spectral radius changes by no more than ``tolerance``, a share of it or of one.
+    the spectral radius changes by no more than CONVERGED.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def floquet_multipliers(model: Model, tolerance: float = CONVERGED) -> Multiplie
         radius = float(abs(values[0]))
         if before is not None:
             change = abs(radius - before) / max(radius, 1.0)
-            if change <= tolerance or 2 * steps > MOST_STEPS:
+            if change <= CONVERGED or 2 * steps > MOST_STEPS:
                 return Multipliers(values, period, steps, change)
         before, steps = radius, 2 * steps
 
