@@ -149,7 +149,7 @@ class Model:
     @property
     def step(self) -> float:
         """Time step [s]."""
-        return (self.scene.period if self.options.cycles else self.options.duration) / self.options.steps
+        return self.options.duration / self.options.steps
 
     def M(self, t: float) -> np.ndarray:
         """Mass matrix at time t [s], shape (n, n)."""

@@ -75,8 +75,7 @@ class Outline:
 
 def scenery(model: Model) -> Scenery:
     """Pivots, guides and extent of a scene."""
-    horizon = model.scene.period if model.options.cycles else model.options.duration
-    return rigid_scenery(model.scene, model.motion.at(np.linspace(0.0, horizon, _SWEEP, endpoint=False)))
+    return rigid_scenery(model.scene, model.motion.at(np.linspace(0.0, model.options.duration, _SWEEP, endpoint=False)))
 
 
 def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:

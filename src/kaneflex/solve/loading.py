@@ -92,8 +92,7 @@ def load(
     warnings, energy = (*implausible(scene), *ignored), None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
-        horizon = scene.period if options.cycles else options.duration
-        motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, horizon))
+        motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
     if module.FREE and coupled is not None:
         motion = RigidKinematics(module, at_initial_speed(scene, module, motion.parameters, options.duration))
     elif module.FREE:
@@ -101,7 +100,7 @@ def load(
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
         if options.dynamics != "rigid":
             warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
-    check_closure(mechanism_of(scene), motion, (scene.period if options.cycles else None) or options.duration)
+    check_closure(mechanism_of(scene), motion, options.duration)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = build_model(scene, options, motion, like=like)
@@ -177,8 +176,7 @@ def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started
 def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
     """Prescribed drives must take the rigid mechanism through their range; where free joints go is not known yet."""
     mechanism, twin = mechanism_of(scene), motion.module
-    horizon = (scene.period if options.cycles else None) or options.duration
-    rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, horizon, SWEEP + 1))
+    rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
     first = next(iter(mechanism.bodies))
     lost = np.flatnonzero(~np.isfinite(rigid[f"{first}.x"]))
     if len(lost) and np.isfinite(rigid.said).all():
@@ -267,8 +265,7 @@ def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
 
 def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
-    horizon = scene.period if options.cycles else options.duration
-    times = np.linspace(0.0, horizon, min(options.steps, _MOST) + 1)
+    times = np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     rigid = motion.at(times)
     free_bodies = options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values())
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
@@ -295,7 +292,7 @@ def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> No
     directed = {name: s for name, s in scene.springs.items() if s.ends and (s.length or s.damping)}
     if not directed:
         return
-    rigid = motion.at(np.linspace(0.0, scene.period if options.cycles else options.duration, SWEEP + 1))
+    rigid = motion.at(np.linspace(0.0, options.duration, SWEEP + 1))
 
     for name, spring in directed.items():
         start, end = (rigid.frame(address.body).place(scene.point(address)) for address in spring.between)

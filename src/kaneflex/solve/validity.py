@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from kaneflex.fem.links import Link
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.response.loss_of_stiffness import lost_stiffness
 from kaneflex.response.undersampling import between_steps
@@ -49,35 +48,60 @@ ZERO = 1e-6
 
 def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
-    model = solution.model
-    found = []
+    model, coupled = solution.model, solution.model.coupled is not None
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
-    if lowest is not None and model.options.dynamics in ("dynamic", "coupled"):
-        found.extend(_coarse(solution, lowest))
-    found.extend(_parted(solution))
-    found.extend(_ill_conditioned(solution))
-    found.extend(between_steps(model))
-    if model.coupled is not None:
-        return [*found, *_of_coupled(solution)]
-    if model.energy is not None and model.energy.drift > LARGEST_GAP:
-        found.append(
-            f"the energy balance of the rigid mechanism does not close: {model.energy.drift:.2g} of the energy turned "
-            f"over is missing or too much; lower solve.forward.tolerance from {model.options.forward_tolerance:g}"
+    followed = lowest is not None and model.options.dynamics in ("dynamic", "coupled")
+    found = _coarse(solution, lowest) if followed else []
+    found += [*_parted(solution), *_ill_conditioned(solution), *between_steps(model), *_unbalanced(solution)]
+    if coupled:
+        found += [*_loose(solution), *_left_ringing(solution), *_lost(solution)]
+    if not len(solution.times):
+        return found
+    if not coupled:
+        found += lost_stiffness(model, solution.times)
+    motion = solution.motion
+    nodes = {name: motion.nodes(name)[0] for name in model.links}
+    shares = {name: float(abs(q[1::3]).max()) / model.links[name].length for name, q in nodes.items()}
+    for name, q in nodes.items():
+        found += _deformed(name, model.links[name].length, q, shares[name], coupled)
+    return found if coupled else found + _uncoupled(solution, shares)
+
+
+def _deformed(name: str, length: float, q: np.ndarray, share: float, coupled: bool) -> Iterator[str]:
+    """Warnings where a link's nodal coordinates, shape (3 n_nodes, n_times), are too large for what is made of them.
+
+    share: of the link's length, by which it moves across its axis at most
+    """
+    stretch = abs(q[-3] - q[0]).max() / length
+    if stretch > LARGEST_STRETCH:
+        yield (
+            f"{name} stretches by {stretch:.2g} of its length: strains are taken as small, so its forces and "
+            "frequencies mean little"
         )
-    if len(solution.times):
-        found.extend(lost_stiffness(model, solution.times))
-    shares, motion = {}, solution.motion
-    for name, link in model.links.items() if len(solution.times) else ():
-        q = motion.nodes(name)[0]
-        found.extend(_stretched(name, link, q))
-        shares[name] = float(abs(q[1::3]).max()) / link.length
-        if shares[name] > LARGEST_DEFLECTION:
-            found.append(
-                f"{name} moves across its axis by {shares[name]:.0%} of its length: displacements are "
-                "taken as small, so compare with a geometrically exact model"
-            )
-    found.extend(_uncoupled(solution, shares))
-    return found
+    if coupled and share > LARGEST_BEND:
+        yield (
+            f"{name} bends out of its own axis by {share:.0%} of its length: its shortening is "
+            "complete to the second order only, so compare with a geometrically exact model"
+        )
+    if not coupled and share > LARGEST_DEFLECTION:
+        yield (
+            f"{name} moves across its axis by {share:.0%} of its length: displacements are "
+            "taken as small, so compare with a geometrically exact model"
+        )
+
+
+def _unbalanced(solution: Solution) -> Iterator[str]:
+    """A warning where the energy of what was integrated with free joints gets lost or comes from nowhere."""
+    energy, options = solution.motion.energy, solution.model.options
+    if energy is None or energy.drift <= LARGEST_GAP:
+        return
+    missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
+    if solution.model.coupled is not None:
+        lower = f"lower solve.tolerance from {options.tolerance:g}, or ask for more steps"
+        yield f"the energy balance {missing}; {lower}"
+    else:
+        lower = f"lower solve.forward.tolerance from {options.forward_tolerance:g}"
+        yield f"the energy balance of the rigid mechanism {missing}; {lower}"
 
 
 def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
@@ -246,34 +270,16 @@ def _part_by(solution: Solution, ways: str, parts: dict[str, np.ndarray]) -> lis
     return [f"{worst} {ways} part by {largest[worst][0]:.2g} of its peak at t = {at:.6g} s{more}"]
 
 
-def _of_coupled(solution: Solution) -> list[str]:
-    """An energy balance that doesn't close, and bending that the second-order kinematics no longer describe."""
-    motion, found = solution.motion, []
-    drift = motion.energy.drift
-    if drift > LARGEST_GAP:
-        found.append(
-            f"the energy balance does not close: {drift:.2g} of the energy turned over is missing or too much; "
-            f"lower solve.tolerance from {solution.model.options.tolerance:g}, or ask for more steps"
-        )
-    found.extend(_loose(solution))
-    found.extend(_left_ringing(solution))
+def _lost(solution: Solution) -> Iterator[str]:
+    """Warnings where sensors of a coupled run have no value."""
     for name, series in solution.series.items():
         lost = ~np.isfinite(series.values)
         if lost.any():
-            found.append(
+            yield (
                 f"{name} has no value at {lost.sum()} of {len(lost)} instants, first at t = "
                 f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism is then where the rigid one, which it "
                 "is measured against, doesn't close"
             )
-    for name, link in solution.model.links.items():
-        found.extend(_stretched(name, link, motion.nodes(name)[0]))
-        largest = abs(motion.nodes(name)[0][1::3]).max(initial=0.0)
-        if largest > LARGEST_BEND * link.length:
-            found.append(
-                f"{name} bends out of its own axis by {largest / link.length:.0%} of its length: its shortening is "
-                "complete to the second order only, so compare with a geometrically exact model"
-            )
-    return found
 
 
 def _loose(solution: Solution) -> list[str]:
@@ -323,15 +329,4 @@ def _left_ringing(solution: Solution) -> list[str]:
         f"{text}: vibrations smaller than the error allowed count in accelerations; lower solve.tolerance, or take "
         "preset stiffened"
         for text in _part_by(solution, f"at solve.tolerance = {options.tolerance:g} and {tenth:g}", parts)
-    ]
-
-
-def _stretched(name: str, link: Link, q: np.ndarray) -> list[str]:
-    """A warning where a link's nodal coordinates, shape (3 n_nodes, n_times), change its length by far."""
-    share = abs(q[-3] - q[0]).max(initial=0.0) / link.length
-    if share <= LARGEST_STRETCH:
-        return []
-    return [
-        f"{name} stretches by {share:.2g} of its length: strains are taken as small, so its forces and frequencies "
-        "mean little"
     ]

@@ -96,6 +96,5 @@ def _speed_ratio(model: Model) -> float | None:
 
 
 def _buckling_ratio(model: Model) -> float | None:
-    end = model.scene.period if model.options.cycles else model.options.duration
-    found = buckling(model, np.linspace(0.0, end, _BUCKLING_SAMPLES))
+    found = buckling(model, np.linspace(0.0, model.options.duration, _BUCKLING_SAMPLES))
     return None if found is None else 1.0 / found.margin
