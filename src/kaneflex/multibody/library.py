@@ -21,7 +21,16 @@ from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
 from kaneflex.generated import joints
 from kaneflex.multibody import (
-    collocation, dense_lu, inner, loops, powers, recursion, reduction, tables, tree, unfolding,
+    collocation,
+    dense_lu,
+    inner,
+    loops,
+    powers,
+    recursion,
+    reduction,
+    tables,
+    tree,
+    unfolding,
 )  # fmt: skip
 from kaneflex.multibody.tables import OUTER
 from kaneflex.support.fingerprint import made_of
