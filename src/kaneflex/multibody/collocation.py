@@ -26,22 +26,23 @@ import numpy as np
 from numba import njit, types
 from numba.types import boolean, float64, int64
 
+from kaneflex.multibody import contact_search, contacts
 from kaneflex.multibody.loops import (
-    close, copy, factorise_closed, follow, give, mend, middle, row_size, settle_now, solve_closed, worn,
+    close, copy, factorise_closed, follow, give, mend, middle, row_size, settle_now, solve_closed, works_at, worn,
 )  # fmt: skip
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES, ENTRY, FIRST,
-    HANDLE, KEPT, LAST_A, LAST_R, LOADS, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, RATE, REACTION, REACTIONS,
-    RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, Z,
-    apart, larger, opened, opening, smaller,
+    ACCEL, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES,
+    ENTRY, FIRST, HANDLE, KEPT, LAST_A, LAST_R, LOADS, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, RATE, REACTION,
+    REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS,
+    Y, YIELDING, Z, apart, larger, opened, opening, smaller,
 )  # fmt: skip
-from kaneflex.multibody.tree import demand, prescribe
+from kaneflex.multibody.tree import courses, demand, prescribe
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED = 0, 1, 2, 3, 4, 5
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE = range(7)
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
-independent."""
+independent, where contacts change over and over without time between."""
 
 
 class Table(NamedTuple):
@@ -120,6 +121,8 @@ def _factors(m, table, t, h, here, A, B):
     prescribe(m, t + 0.5 * h)
     if not close(m):
         return False
+    if plan[CONTACTS] < plan[ACTS]:
+        contacts.let_yield(m, h, here)
     middle(m)
     if not factorise_closed(m, h * table.real[0], A, plan[PIVOTS]):
         return False
@@ -143,9 +146,11 @@ def _stage(m, table, t, h, i, here):
         return False
     demand(m, t + c * h)
     copy(w, plan[ACCEL], of + n * i, n)
-    courses = plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS])
-    for k in range(courses):
-        w[plan[STAGE_C] + courses * i + k] = w[plan[COURSE] + 3 * k + 1]
+    count = courses(m)
+    for k in range(count):
+        w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
+    if plan[CONTACTS] < plan[ACTS]:
+        contact_search.note(m, i + 1)
     return True
 
 
@@ -153,9 +158,8 @@ def _stage(m, table, t, h, i, here):
 def _drive(m, i, course, force):
     """The power of a prescribed drive in stage i."""
     plan = m.plan
-    courses = plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS])
     first = plan[STAGE_P] + plan[WORKS] * i + 1 + plan[SPRINGS] - plan[LOADS]
-    m.w[first + course] = force * m.w[plan[STAGE_C] + courses * i + course]
+    m.w[first + course] = force * m.w[plan[STAGE_C] + courses(m) * i + course]
 
 
 @njit(**OPTIONS)
@@ -190,6 +194,8 @@ def _improve(m, table, h, A, B):
         for r in range(count):
             d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
             w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
+        if m.pivots[YIELDING]:
+            change = larger(change, contacts.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B))
         for cut in range(plan[CUTS], plan[DRIVES]):
             if m.acts[cut, COURSE_AT] >= 0:
                 force = w[plan[STAGE_R] + plan[REACTIONS] * i + m.acts[cut, ROW_AT]]
@@ -243,12 +249,16 @@ def _error(m, table, h, here, A):
     answer = plan[COLUMNS] + plan[KEPT] * n
     for k in range(n):
         A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
+    if m.pivots[YIELDING]:
+        contacts.resist_defect(m, step, A, answer)
     solve_closed(m, A, plan[PIVOTS])
     error = 1e-12
     for b in range(plan[BODIES]):
         first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
         for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
             error = larger(error, abs(w[at + k] + A[answer + k]) / w[plan[SCALE] + k])
+    if m.pivots[YIELDING]:
+        error = larger(error, contacts.error_of_gaps(m, h, A, answer))
     return 0.5 * h * h * error
 
 
@@ -260,7 +270,7 @@ def _finish(m, table, t, end, here, A):
     n, r, h, of = plan[COORDINATES], plan[REACTIONS], end - t, plan[STAGE_A]
     for i in range(3):
         for k in range(plan[WORKS]):
-            here[1 + 3 * n + r + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
+            here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     b_1, b_2 = table.b_1, table.b_2
     w_0, w_1, w_2 = _basis(table.nodes, 1.0, 0), _basis(table.nodes, 1.0, 1), _basis(table.nodes, 1.0, 2)
     for k in range(n):
@@ -286,10 +296,11 @@ def _finish(m, table, t, end, here, A):
 def settle(handle, t):
     """Put the dependent coordinates and rates where the loops close, and find accelerations and reactions of the cuts.
 
-    The motion is that of the tables, at Y, RATE, ACCEL and NOW. False at a singular state.
+    The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts are closed where their sides overlap. False at
+    a singular state.
     """
     m = opened(handle)
-    return settle_now(m, t, m.real, 0.0, 2)
+    return settle_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
 
 
 @njit(**ENTRY)
@@ -298,18 +309,22 @@ def integrate(handle, method, control, here, given, fixed, times, count, rows, c
 
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
     1 where the dependent coordinates are to stay].
-    here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations,
-    reactions of the cuts, works: a row of the table. given: the ends [s] of the ``fixed`` steps to take from there,
-    with the ``times`` among them; none where the control of the error chooses them. Works are time integrals of powers
-    (dissipation, loads, drives). counts: accepted and rejected steps, Newton iterations, factorisations. ends: filled
-    with those of the steps that are taken, at most as many as may be tried. Returns a status.
+    here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations, reactions of
+    the cuts, states of the contacts, works: a row of the table. given: the ends [s] of the ``fixed`` steps to take from
+    there, with the ``times`` among them; none where the control of the error chooses them. Works are time integrals of
+    powers (dissipation, loads, drives, contacts). counts: accepted and rejected steps, Newton iterations,
+    factorisations. ends: filled with those of the steps that are taken, at most as many as may be tried. Returns a
+    status.
     """
     m, table = opened(handle), _opened_table(method)
-    A, B, width = m.real, m.pair, row_size(m)
+    A, B, width, touching = m.real, m.pair, row_size(m), m.plan[CONTACTS] < m.plan[ACTS]
+    trial, found = 0.0, contact_search.PASSED
+    if touching and not contact_search.back(m, here):
+        return SINGULAR
     wanted, row, length, replayed = control[0], 0, control[5], fixed > 0
     taken, tried, status = 0, 0, DONE
     while row + 1 < count:
-        if tried == control[2]:
+        if (tried >= control[2] and trial == 0.0) or (touching and contacts.full(m)):
             status = PAUSED
             break
         tried += 1
@@ -318,7 +333,8 @@ def integrate(handle, method, control, here, given, fixed, times, count, rows, c
             end = given[taken]
             h = end - t
         else:
-            wanted = smaller(wanted, control[1])
+            longest = smaller(control[1], contact_search.unturned(m)) if touching else control[1]
+            wanted = smaller(wanted, longest)
             if wanted < 1e-12 * (times[count - 1] - times[0]):
                 status = TOO_SMALL
                 break
@@ -326,6 +342,8 @@ def integrate(handle, method, control, here, given, fixed, times, count, rows, c
             left = times[row + 1] - t
             h = left / math.ceil(left / wanted * (1.0 - 1e-9))
             end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
+            if trial > 0.0:
+                h, end = trial, t + trial
         _first_guess(m, table, h, length, here)
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B)
@@ -334,23 +352,37 @@ def integrate(handle, method, control, here, given, fixed, times, count, rows, c
                 status = NO_CONVERGENCE
                 break
             counts[1] += 1
-            wanted, length = 0.4 * h, 0.0
+            wanted, length, trial = 0.4 * h, 0.0, 0.0
             continue
         if not replayed:
             error = _error(m, table, h, here, A)
             growth = smaller(3.0, larger(0.2, 0.9 * error ** (-0.2)))
             if not error <= 1.0:
                 counts[1] += 1
-                wanted, length = h * smaller(growth, 0.9), 0.0
+                wanted, length, trial = h * smaller(growth, 0.9), 0.0, 0.0
                 continue
             wanted = larger(wanted, h * growth) if growth >= 1.0 else h * growth
-        if not _finish(m, table, t, end, here, A):
-            status = SINGULAR
+        if touching:
+            found = contact_search.look(m, table, t, h, here, trial > 0.0)
+            trial = contact_search.next_trial(m, found)
+            counts[1] += found >= contact_search.AT_ONCE
+            if found == contact_search.ASTRAY:
+                wanted, length = 0.4 * h, 0.0
+            if found >= contact_search.AGAIN:
+                continue
+        at_once = found == contact_search.AT_ONCE
+        solved = contact_search.back(m, here) if at_once else _finish(m, table, t, end, here, A)
+        if not at_once:
+            counts[0] += 1
+            length, ends[taken] = h, end
+            taken += 1
+        if touching and solved:
+            wanted = contact_search.go_on(m, table, h, here, A, wanted, found)
+            length = length if found == contact_search.PASSED else 0.0
+        if not solved or wanted <= 0.0:
+            status = CASCADE if solved and wanted == 0.0 else SINGULAR
             break
-        counts[0] += 1
-        length, ends[taken] = h, end
-        taken += 1
-        if end == times[row + 1]:
+        if here[0] == times[row + 1]:
             row += 1
             for k in range(width):
                 rows[row * width + k] = here[k]

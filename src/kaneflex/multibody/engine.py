@@ -69,14 +69,20 @@ class Engine:
 
     def row(self, t: float) -> np.ndarray:
         """The motion as it stands at t [s], as a row of the integration; no work has been done."""
-        return np.concatenate([[t], *self.motion, np.zeros(self.count(at.WORKS))])
+        return np.concatenate([[t], *self.motion, self.contacts[:, at.BEGUN_AT], np.zeros(self.count(at.WORKS))])
 
     def stand(self, row: np.ndarray) -> None:
         """Take the motion of a row."""
         first = 1
-        for part in self.motion:
+        for part in (*self.motion, self.contacts[:, at.BEGUN_AT]):
             part[:] = row[first : first + len(part)]
             first += len(part)
+
+    def take_impacts(self) -> np.ndarray:
+        """The impacts that are over and were not taken yet, (impacts, IMPACT_SIZE)."""
+        room = self.numbers(at.IMPACTS, 1 + at.IMPACT_SIZE * at.MOST_IMPACTS)
+        taken, room[0] = room[1 : 1 + at.IMPACT_SIZE * int(room[0])].reshape(-1, at.IMPACT_SIZE).copy(), 0.0
+        return taken
 
     def courses(self, t: float) -> dict[str, float]:
         """Coordinates that the drives prescribe at t [s], by joint [rad or m]."""
@@ -169,7 +175,13 @@ class Engine:
     @property
     def inputs(self) -> int:
         """Loads and prescribed accelerations."""
-        return self.count(at.WORKS) - 1
+        return self.count(at.WORKS) - 1 - len(self.contacts)
+
+    @property
+    def contacts(self) -> np.ndarray:
+        """A view of the contacts' numbers, (contacts, CONTACT_SIZE)."""
+        count = self.count(at.ACTS) - self.count(at.CONTACTS)
+        return self.numbers(at.CONTACT, at.CONTACT_SIZE * count).reshape(-1, at.CONTACT_SIZE)
 
     @property
     def sections(self) -> np.ndarray:
@@ -234,7 +246,8 @@ class Engine:
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
-        widths = (size, size, size, 3 * bodies + self.count(at.REACTIONS), 4, self.count(at.WORKS))
+        exerted = 3 * bodies + self.count(at.REACTIONS) + 4 * len(self.contacts)
+        widths = (size, size, size, exerted, 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
         self._call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)
         return out

@@ -151,7 +151,7 @@ def at_rest(engine: Engine, t: float) -> tuple[np.ndarray, np.ndarray]:
         sections.append(engine.sections.copy())
     N = (np.array(rates[1:]) - rates[0]).T
     K = N.T @ (np.where(engine.shapes, engine.numbers(at.STIFFNESS, engine.size), 0.0)[:, None] * N)
-    for fields in engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.ACTS)]:
+    for fields in engine.tables.acts[engine.count(at.SPRINGS) : engine.count(at.CONTACTS)]:
         parts = np.array([_parts(engine, fields, sections[0], moved - sections[0]) for moved in sections[1:]])
         K += engine.tables.w[fields[at.NUMBERS_AT]] * parts @ parts.T
     return M, K

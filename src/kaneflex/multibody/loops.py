@@ -14,11 +14,11 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.recursion import add_force, assemble, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
-    ACCEL, AT, BENDS, BODIES, COLUMNS, COORDINATES, COURSE_OF, CUT, CUT_OF, DEMAND, DEPENDENT, DOF, FIRST, FRAME,
-    FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE,
-    MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION,
-    REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION, SECTIONS, SHAPES, SIDE, SPEEDS, WORKS, W_NOW, Y, apart,
-    kernel, larger,
+    ACCEL, ACTS, AT, BEGUN_AT, BENDS, BODIES, COLUMNS, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES, COURSE_OF, CUT,
+    CUT_OF, DEMAND, DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT,
+    KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS,
+    POINT, PRISMATIC, PUSH, RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION, SECTIONS,
+    SHAPES, SIDE, SPEEDS, STIFF, TOUCHING, VISCOUS, W_NOW, WORKS, Y, YIELDING, apart, kernel, larger,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe, turned
 
@@ -182,28 +182,47 @@ def factorise_closed(m, h, A, pivots):
     if not factorise(m, h, A):
         return False
     plan, w = m.plan, m.w
-    count = plan[KEPT]
+    count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(count):
         for k in range(plan[SPEEDS]):
             A[plan[PUSH] + k] = 0.0
         for k in range(plan[COORDINATES]):
-            A[plan[COLUMNS] + plan[COORDINATES] * r + k] = 0.0
-        cut, k = plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
+            A[column(m, r) + k] = 0.0
+        cut, k = row_at(m, r)
         for side in range(2):
             j = k + 3 * side
             add_force(m, A, m.acts[cut, AT + side], w[j], w[j + 1], w[j + 2])
-        solve(m, A, r)
+        solve(m, A, r if r < plan[KEPT] else r + 1)
         for q in range(count):
             A[plan[SCHUR] + count * q + r] = opening(m, A, q)
+    for r in range(plan[KEPT], count):
+        k = plan[CONTACT] + CONTACT_SIZE * m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+        A[plan[SCHUR] + (count + 1) * r] += 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 
 
 @njit(**OPTIONS)
+def row_at(m, r):
+    """The act of a kept row, or of a contact that yields after these, and where its Jacobian is."""
+    plan = m.plan
+    if r < plan[KEPT]:
+        return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
+    n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    return plan[CONTACTS] + n, plan[MIDDLE_CUT] + ROW_SIZE * (plan[REACTIONS] + n) + 3
+
+
+@njit(**OPTIONS)
+def column(m, r):
+    """Where the coordinates by such a row's unit force are: the answer stands between those of cuts and contacts."""
+    return m.plan[COLUMNS] + m.plan[COORDINATES] * (r if r < m.plan[KEPT] else r + 1)
+
+
+@njit(**OPTIONS)
 def opening(m, A, r):
-    """Rate of a kept row by the speeds at PUSH."""
-    plan, w = m.plan, m.w
-    cut, k = plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
-    total = 0.0 * A[plan[PUSH]]
+    """Rate of a row by the speeds at PUSH."""
+    w = m.w
+    cut, k = row_at(m, r)
+    total = 0.0 * A[m.plan[PUSH]]
     for side in range(2):
         t_0, t_1, t_2 = twist_of(m, A, m.acts[cut, AT + side])
         j = k + 3 * side
@@ -213,22 +232,22 @@ def opening(m, A, r):
 
 @njit(**OPTIONS)
 def solve_closed(m, A, pivots):
-    """What forces of the coordinates bring about: both in the last row of COLUMNS, and at REACTION what the kept rows
-    need to stay closed."""
+    """What forces of the coordinates bring about: both in the row of COLUMNS after the kept ones, and at REACTION what
+    these need to stay closed, and what contacts push back."""
     apart()
     plan = m.plan
-    count, n, x = plan[KEPT], plan[COORDINATES], plan[REACTION]
+    count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]
     for k in range(plan[SPEEDS]):
         A[plan[PUSH] + k] = 0.0
-    solve(m, A, count)
+    solve(m, A, plan[KEPT])
     if count:
         for r in range(count):
             A[x + r] = -opening(m, A, r)
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
-        answer = plan[COLUMNS] + n * count
+        answer = plan[COLUMNS] + n * plan[KEPT]
         for r in range(count):
             for i in range(n):
-                A[answer + i] += A[plan[COLUMNS] + n * r + i] * A[x + r]
+                A[answer + i] += A[column(m, r) + i] * A[x + r]
 
 
 @njit(**OPTIONS)
@@ -263,8 +282,15 @@ def worn(m):
 
 @njit(**OPTIONS)
 def row_size(m):
-    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts, works."""
-    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + m.plan[WORKS]
+    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts, BEGUN_AT of the
+    contacts, works."""
+    return works_at(m) + m.plan[WORKS]
+
+
+@njit(**OPTIONS)
+def works_at(m):
+    """Where the works are in a row."""
+    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + m.plan[ACTS] - m.plan[CONTACTS]
 
 
 @njit(**OPTIONS)
@@ -275,6 +301,8 @@ def take(m, row):
         w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
     for r in range(plan[REACTIONS]):
         w[plan[NOW] + r] = row[1 + 3 * n + r]
+    for k in range(plan[ACTS] - plan[CONTACTS]):
+        w[plan[CONTACT] + CONTACT_SIZE * k + BEGUN_AT] = row[1 + 3 * n + plan[REACTIONS] + k]
 
 
 @njit(**OPTIONS)
@@ -286,6 +314,8 @@ def give(m, t, row):
         row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
     for r in range(plan[REACTIONS]):
         row[1 + 3 * n + r] = w[plan[NOW] + r]
+    for k in range(plan[ACTS] - plan[CONTACTS]):
+        row[1 + 3 * n + plan[REACTIONS] + k] = w[plan[CONTACT] + CONTACT_SIZE * k + BEGUN_AT]
 
 
 @njit(**OPTIONS)
@@ -302,7 +332,7 @@ def middle(m):
     plan, w = m.plan, m.w
     assemble(m)
     copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
-    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * plan[REACTIONS])
+    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[REACTIONS] + plan[ACTS] - plan[CONTACTS]))
 
 
 @njit(**OPTIONS)
@@ -314,6 +344,7 @@ def mend(m, t, A, h, turns):
     apart()
     plan, w = m.plan, m.w
     middle(m)
+    m.pivots[YIELDING] = 0
     if not factorise_closed(m, h, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.tables import (
-    ACTS, AT, BLOCK, BODIES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES, ENERGY, FRAME, FRAME_SIZE, GRAVITY,
-    JOINT, JOINTS, KIND, LOADS, MODAL, NOW, NUMBERS, ON, OPTIONS, PARENT, POWER, RATE, REVOLUTE, ROW_AT, SEC, SECTION,
-    SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE, SUMS, TORQUE, WHAT, Y, apart, kernel, shifted,
+    ACTS, AT, BLOCK, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
+    ELASTIC, ENERGY, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, KIND, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
+    OPTIONS, PARENT, POWER, PUSH_NOW, RATE, REVOLUTE, ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRING_SIZE, SPRINGS,
+    SUMS, TORQUE, WHAT, WORKS, Y, apart, kernel, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import load_direction, turned
 
@@ -28,15 +29,23 @@ def energies(m):
             w[f + 4], w[f + 5], w[f + 6], w[f + 7], sums,
         )  # fmt: skip
         w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)
-    for n in range(plan[ACTS] - plan[SPRINGS]):
+    for n in range(plan[CONTACTS] - plan[SPRINGS]):
         k = plan[SPRING] + SPRING_SIZE * n
         w[at + 1] += w[k + 4]
         w[at + 2] += w[k + 5]
+    for n in range(plan[ACTS] - plan[CONTACTS]):
+        k = plan[CONTACT] + CONTACT_SIZE * n
+        w[at + 1] += w[k + ELASTIC]
+        w[at + 2] += w[k + LOSING]
 
 
 @njit(**OPTIONS)
 def losses(m, out):
-    """At ``out``, powers [W] of dissipation and of every load."""
+    """At ``out``, powers [W] of dissipation, of every load, and after the drives those that contacts take up.
+
+    A contact's work is what it has stored and lost: its loss is not integrated by itself, for next to a depth of zero
+    its parts are not smooth, while the force is small.
+    """
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     lost = 0.0
@@ -47,8 +56,12 @@ def losses(m, out):
             for j in range(size):
                 total += w[c + size * i + j] * w[rates + j]
             lost += w[rates + i] * total
-    for n in range(plan[ACTS] - plan[SPRINGS]):
+    for n in range(plan[CONTACTS] - plan[SPRINGS]):
         lost += w[plan[SPRING] + SPRING_SIZE * n + 5]
+    contacts = plan[ACTS] - plan[CONTACTS]
+    for n in range(contacts):
+        k = plan[CONTACT] + CONTACT_SIZE * n
+        w[out + plan[WORKS] - contacts + n] = -w[k + PUSH_NOW] * w[k + GAP_RATE]
     w[out] = lost
     for n in range(plan[LOADS], plan[SPRINGS]):
         size = w[plan[SIZE] + n - plan[LOADS]]
@@ -63,7 +76,7 @@ def losses(m, out):
 
 @njit(**OPTIONS)
 def powers(m):
-    """At POWER, rates of the works: dissipation, every load's, every prescribed drive's [W]; after :func:`demand`."""
+    """At POWER, rates of the works [W], after :func:`demand`: dissipation but in contacts, loads, drives, contacts."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     losses(m, plan[POWER])

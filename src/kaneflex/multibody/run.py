@@ -20,6 +20,8 @@ _PIECE, _FEW, _QUICK = 100, 10, 0.2
 """Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first
 where an event is looked for, and about how long as many steps as are then tried may take [s]."""
 
+_OF_A_DEPTH = 30.0
+"""Tolerances of a run, as a share of an impact's depth, that are allowed as error in a contact's gap."""
 _AGREE = 1e-7
 """Share of the mechanism's size by which joints that hold something twice may differ."""
 
@@ -135,12 +137,16 @@ class _Run:
         turns = [unit == "rad" for _, unit in engine.layout.coordinates]
         self.scale = method.tolerance * np.where(turns, 1.0, method.length)
         engine.numbers(at.SCALE, size)[:] = self.scale
+        shared = engine.numbers(at.TOUCH, at.SHARED)
+        shared[[at.PRECISION, at.EXTENT]] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
+        self.impacts: list[np.ndarray] = []
         system.fold(q, v)
         engine.choose(float(times[0]))
         self.settled = engine.settle(float(times[0]))
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times), len(self.here)))
         self.rows[0] = self.here
+        self.stored = system.unfold(self.here[None]).gaps[0, :, 2]
         self.longest = float(times[1] - times[0])
         self.step = first_step(engine.motion[2], self.scale, self.longest)
 
@@ -213,6 +219,8 @@ class _Run:
         )  # fmt: skip
         self.ends.append(ends[: int(control[4])])
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
+        if self.system.mechanism.contacts:
+            self.impacts.append(self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
             before = sorted(self.engine.dependent.tolist())
@@ -265,11 +273,12 @@ class _Run:
     ) -> CoupledTrajectory:
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
-        done = self.rows[rows][:, -works:]
+        done, count = self.rows[rows][:, -works:], found.gaps.shape[1]
+        taken_up = done[:, works - count :] - (found.gaps[:, :, 2] - self.stored)
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,
-            *balance(found, done[:, 0], done[:, 1:].sum(axis=1)), int(self.counts[0]), int(self.counts[1]), outcome,
-            message, ns,
+            *balance(found, done[:, 0] + taken_up.sum(axis=1), done[:, 1 : works - count].sum(axis=1)),
+            int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
         )  # fmt: skip
 
 
@@ -281,7 +290,7 @@ def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tu
     """Energies at some states, and the powers lost and supplied there; what was since the start is known already."""
     kinetic, strain, _, weight = found.sums.T
     energy = Energy(kinetic, strain, weight, dissipated, supplied)
-    return energy, found.powers[:, 0], found.powers[:, 1:].sum(axis=1)
+    return energy, found.sums[:, 2], found.powers[:, 1:].sum(axis=1)
 
 
 def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
@@ -310,6 +319,9 @@ _ENDED = {
         Outcome.UNSTABLE, "the motion can't go on after {at}: the step vanishes, as where a linkage locks",
     ),
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
+    collocation.CASCADE: (
+        Outcome.UNSTABLE, "contacts close and open over and over at {at} with no time between: no step resolves that",
+    ),
     collocation.NO_CONVERGENCE: (
         Outcome.UNSTABLE,
         "no step of the given length leads on from {at}: give shorter ones, or let the error choose them",

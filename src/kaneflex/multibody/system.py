@@ -138,9 +138,11 @@ class CoupledSystem:
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
+        touching, given = found[3][:, len(found[3].T) - 4 * len(self.mechanism.contacts) :], 1 + self.engine.inputs
         exerted = found[3][:, self._exerted]
         exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
-        return Unfolded(q, v, a, exerted, *found[4:])
+        gaps = touching.reshape(len(rows), -1, 4)
+        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps)
 
     def settle(self, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded | None:
         """The state at t [s] with its loops closed, accelerations and reactions; None at a singular state.
@@ -205,7 +207,8 @@ class CoupledSystem:
 @dataclass(frozen=True, eq=False)
 class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
-    powers (dissipation, loads, drives)."""
+    powers (dissipation, loads, drives); of every contact its gap [m], force [N], stored energy [J] and loss [W].
+    Dissipated power is all of it, the powers' is that without contacts."""
 
     q: np.ndarray
     v: np.ndarray
@@ -213,6 +216,7 @@ class Unfolded:
     reactions: np.ndarray
     sums: np.ndarray
     powers: np.ndarray
+    gaps: np.ndarray
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:

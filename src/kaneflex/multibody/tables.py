@@ -27,11 +27,11 @@ ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True,
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 """What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
 
-SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, HINGE_SIZE = 9, 11, 9, 6, 8
+SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 41, 8
 """Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
-row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kaneflex.generated.joints`), and a factorised
-joint: what it moves along at its section (3), the articulated inertia times that (3), 1 over what resists its
-coordinate, and whether there is one."""
+row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kaneflex.generated.joints`), a contact (see
+:mod:`kaneflex.multibody.contacts`), and a factorised joint: what it moves along at its section (3), the articulated
+inertia times that (3), 1 over what resists its coordinate, and whether there is one."""
 
 (
     KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS,
@@ -45,9 +45,11 @@ and direction in the parent section's axes; where its shapes' damping matrix beg
 OWNER, POINT, JACOBIAN = range(3)
 """Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
-"""Columns of ``acts`` (cuts, drives, loads, springs): its kind; two sections; a cut's course or -1, a drive's
-coordinate or -1; a cut's first row; its numbers: a cut's direction and angle, a drive's or a load's direction, a
-spring's k, c, free length or angle."""
+LAW = COURSE_AT
+"""Columns of ``acts`` (cuts, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1, a drive's
+coordinate or -1, a contact's law; a cut's first row, a contact's row; its numbers: a cut's direction and angle, a
+drive's or a load's direction, a spring's k, c, free length or angle, a contact's
+(:mod:`kaneflex.generated.contact`)."""
 
 WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE = range(6)
 """Kinds of joints in the tree; cuts have the first three, and drives of cut joints the last two, as drives have."""
@@ -55,28 +57,46 @@ FORCE_ALONG, FOLLOWER, TORQUE = range(3)
 """Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
 STRAIGHT, TORSIONAL = range(2)
 """Kinds of springs."""
+(
+    GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, PUSH_NOW, ELASTIC, LOSING,
+    BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE, NODES,
+) = range(22)  # fmt: skip
+"""Numbers of a contact: what :func:`kaneflex.generated.contact.gap` stores; its force, stored energy and loss; whether
+it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its gap;
+k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
+impulse, peak force and what was lost before; how it changes at the end of this step; then a step's nodes."""
+PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, SHARED = range(11)
+"""Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
+[m], the step [s] before they closed; a change that is looked for: steps before and after it, the one to try, its
+contact and kind; when the last one was, and how many at one instant; then every contact's gradient."""
+IMPACT_SIZE, MOST_IMPACTS = 8, 64
+"""Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
+energy lost; how many are kept until Python takes them. Their count is before them."""
 
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, WORKS, KEPT, BENDS,
-    CUTS, DRIVES, LOADS, SPRINGS, ACTS,
+    CUTS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, INPUT,
     GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
+    CONTACT, TOUCH, IMPACTS, TOUCHING,
     MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, LAST_A, LAST_R, RESISTING,
     SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, PIVOTS, PAIR_PIVOTS, PLAN,
-) = range(63)  # fmt: skip
+) = range(69)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions of cuts, works, kept rows; whether
-shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads and springs begin and end. Where in
-``w`` lie: the motion (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over
-all speeds, cut rows, courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces
-at inboard sections, what every coordinate asks for, powers; gravity, what holds and damps every coordinate, what counts
-as one in it, the error allowed in it; what is added to the loads' sizes, then to prescribed accelerations; the gradient
-of the kept rows, its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself: that
-square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w`` again: mass matrices and
-W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and rates of
-courses, accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all bodies,
-joints, coordinates by unit reactions of the kept rows and in the
-last row the answer, what the reactions do to the cuts, forces, reactions; in ``plan``, the pivots of either factors."""
+shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads, springs and contacts begin and end;
+how many contacts the factors to come let yield, which compiled code counts. Where in ``w`` lie: the motion
+(coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over all speeds, cut rows,
+courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces at inboard sections,
+what every coordinate asks for, powers; gravity, what holds and damps every coordinate, what counts as one in it, the
+error allowed in it; what is added to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows,
+its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself: that square's pivots, and
+of every kept row its number, its cut, its dependent coordinate. In ``w`` again: contacts, what all of them share,
+impacts that are over; in ``plan`` the contacts that yield; in ``w`` mass matrices and W at the middle of a step, with
+its sections and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations and reactions of
+the last step, and what its stages ask for. In factors: squares of all bodies, joints, coordinates by unit reactions of
+the kept rows and in the last row the answer, what the reactions do to the cuts, forces, reactions; in ``plan``, the
+pivots of either factors."""
 
 
 class Tables(NamedTuple):

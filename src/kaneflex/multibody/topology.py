@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaneflex.mechanism import contacts
 from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody import tables as at
@@ -98,20 +99,23 @@ def build_tables(
     acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers)
     plan = np.zeros(at.PLAN, np.int64)
     n, reactions = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
-    works = 1 + len(mechanism.loads) + len(prescribed)
+    touching = len(mechanism.contacts)
+    works = 1 + len(mechanism.loads) + len(prescribed) + touching
     plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
-    plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.ACTS]] = ranges
+    plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
     for what, count in _lengths(plan, mechanism, len(index), square, jacobian).items():
         plan[what] = numbers.room(count)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
+    rows = reactions + touching
     size = _in_turn(plan, 0, {
-        at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (reactions + 1) * n,
-        at.SCHUR: reactions**2, at.PUSH: row, at.REACTION: reactions,
+        at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (rows + 1) * n,
+        at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows,
     })  # fmt: skip
-    of_rows = (at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT, at.PIVOTS, at.PAIR_PIVOTS)
-    plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, dict.fromkeys(of_rows, reactions)) - at.PLAN, np.int64))
+    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), reactions)
+    of_rows |= {at.TOUCHING: touching, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
+    plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     w = np.concatenate(numbers.parts)
     _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
     inboard = tuple((None if joint is None else joint.name, child) for _, joint, child in order)
@@ -123,18 +127,21 @@ def build_tables(
 def _lengths(plan: np.ndarray, mechanism: Mechanism, sections: int, square: int, jacobian: int) -> dict[int, int]:
     """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
-    loads, courses = len(mechanism.loads), sum(not drive.free for drive in mechanism.drives.values())
+    touching, loads = len(mechanism.contacts), len(mechanism.loads)
+    courses = sum(not drive.free for drive in mechanism.drives.values())
     return {
         at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
-        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * reactions,
+        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * (reactions + touching),
         at.COURSE: 3 * courses, at.X: 2 * len(mechanism.drives), at.SIZE: loads,
         at.INPUT: loads + courses,
         at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
         at.JOINTS: 3 * bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
-        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * reactions, at.STAGE_A: 3 * n,
+        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * (reactions + touching), at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
+        at.CONTACT: at.CONTACT_SIZE * touching, at.TOUCH: at.SHARED + n * touching,
+        at.IMPACTS: 1 + at.MOST_IMPACTS * at.IMPACT_SIZE * (touching > 0),
     }  # fmt: skip
 
 
@@ -272,11 +279,13 @@ def _order(mechanism: Mechanism) -> list[Branch]:
 
 
 def _points(mechanism: Mechanism) -> Iterator[BodyPoint]:
-    """Points at which joints, springs and loads act; a load spread over a body acts on a section of its own."""
+    """Points at which joints, springs, contacts and loads act; a load spread over a body has a section of its own."""
     for joint in mechanism.joints.values():
         yield from joint.sides
     for spring in mechanism.springs.values():
         yield from spring.sides
+    for contact in mechanism.contacts.values():
+        yield from contact.sides
     for load in mechanism.loads.values():
         if load.point is not None:
             yield load.point
@@ -316,7 +325,7 @@ def _acts(
     mechanism: Mechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
     prescribed: Sequence[str], numbers: _Numbers,
 ) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
-    """Cuts, drives, loads and springs; where each kind of them begins, and the end; the cuts' joints."""
+    """Cuts, drives, loads, springs and contacts; where each kind of them begins, and the end; the cuts' joints."""
     taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
     found: list[tuple[int, ...]] = []
     ends, names, row = [0], [], 0
@@ -356,5 +365,10 @@ def _acts(
         kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL
         place = numbers.put([spring.stiffness, spring.damping, spring.free])
         found.append((kind, *(index[_key(side)] for side in spring.sides), -1, -1, place))
+    ends.append(len(found))
+    for k, contact in enumerate(mechanism.contacts.values(), start=row):
+        what, law = contacts.KINDS.index(contact.kind), contacts.LAWS.index(contact.law)
+        sections = (index[_key(side)] for side in contact.sides)
+        found.append((what, *sections, law, k, numbers.put(contacts.numbers_of(contact))))
     ends.append(len(found))
     return np.array(found, np.int64).reshape(-1, 6), ends, names

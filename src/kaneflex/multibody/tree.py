@@ -11,13 +11,15 @@ import math
 
 from numba import njit
 
+from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BLOCK, BODIES, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, DEFORM, DEMAND, DRIVES, FIRST,
-    FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LOADS,
-    LOCAL, MAGNITUDES, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, POINT, PRISMATIC, PUSHED, RATE,
-    REACTIONS, REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING, SPRINGS,
-    SPRING_SIZE, SUMS, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart, kernel, shifted,
+    ACCEL, ACTS, AT, BEGUN_AT, BLOCK, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COURSE, COURSE_AT, COURSE_OF, COURSES,
+    CUT, CUTS, DEFORM, DEMAND, DRIVES, ELASTIC, FIRST, FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GAP, GAP_RATE, GRAVITY,
+    INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING, MAGNITUDES, MODAL, NORMAL_X,
+    NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X, PLACE_Y, POINT, PRISMATIC, PUSH_NOW,
+    PUSHED, RATE, REACTIONS, REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING,
+    SPRING_SIZE, SPRINGS, SUMS, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart, kernel, shifted,
 )  # fmt: skip
 
 
@@ -29,13 +31,20 @@ def turned(w, theta, k):
 
 
 @njit(**OPTIONS)
+def courses(m):
+    """How many drives prescribe a course."""
+    plan = m.plan
+    return plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS]) - (plan[ACTS] - plan[CONTACTS])
+
+
+@njit(**OPTIONS)
 def prescribe(m, t):
     """The coordinates that drives prescribe, with their rates."""
     apart()
     plan, w = m.plan, m.w
     kernel(m.kernels, COURSES)(t, m.p, w, plan[COURSE])
     loads = plan[SPRINGS] - plan[LOADS]
-    for k in range(plan[WORKS] - 1 - loads):
+    for k in range(courses(m)):
         w[plan[COURSE] + 3 * k + 2] += w[plan[INPUT] + loads + k]
     for b in range(plan[BODIES]):
         if m.bodies[b, COURSE_OF] >= 0:
@@ -253,7 +262,7 @@ def act(m, t):
             x, z = load_direction(m, n)
             push(m, acts[n, AT], size * x, size * z, 0.0)
     sec = shifted(w, plan[SECTION])
-    for n in range(plan[SPRINGS], plan[ACTS]):
+    for n in range(plan[SPRINGS], plan[CONTACTS]):
         first, second, j = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
         k = plan[SPRING] + SPRING_SIZE * (n - plan[SPRINGS])
         if acts[n, WHAT] == TORSIONAL:
@@ -264,6 +273,41 @@ def act(m, t):
             laws.pull(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
             push(m, first, -w[k + 2], -w[k + 3], 0.0)
             push(m, second, w[k + 2], w[k + 3], 0.0)
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        press(m, n)
+
+
+@njit(**OPTIONS)
+def press(m, n):
+    """A contact where its sections are, and what it exerts on them if it is closed."""
+    apart()
+    plan, w = m.plan, m.w
+    k = meet(m, n)
+    if w[k + PUSH_NOW] != 0.0:
+        x, z = w[k + PUSH_NOW] * w[k + NORMAL_X], w[k + PUSH_NOW] * w[k + NORMAL_Y]
+        for side in range(2):
+            at, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
+            turn = (w[k + PLACE_X] - w[at]) * z - (w[k + PLACE_Y] - w[at + 1]) * x
+            push(m, m.acts[n, AT + side], sign * x, sign * z, sign * turn)
+
+
+@njit(**OPTIONS)
+def meet(m, n):
+    """Where a contact's numbers are, filled in: gap and what follows from it; nothing is stored or exerted apart.
+
+    A contact that lets go, which a negative BEGUN_AT says, pushes no more, and loses what it has stored.
+    """
+    plan, w, sec = m.plan, m.w, m.plan[SECTION]
+    k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]
+    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
+    w[k + PUSH_NOW] = w[k + ELASTIC] = w[k + LOSING] = 0.0
+    begun_at, gap, rate = w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+    if begun_at != 0.0:
+        if begun_at > 0.0:
+            w[k + PUSH_NOW] = touching.normal_force(law, w, j, begun_at, gap, rate)
+        w[k + ELASTIC] = touching.stored(w, j, gap)
+        w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + PUSH_NOW]) * rate
+    return k
 
 
 @njit(**OPTIONS)

@@ -8,11 +8,13 @@ from numba import njit
 from numba.types import boolean, float64, int64, void
 
 from kaneflex.multibody import powers
+from kaneflex.multibody.contacts import stand_closed
 from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take
 from kaneflex.multibody.tables import (
-    ACCEL, BODIES, COORDINATES, CUT, CUTS, DRIVES, ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HANDLE, INBOARD,
-    JOINT, JOINTS, LAST, LOCAL, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, RATE, REACTIONS,
-    REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SUMS, WORKS, Y, apart, opened, shifted,
+    ACCEL, ACTS, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY, FIRST, FRAME,
+    FRAME_SIZE, FREE, GAP, GRADIENT, HANDLE, INBOARD, JOINT, JOINTS, LAST, LOCAL, LOSING, MODAL, N, NOW, NUMBERS,
+    OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS,
+    SHAPES, SPEEDS, SUMS, WORKS, Y, apart, opened, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
 
@@ -66,8 +68,9 @@ def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
     """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
-    the cuts' reactions; on the joint's second body. sums: kinetic energy, strain energy, dissipated power, potential
-    energy of the weight. rates: powers of dissipation, loads, drives. The rows close the loops.
+    the cuts' reactions, on the joint's second body; then of every contact its gap, force, stored energy and loss. sums:
+    kinetic energy, strain energy, dissipated power, potential energy of the weight. rates: powers of dissipation,
+    loads, drives, contacts. The rows close the loops.
     """
     m = opened(handle)
     plan, w = m.plan, m.w
@@ -79,7 +82,8 @@ def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
         demand(m, here[0])
         powers.powers(m)
         powers.energies(m)
-        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS]))
+        touching = plan[ACTS] - plan[CONTACTS]
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 4 * touching))
         for b in range(plan[BODIES]):
             f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
             for j in range(3):
@@ -91,6 +95,11 @@ def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
             out[3 * b], out[3 * b + 1], out[3 * b + 2] = _exerted(m, b)
         for r in range(plan[REACTIONS]):
             out[3 * plan[BODIES] + r] = w[plan[NOW] + r]
+        out = shifted(out, 3 * plan[BODIES] + plan[REACTIONS])
+        for c in range(touching):
+            of = plan[CONTACT] + CONTACT_SIZE * c
+            out[4 * c], out[4 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
+            out[4 * c + 2], out[4 * c + 3] = w[of + ELASTIC], w[of + LOSING]
         for j in range(4):
             sums[4 * row + j] = w[plan[SUMS] + j]
         for j in range(plan[WORKS]):
@@ -114,7 +123,8 @@ def states(handle, times, count, q, v, first, held, rows):
     for row in range(first, count):
         t = times[row]
         _fold(m, shifted(q, row * size), shifted(v, row * size))
-        if not settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2):
+        done = settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
+        if not (done and (held or stand_closed(m, t, m.real))):
             return row
         give(m, t, shifted(rows, row * row_size(m)))
     return count

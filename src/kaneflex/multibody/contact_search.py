@@ -1,0 +1,323 @@
+"""Where in a step a contact changes, in the compiled integration.
+
+The gap along a step is looked at where its stages are, and where the cubics between them come close to zero: on the
+step's own polynomial, so that no dip below zero is stepped over. A step that goes past a change is taken again up to
+there, until the gap is zero but for rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.multibody.contacts import (
+    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, at, change, depth_of, no_force, pushed_on, tolerance,
+)  # fmt: skip
+from kaneflex.multibody.loops import follow, take
+from kaneflex.multibody.tables import (
+    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FOUND_AT, GAP, GAP_RATE, HIGH, LAW, LOW, NODES,
+    NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, RESISTING_MASS, SEC, SECTION, STAGE_A, TARGET, TOUCH, TRIAL, Y,
+    apart, larger, smaller,
+)  # fmt: skip
+from kaneflex.multibody.tree import meet
+
+PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
+"""What is found in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end doesn't
+close."""
+_NEVER = 2.0
+_FIRST_HYSTERETIC = 2
+"""Of the laws, by their numbers, that which is the first to divide by an approach speed."""
+
+
+@njit(**OPTIONS)
+def note(m, i):
+    """Keep gap, its rate, force and its sign of all contacts as they are now, as those of the step's node i."""
+    apart()
+    plan, w = m.plan, m.w
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        k, act = at(m, c), plan[CONTACTS] + c
+        j = k + NODES + 4 * i
+        w[j], w[j + 1], w[j + 2], w[j + 3] = w[k + GAP], w[k + GAP_RATE], w[k + PUSH_NOW], 1.0
+        if w[k + BEGUN_AT] != 0.0:
+            # Where the depth is zero so is a force, but for its sign.
+            gap = smaller(w[k + GAP], -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION])
+            begun_at = abs(w[k + BEGUN_AT])
+            law, own = m.acts[act, LAW], m.acts[act, NUMBERS_AT]
+            w[j + 3] = touching.normal_force(law, w, own, begun_at, gap, w[k + GAP_RATE])
+
+
+@njit(**OPTIONS)
+def back(m, here):
+    """Have everything where a row has it, where a step begins; False: a loop doesn't close."""
+    apart()
+    take(m, here)
+    closes = follow(m, here[0])
+    begin(m)
+    return closes
+
+
+@njit(**OPTIONS)
+def go_on(m, table, h, here, A, wanted, found):
+    """Begin the next step after one in which this was ``found``; how long it may be [s], see ``contacts.change``."""
+    apart()
+    if found != AT_ONCE:
+        pushed_on(m, table, h)
+    if found != PASSED:
+        wanted = change(m, here, A, wanted)
+    begin(m)
+    return wanted
+
+
+@njit(**OPTIONS)
+def begin(m):
+    """Note where a step begins: where everything is."""
+    apart()
+    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
+        meet(m, act)
+    note(m, 0)
+
+
+@njit(**OPTIONS)
+def forget(m):
+    """Give up the search for a change in a step."""
+    m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = 0.0
+
+
+@njit(**OPTIONS)
+def next_trial(m, found):
+    """The step to take again [s], 0 where none is."""
+    return m.w[m.plan[TOUCH] + TRIAL] if found == AGAIN else 0.0
+
+
+@njit(**OPTIONS)
+def unturned(m):
+    """The longest step [s] in which no body with an open contact turns by more than 1 rad."""
+    plan, w, fastest = m.plan, m.w, 1e-300
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        if w[at(m, c) + BEGUN_AT] == 0.0:
+            for side in range(2):
+                fastest = larger(fastest, abs(w[plan[SECTION] + SEC * m.acts[plan[CONTACTS] + c, AT + side] + 5]))
+    return 1.0 / fastest
+
+
+@njit(**OPTIONS)
+def look(m, table, t, h, here, searched):
+    """Look for the first change of a contact in a step that is solved; see PASSED. TRIAL is the step to take instead.
+
+    The change is between LOW and HIGH where one was ``searched`` already.
+    """
+    apart()
+    plan, w, shared = m.plan, m.w, m.plan[TOUCH]
+    last = 3 if table.ends[0] != 0.0 else 4
+    if not between(m, table, t, h, here, 1.0):
+        return ASTRAY
+    note(m, last)
+    if not searched:
+        forget(m)
+    first, which, how, at_end = _NEVER, -1, 0, True
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        w[at(m, c) + DUE] = 0.0
+        x, kind = _first_change(m, table, t, h, here, c, last)
+        at_end = at_end and (x == _NEVER or (x > 0.9 and _due(m, t, c, kind, last)))
+        if x < first:
+            first, which, how = x, c, kind
+    high = w[shared + HIGH]
+    finest = 4.0 * EPS * larger(abs(t), h)
+    if which >= 0 and first * h <= finest and not (searched and w[shared + LOW] > 0.0):
+        w[at(m, which) + DUE] = how
+        return AT_ONCE
+    if which < 0:
+        if not searched:
+            return CHANGED if _harden(m, last) else PASSED
+        which, how = int(w[shared + TARGET]), int(w[shared + FOUND_AT])
+        if not _due(m, t, which, how, last):
+            w[shared + LOW] = h
+            trial = h + _ahead(m, table, h, which, how, last)
+            w[shared + TRIAL] = trial if h < trial < high else 0.5 * (h + high)
+            if high - h > finest:
+                return AGAIN
+    elif not at_end and not (searched and h - w[shared + LOW] <= finest):
+        w[shared + HIGH], w[shared + TARGET], w[shared + FOUND_AT] = h, which, how
+        low, trial = w[shared + LOW] if searched else 0.0, first * h
+        w[shared + LOW] = low
+        w[shared + TRIAL] = trial if low < trial < h else 0.5 * (low + h)
+        return AGAIN
+    w[at(m, which) + DUE] = how
+    return CHANGED
+
+
+@njit(**OPTIONS)
+def _shares(table, i, last):
+    """Shares of a step at which its nodes i and i + 1 are, the ``last`` of which is its end."""
+    return table.nodes[i - 1] if i > 0 else 0.0, table.nodes[i] if i + 1 < last else 1.0
+
+
+@njit(**OPTIONS)
+def _first_change(m, table, t, h, here, c, last):
+    """Where in the step a contact changes first, as a share of it, and how."""
+    apart()
+    w, k = m.w, at(m, c)
+    begun_at, j = w[k + BEGUN_AT], k + NODES
+    for i in range(last):
+        x_a, x_b = _shares(table, i, last)
+        wide, a, b = x_b - x_a, j + 4 * i, j + 4 * (i + 1)
+        p_0, m_0, p_1, m_1 = w[a], w[a + 1] * h, w[b], w[b + 1] * h
+        if begun_at == 0.0:
+            if p_1 <= 0.0 and (m_1 < 0.0 or p_0 > 0.0 or m_0 < 0.0):
+                return x_a + wide * _falls(p_0, m_0 * wide, p_1, m_1 * wide), CLOSES
+            if p_1 > 0.0:
+                x = _dips(m, table, t, h, here, c, i, last)
+                if x < _NEVER:
+                    return x, CLOSES
+            continue
+        x, how = _NEVER, 0
+        if p_1 > 0.0 and m_1 > 0.0:
+            x, how = x_a + wide * _falls(-p_0, -m_0 * wide, -p_1, -m_1 * wide), OPENS
+        sign_0, sign_1, none = w[a + 3], w[b + 3], no_force(m, c)
+        if begun_at > 0.0 and sign_1 < -none and m_1 > 0.0:
+            share = sign_0 / (sign_0 - sign_1) if sign_0 > 0.0 else 0.0
+            if x_a + wide * share < x:
+                x, how = x_a + wide * share, LETS_GO
+        if begun_at < 0.0 and sign_1 > none:
+            share = sign_0 / (sign_0 - sign_1) if sign_0 < 0.0 else 0.0
+            if x_a + wide * share < x:
+                x, how = x_a + wide * share, PUSHES
+        if how:
+            return x, how
+    return _NEVER, 0
+
+
+@njit(**OPTIONS)
+def _due(m, t, c, how, last):
+    """Whether a contact is where it changes at the step's end, but for rounding."""
+    w = m.w
+    j = at(m, c) + NODES + 4 * last
+    if how == CLOSES or how == OPENS:
+        return abs(w[j]) <= tolerance(m, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
+    return abs(w[j + 3]) <= no_force(m, c)
+
+
+@njit(**OPTIONS)
+def _ahead(m, table, h, c, how, last):
+    """How long after a step's end a contact changes, as things go there [s]."""
+    w, j = m.w, at(m, c) + NODES + 4 * last
+    if how == CLOSES or how == OPENS:
+        return -w[j] / w[j + 1] if w[j + 1] != 0.0 else 0.0
+    slope = (w[j + 3] - w[j - 1]) / (h * (1.0 - table.nodes[last - 2]))
+    return -w[j + 3] / slope if slope != 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def _harden(m, last):
+    """Mark contacts that are pressed harder at the step's end than an impact at the speed of their law could."""
+    apart()
+    plan, w, found = m.plan, m.w, False
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        k, own = at(m, c), m.acts[plan[CONTACTS] + c, NUMBERS_AT]
+        if w[k + BEGUN_AT] > 0.0 and m.acts[plan[CONTACTS] + c, LAW] >= _FIRST_HYSTERETIC:
+            depth = depth_of(w, own, w[k + RESISTING_MASS], w[k + BEGUN_AT])
+            most = larger(4.0, 2.0 * math.sqrt(1.0 + w[own + 5])) * touching.elastic(w, own, -depth)
+            if w[k + NODES + 4 * last + 2] > most:
+                w[k + DUE], found = HARDENS, True
+    return found
+
+
+@njit(**OPTIONS)
+def between(m, table, t, h, here, x):
+    """Put everything where the step's polynomial has it after a share x of the step; False: a loop doesn't close."""
+    apart()
+    plan, w, c, n = m.plan, m.w, table.nodes, m.plan[COORDINATES]
+    a_1, of = table.a_1, plan[STAGE_A]
+    for k in range(n):
+        v_0 = here[1 + n + k]
+        y, v, a = 0.0, 0.0, 0.0
+        for i in range(3):
+            other, third = c[(i + 1) % 3], c[(i + 2) % 3]
+            scale = 1.0 / ((c[i] - other) * (c[i] - third))
+            part = x * (x * (x / 3.0 - 0.5 * (other + third)) + other * third) * scale
+            rate = v_0
+            for j in range(3):
+                rate += h * a_1[3 * i + j] * w[of + n * j + k]
+            y += part * rate
+            v += part * w[of + n * i + k]
+            a += (x - other) * (x - third) * scale * w[of + n * i + k]
+        w[plan[Y] + k], w[plan[RATE] + k], w[plan[ACCEL] + k] = here[1 + k] + h * y, v_0 + h * v, a
+    if not follow(m, t + x * h):
+        return False
+    for act in range(plan[CONTACTS], plan[ACTS]):
+        meet(m, act)
+    return True
+
+
+@njit(**OPTIONS)
+def _dips(m, table, t, h, here, c, i, last):
+    """Where between nodes i and i + 1 of a step an open contact's gap falls through zero and comes back; else never."""
+    apart()
+    w, k = m.w, at(m, c)
+    x_a, x_b = _shares(table, i, last)
+    j = k + NODES + 4 * i
+    p_0, m_0, p_1, m_1 = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h
+    begin_x, g_0, r_0 = x_a, p_0, m_0
+    tiny = tolerance(m, 0.0, 0.0)
+    for _ in range(20):
+        wide = x_b - x_a
+        s = _lowest(p_0, m_0 * wide, p_1, m_1 * wide)
+        if s < 0.0:
+            return _NEVER
+        least = _cubic(p_0, m_0 * wide, p_1, m_1 * wide, s)
+        if least > 0.1 * (larger(p_0, p_1) - least) + tiny:
+            return _NEVER
+        x = x_a + s * wide
+        if not between(m, table, t, h, here, x):
+            return _NEVER
+        gap, rate = w[k + GAP], w[k + GAP_RATE] * h
+        if gap <= 0.0:
+            wide = x - begin_x
+            return begin_x + wide * _falls(g_0, r_0 * wide, gap, rate * wide)
+        if abs(rate) * wide < tiny:
+            return _NEVER
+        if rate < 0.0:
+            x_a, p_0, m_0 = x, gap, rate
+        else:
+            x_b, p_1, m_1 = x, gap, rate
+    return _NEVER
+
+
+@njit(**OPTIONS)
+def _falls(p_0, m_0, p_1, m_1):
+    """Where the cubic falls through zero, which it has at 1; where it never was above it, where it falls."""
+    low, high = 0.0, 1.0
+    if p_0 <= 0.0:
+        low = _lowest(-p_0, -m_0, -p_1, -m_1)
+        if low < 0.0:
+            return 0.0
+        if _cubic(p_0, m_0, p_1, m_1, low) <= 0.0:
+            return low
+    for _ in range(52):
+        middle_ = 0.5 * (low + high)
+        if _cubic(p_0, m_0, p_1, m_1, middle_) > 0.0:
+            low = middle_
+        else:
+            high = middle_
+    return high
+
+
+@njit(**OPTIONS)
+def _lowest(p_0, m_0, p_1, m_1):
+    """Where the cubic has its minimum, -1 where it has none inside."""
+    a, b = 3.0 * (2.0 * (p_0 - p_1) + m_0 + m_1), 3.0 * (p_1 - p_0) - 2.0 * m_0 - m_1
+    root = b * b - a * m_0
+    if not root > 0.0:
+        return -1.0
+    root = math.sqrt(root)
+    s = -m_0 / (b + root) if b > 0.0 else ((root - b) / a if a != 0.0 else -1.0)
+    return s if 0.0 < s < 1.0 else -1.0
+
+
+@njit(**OPTIONS)
+def _cubic(p_0, m_0, p_1, m_1, s):
+    """Hermite's cubic of two values and slopes at s in [0, 1]."""
+    a, b = 2.0 * (p_0 - p_1) + m_0 + m_1, 3.0 * (p_1 - p_0) - 2.0 * m_0 - m_1
+    return ((a * s + b) * s + m_0) * s + p_0

@@ -1,0 +1,328 @@
+"""Contacts in the compiled integration: what closed ones add to its equations, and how they change.
+
+A contact is open, and exerts nothing, or closed, and pushes by its law (:mod:`kaneflex.generated.contact`). It closes
+where its gap comes to zero from above, and opens where that comes back; in between it lets go where its law would pull,
+as that of a damper does, and pushes again where it no longer would. BEGUN_AT says which it is in: 0 open, the approach
+speed of its law where it pushes, less than zero where it has let go. Every change ends a step: where they are is found
+in :mod:`kaneflex.multibody.contact_search`.
+
+A speed of approach says how deep an impact goes, by the mass that resists along the normal: a share of this depth is
+the error allowed in the gap while it lasts. A contact that loads press together begins at no less a speed than that
+which goes as deep as these loads do: slower ones are no impacts, and a law that divides by their speeds says nothing.
+Where one is pressed far harder later than its impact could, its law goes on with the speed that would press so hard.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.multibody.loops import bent, factorise_closed, give, gradient, mend, middle, solve_closed, works_at
+from kaneflex.multibody.tables import (
+    ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COLUMNS, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES,
+    COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, IMPACT_SIZE, IMPACTS, IMPULSE, KEPT, LAST_CHANGE, LAW,
+    LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_X, NORMAL_Y, NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y,
+    PRECISION, PUSH_NOW, RATE, REACTION, REACTIONS, RESISTING_MASS, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SPEEDS,
+    STIFF, STUCK, TOUCH, TOUCHING, VISCOUS, WORKS, YIELDING, apart, larger, shifted, smaller,
+)  # fmt: skip
+from kaneflex.multibody.tree import deform, meet, move
+
+CLOSES, LETS_GO, PUSHES, OPENS, HARDENS = range(1, 6)
+"""How a contact changes."""
+_ROUNDING = 1e-14
+"""Of a gap, in sizes of the mechanism."""
+EPS = 2.3e-16
+"""Of numbers."""
+_LEAST = 1e-12
+"""In sizes of the mechanism, the depth of the slowest impact that has a law."""
+_FIRST_STEP = 0.03
+"""Of the time in which an impact would come to its depth at its approach speed."""
+_MOST_AT_ONCE = 1000
+"""Changes without time between them that are still resolved."""
+
+
+@njit(**OPTIONS)
+def at(m, c):
+    """Where the numbers of the c-th contact are."""
+    return m.plan[CONTACT] + CONTACT_SIZE * c
+
+
+@njit(**OPTIONS)
+def tolerance(m, t, rate):
+    """How far from zero a gap counts as zero [m]."""
+    return _ROUNDING * m.w[m.plan[TOUCH] + EXTENT] + 4.0 * EPS * abs(t * rate)
+
+
+@njit(**OPTIONS)
+def depth_of(w, own, mass, speed):
+    """How deep an elastic impact of a mass goes [m]."""
+    power = w[own + 4] + 1.0
+    return (power * mass * speed * speed / (2.0 * w[own + 3])) ** (1.0 / power)
+
+
+@njit(**OPTIONS)
+def no_force(m, c):
+    """Force [N] of a contact that is as good as none."""
+    w, own = m.w, m.acts[m.plan[CONTACTS] + c, NUMBERS_AT]
+    depth = w[at(m, c) + ALLOWED] / w[m.plan[TOUCH] + PRECISION]
+    return 1e-9 * (w[at(m, c) + PEAK] + touching.elastic(w, own, -depth))
+
+
+@njit(**OPTIONS)
+def along(m, c):
+    """A contact's row by the twists of its sections, and where its gap's gradient by all but prescribed coordinates is.
+
+    It has been met where everything is now.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    k, act, n = at(m, c), plan[CONTACTS] + c, plan[COORDINATES]
+    row, out = plan[REACTIONS] + c, plan[TOUCH] + SHARED + n * c
+    x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
+    for side in range(2):
+        section, sign = plan[SECTION] + SEC * m.acts[act, AT + side], 2.0 * side - 1.0
+        j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
+        w[j], w[j + 1] = sign * x, sign * z
+        w[j + 2] = sign * ((w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x)
+    for i in range(n):
+        w[out + i] = 0.0
+    gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            w[out + m.bodies[b, FIRST]] = 0.0
+    return out
+
+
+@njit(**OPTIONS)
+def let_yield(m, h, here):
+    """Have the factors of a step know the contacts that push, by their slopes half way; positions are those there."""
+    apart()
+    plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], 0
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        if w[at(m, c) + BEGUN_AT] > 0.0:
+            m.pivots[plan[TOUCHING] + count] = c
+            count += 1
+    m.pivots[YIELDING] = count
+    if count == 0:
+        return
+    for k in range(n):
+        w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
+    deform(m)
+    move(m)
+    if plan[SPEEDS] > 3 * plan[BODIES]:
+        bent(m)
+    for r in range(count):
+        c = m.pivots[plan[TOUCHING] + r]
+        act = plan[CONTACTS] + c
+        k = meet(m, act)
+        by_gap, by_rate = touching.normal_slopes(
+            m.acts[act, LAW], w, m.acts[act, NUMBERS_AT], w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+        )
+        w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
+        along(m, c)
+
+
+@njit(**OPTIONS)
+def product(w, gradient_at, values, count):
+    total = 0.0
+    for i in range(count):
+        total += w[gradient_at + i] * values[i]
+    return total
+
+
+@njit(**OPTIONS)
+def change_of_gaps(m, h, real, pair, one, two, A, B):
+    """Largest change of a gap by an iteration's answers for one stage, in errors allowed."""
+    apart()
+    plan, w, largest = m.plan, m.w, 0.0
+    step, steps = h * real, h * pair
+    for r in range(m.pivots[YIELDING]):
+        k, x = at(m, m.pivots[plan[TOUCHING] + r]), plan[REACTION] + plan[KEPT] + r
+        c, s = w[k + VISCOUS], w[k + STIFF]
+        d = one * A[x] / (step * (c + step * s)) + (two * B[x] / (steps * (c + steps * s))).real
+        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * w[plan[TOUCH] + EXTENT]) / w[k + ALLOWED])
+    return largest
+
+
+@njit(**OPTIONS)
+def resist_defect(m, step, A, answer):
+    """Take what contacts make of a defect, at ACCEL, off the forces at the answer: see ``collocation._error``."""
+    apart()
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    for r in range(m.pivots[YIELDING]):
+        c = m.pivots[plan[TOUCHING] + r]
+        k, g = at(m, c), plan[TOUCH] + SHARED + n * c
+        size = step * (w[k + VISCOUS] + step * w[k + STIFF]) * product(w, g, shifted(w, plan[ACCEL]), n)
+        for i in range(n):
+            A[answer + i] -= size * w[g + i]
+
+
+@njit(**OPTIONS)
+def error_of_gaps(m, h, A, answer):
+    """Largest error of a gap by the defect at ACCEL and the answer to it, as an acceleration in errors allowed."""
+    apart()
+    plan, w, n, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
+    for r in range(m.pivots[YIELDING]):
+        c = m.pivots[plan[TOUCHING] + r]
+        k, g = at(m, c), plan[TOUCH] + SHARED + n * c
+        error = abs(product(w, g, shifted(w, plan[ACCEL]), n) + product(w, g, shifted(A, answer), n))
+        largest = larger(largest, (error - 16.0 * EPS * w[plan[TOUCH] + EXTENT] / (h * h)) / w[k + ALLOWED])
+    return largest
+
+
+@njit(**OPTIONS)
+def pushed_on(m, table, h):
+    """Add a step that is taken to the impulses of closed contacts, and to their peaks: its parabola's, if inside."""
+    apart()
+    plan, w, x = m.plan, m.w, table.nodes
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        k = at(m, c)
+        if w[k + BEGUN_AT] == 0.0:
+            continue
+        j = k + NODES + 4
+        f_0, f_1, f_2 = w[j + 2], w[j + 6], w[j + 10]
+        w[k + IMPULSE] += h * (table.b_1[0] * f_0 + table.b_1[1] * f_1 + table.b_1[2] * f_2)
+        first = (f_1 - f_0) / (x[1] - x[0])
+        second = ((f_2 - f_1) / (x[2] - x[1]) - first) / (x[2] - x[0])
+        top = larger(f_0, larger(f_1, f_2))
+        if second < 0.0:
+            s = 0.5 * (x[0] + x[1] - first / second)
+            if 0.0 <= s <= 1.0:
+                top = larger(top, f_0 + (s - x[0]) * (first + (s - x[1]) * second))
+        w[k + PEAK] = larger(w[k + PEAK], top)
+        deepest = -smaller(w[j], smaller(w[j + 4], w[j + 8]))
+        w[k + ALLOWED] = larger(w[k + ALLOWED], w[plan[TOUCH] + PRECISION] * deepest)
+
+
+@njit(**OPTIONS)
+def full(m):
+    """Whether there is no more room for as many impacts as could end together."""
+    return m.w[m.plan[IMPACTS]] + m.plan[ACTS] - m.plan[CONTACTS] > MOST_IMPACTS
+
+
+@njit(**OPTIONS)
+def change(m, here, A, wanted):
+    """Have contacts change where everything is, with all others that are as far; the next step [s].
+
+    0 where they change over and over at one instant, less than 0 at a singular state. Accelerations are those after it.
+    """
+    apart()
+    plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], here[0]
+    w[shared + STUCK] = w[shared + STUCK] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
+    w[shared + LAST_CHANGE] = t
+    if w[shared + STUCK] > _MOST_AT_ONCE:
+        return 0.0
+    count = plan[ACTS] - plan[CONTACTS]
+    closing = 0
+    still = True
+    for c in range(count):
+        k = meet(m, plan[CONTACTS] + c)
+        how, begun_at, gap, rate = w[k + DUE], w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+        still = still and begun_at == 0.0
+        near = tolerance(m, t, rate)
+        if how == 0.0 and begun_at == 0.0 and gap <= near and rate < 0.0:
+            how = CLOSES
+        elif how == 0.0 and begun_at != 0.0 and gap >= -near and rate > 0.0:
+            how = OPENS
+        w[k + DUE] = how
+        closing += how == CLOSES
+    if still:
+        w[shared + FLIGHT] = wanted
+    if closing:
+        middle(m)
+        m.pivots[YIELDING] = 0
+        if plan[SPEEDS] > 3 * plan[BODIES]:
+            bent(m)
+        if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+            return -1.0
+    still = True
+    for c in range(count):
+        k = at(m, c)
+        how, lost = w[k + DUE], here[works_at(m) + plan[WORKS] - count + c]
+        if how == CLOSES:
+            wanted = smaller(wanted, _FIRST_STEP * _close(m, c, t, A, lost))
+        elif how == LETS_GO or how == PUSHES:
+            w[k + BEGUN_AT] = -w[k + BEGUN_AT]
+        elif how == OPENS:
+            _open(m, c, t, lost)
+        elif how == HARDENS:
+            own = m.acts[plan[CONTACTS] + c, NUMBERS_AT]
+            depth = (w[k + PUSH_NOW] / w[own + 3]) ** (1.0 / w[own + 4])
+            w[k + BEGUN_AT] = math.sqrt(2.0 * touching.stored(w, own, depth) / w[k + RESISTING_MASS])
+            w[k + ALLOWED] = larger(w[k + ALLOWED], w[shared + PRECISION] * depth)
+            wanted = smaller(wanted, _FIRST_STEP * depth / w[k + BEGUN_AT])
+        w[k + DUE] = 0.0
+        still = still and w[k + BEGUN_AT] == 0.0
+    if still:
+        wanted = larger(wanted, w[shared + FLIGHT])
+    if not mend(m, t, A, 0.0, 2):
+        return -1.0
+    give(m, t, here)
+    return wanted
+
+
+@njit(**OPTIONS)
+def _close(m, c, t, A, lost):
+    """Begin a contact; the time [s] in which it would come to its depth at its approach speed."""
+    apart()
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    k, own = at(m, c), m.acts[plan[CONTACTS] + c, NUMBERS_AT]
+    g, answer = along(m, c), plan[COLUMNS] + plan[COORDINATES] * plan[KEPT]
+    pressing = larger(-product(w, g, shifted(w, plan[ACCEL]), n), 0.0)
+    copy_into(A, answer, w, g, n)
+    solve_closed(m, A, plan[PIVOTS])
+    mass = 1.0 / larger(product(w, g, shifted(A, answer), n), 1e-200)
+    stiffness, power, extent = w[own + 3], w[own + 4], w[plan[TOUCH] + EXTENT]
+    least = larger(larger((mass * pressing / stiffness) ** (1.0 / power), _LEAST * extent), -w[k + GAP])
+    approach = abs(smaller(w[k + GAP_RATE], 0.0))
+    speed = larger(approach, math.sqrt(2.0 * touching.stored(w, own, least) / mass))
+    depth = smaller(depth_of(w, own, mass, speed), extent)
+    w[k + RESISTING_MASS] = mass
+    w[k + BEGUN_AT], w[k + ALLOWED] = speed, w[plan[TOUCH] + PRECISION] * depth
+    w[k + SINCE], w[k + APPROACH] = t, approach
+    w[k + LOST_BEFORE] = lost - touching.stored(w, own, smaller(w[k + GAP], 0.0))
+    w[k + IMPULSE] = w[k + PEAK] = 0.0
+    return depth / speed
+
+
+@njit(**OPTIONS)
+def _open(m, c, t, lost):
+    """End a contact, and keep what it was as an impact."""
+    w, k, count = m.w, at(m, c), int(m.w[m.plan[IMPACTS]])
+    w[k + BEGUN_AT] = 0.0
+    j = m.plan[IMPACTS] + 1 + IMPACT_SIZE * count
+    w[j], w[j + 1], w[j + 2], w[j + 3], w[j + 4] = c, w[k + SINCE], t, w[k + APPROACH], w[k + GAP_RATE]
+    w[j + 5], w[j + 6], w[j + 7] = w[k + IMPULSE], w[k + PEAK], lost - w[k + LOST_BEFORE]
+    w[m.plan[IMPACTS]] = count + 1
+
+
+@njit(**OPTIONS)
+def copy_into(A, answer, w, of, count):
+    """Copy numbers of the tables to factors."""
+    for i in range(count):
+        A[answer + i] = w[of + i]
+
+
+@njit(**OPTIONS)
+def stand_closed(m, t, A):
+    """Contacts of a state that begins: those whose sides overlap are closed; False at a singular state.
+
+    Such a one counts as begun at the speed that would bring it as deep as it is.
+    """
+    apart()
+    plan, w, closing = m.plan, m.w, 0
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        k = at(m, c)
+        w[k + BEGUN_AT] = 0.0
+        meet(m, plan[CONTACTS] + c)
+        closing += w[k + GAP] < -tolerance(m, t, 0.0)
+    if closing == 0:
+        return True
+    if plan[SPEEDS] > 3 * plan[BODIES]:
+        bent(m)
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        if w[at(m, c) + GAP] < -tolerance(m, t, 0.0):
+            _close(m, c, t, A, 0.0)
+    return mend(m, t, A, 0.0, 2)
