@@ -230,3 +230,22 @@ def test_no_moment_at_hinge_and_free_end_of_a_strip(thickness):
         for at in ("start", "mid", "end")
     )
     assert max(start, end) < 1e-9 * mid
+
+
+def test_a_tolerance_bounds_what_it_is_asked_to():
+    """Speeds and reactions as shares of their largest, against a run at a far smaller tolerance."""
+    base = ("engine-torque-elastic", "solve.duration=0.01 s", "solve.steps=50")
+
+    def errors(tolerance, bounded):
+        found = run(*base, f"solve.tolerance={tolerance}", f"solve.bounded={bounded}").trajectory
+        parts = ((found.v, exact.v), (found.multipliers, exact.multipliers))
+        return [abs(one - other).max() / abs(other).max() for one, other in parts]
+
+    exact = run(*base, "solve.tolerance=1e-10").trajectory
+    for tolerance in (1e-3, 1e-4):
+        speed, reaction = errors(tolerance, [])
+        assert speed > tolerance and reaction > 100 * tolerance
+        assert errors(tolerance, '["speeds"]')[0] < tolerance
+        assert max(errors(tolerance, '["speeds", "reactions"]')) < tolerance
+    with pytest.raises(SceneError, match=r"solve\.bounded = \['speeds'\]: scipy's Radau bounds"):
+        kaneflex.load(scene(*base, "solve.integrator=scipy", 'solve.bounded=["speeds"]'))

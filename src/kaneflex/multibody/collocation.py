@@ -32,10 +32,10 @@ from kaneflex.multibody.loops import (
 )  # fmt: skip
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES,
-    ENTRY, FIRST, HANDLE, KEPT, LAST_A, LAST_R, LOADS, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, RATE, REACTION,
-    REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R, STIFFNESS, WORKS,
-    Y, YIELDING, Z, apart, larger, opened, opening, smaller,
+    ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
+    DEMAND, DRIVES, ENTRY, FIRST, HANDLE, KEPT, LAST_A, LAST_R, LOADS, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS,
+    RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C,
+    STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, Z, apart, larger, opened, opening, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
@@ -234,8 +234,14 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
 
 
 @njit(**OPTIONS)
+def _also(error, other, power):
+    """The larger error, the other one to the power at which it falls with the step as the first one does."""
+    return larger(error, other**power) if other > 0.0 else error
+
+
+@njit(**OPTIONS)
 def _error(m, table, h, here, A):
-    """The step's error in errors allowed.
+    """The step's error in errors allowed: of displacements, and of speeds and accelerations where it is bounded there.
 
     The defect at the step's start is M d, with d what the polynomial's acceleration there has beyond the motion's, for
     which the equations hold; and as S = M + h mu C + h^2 mu^2 K, S^-1 M d = d - S^-1 (h mu C + h^2 mu^2 K) d.
@@ -247,19 +253,22 @@ def _error(m, table, h, here, A):
     for k in range(n):
         w[at + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
     answer = plan[COLUMNS] + plan[KEPT] * n
+    error = 1e-12
     for k in range(n):
+        error = _also(error, abs(w[at + k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
         A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
     if m.pivots[YIELDING]:
         contacts.resist_defect(m, step, A, answer)
     solve_closed(m, A, plan[PIVOTS])
-    error = 1e-12
     for b in range(plan[BODIES]):
         first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
         for k in range(first, m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
-            error = larger(error, abs(w[at + k] + A[answer + k]) / w[plan[SCALE] + k])
+            missed = abs(w[at + k] + A[answer + k])
+            error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
+            error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
-        error = larger(error, contacts.error_of_gaps(m, h, A, answer))
-    return 0.5 * h * h * error
+        error = larger(error, 0.5 * h * h * contacts.error_of_gaps(m, h, A, answer))
+    return error
 
 
 @njit(**OPTIONS)

@@ -73,11 +73,15 @@ class Method:
     tolerance : float
         Error allowed of what ten periods of a vibration accumulate, as a share of ``length`` [m] for displacements and
         in rad for angles; a vibration smaller than that is not resolved. See :mod:`kaneflex.multibody.collocation`.
+    bounded : tuple of str
+        What else the tolerance bounds, as a share of its largest value so far: "speeds"; "reactions", through the
+        accelerations from which they follow.
     """
 
     integrator: str
     tolerance: float
     length: float
+    bounded: tuple[str, ...] = ()
 
 
 def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
@@ -140,6 +144,9 @@ class _Run:
         shared = engine.numbers(at.TOUCH, at.SHARED)
         shared[[at.PRECISION, at.EXTENT]] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
         self.impacts: list[np.ndarray] = []
+        self.largest = np.zeros((2, size))
+        self.turns = np.array(turns)
+        engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
         system.fold(q, v)
         engine.choose(float(times[0]))
         self.settled = engine.settle(float(times[0]))
@@ -208,7 +215,20 @@ class _Run:
         self.step, self.length = first_step(self.engine.motion[2], self.scale, self.longest), 0.0
         return True
 
+    def _bound(self) -> None:
+        """Take the errors allowed of speeds and accelerations from their largest values so far, by kind."""
+        engine, n = self.engine, self.engine.size
+        done = self.rows[max(0, self.filled - _PIECE) : self.filled + 1]
+        for k, (name, scale) in enumerate((("speeds", at.RATE_SCALE), ("reactions", at.ACCEL_SCALE))):
+            if name in self.method.bounded:
+                each = abs(done[:, 1 + (1 + k) * n : 1 + (2 + k) * n]).max(axis=0)
+                for kind in (self.turns, ~self.turns):
+                    self.largest[k, kind] = max(self.largest[k, kind].max(initial=0.0), each[kind].max(initial=0.0))
+                allowed = self.method.tolerance * self.largest[k]
+                engine.numbers(scale, n)[:] = np.where(allowed > 0.0, allowed, math.inf)
+
     def _collocation(self, rows: slice, most: int) -> int:
+        self._bound()
         control = np.array([self.step, self.longest, most, 0.0, 0.0, self.length, self.patient])
         last = self.times[rows][-1]
         given = self.given[slice(*np.searchsorted(self.given, (self.here[0], last), side="right"))]

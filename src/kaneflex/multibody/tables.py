@@ -77,26 +77,26 @@ energy lost; how many are kept until Python takes them. Their count is before th
     BODIES, COORDINATES, SPEEDS, REACTIONS, WORKS, KEPT, BENDS,
     CUTS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
-    GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, INPUT,
+    GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, IMPACTS, TOUCHING,
     MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, LAST_A, LAST_R, RESISTING,
     SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, PIVOTS, PAIR_PIVOTS, PLAN,
-) = range(69)  # fmt: skip
+) = range(71)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions of cuts, works, kept rows; whether
 shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads, springs and contacts begin and end;
 how many contacts the factors to come let yield, which compiled code counts. Where in ``w`` lie: the motion
 (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over all speeds, cut rows,
 courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces at inboard sections,
 what every coordinate asks for, powers; gravity, what holds and damps every coordinate, what counts as one in it, the
-error allowed in it; what is added to the loads' sizes, then to prescribed accelerations; the gradient of the kept rows,
-its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself: that square's pivots, and
-of every kept row its number, its cut, its dependent coordinate. In ``w`` again: contacts, what all of them share,
-impacts that are over; in ``plan`` the contacts that yield; in ``w`` mass matrices and W at the middle of a step, with
-its sections and cut rows; stages' accelerations, reactions, powers and rates of courses, accelerations and reactions of
-the last step, and what its stages ask for. In factors: squares of all bodies, joints, coordinates by unit reactions of
-the kept rows and in the last row the answer, what the reactions do to the cuts, forces, reactions; in ``plan``, the
-pivots of either factors."""
+errors allowed in it, its rate and its acceleration; what is added to the loads' sizes, then to prescribed
+accelerations; the gradient of the kept rows, its dependent square, their right-hand side, W of the sections now. Where
+in ``plan`` itself: that square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w``
+again: contacts, what all of them share, impacts that are over; in ``plan`` the contacts that yield; in ``w`` mass
+matrices and W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and
+rates of courses, accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all
+bodies, joints, coordinates by unit reactions of the kept rows and in the last row the answer, what the reactions do to
+the cuts, forces, reactions; in ``plan``, the pivots of either factors."""
 
 
 class Tables(NamedTuple):

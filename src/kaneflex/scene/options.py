@@ -62,6 +62,8 @@ class Options:
     tolerance : float
         Of the coupled equations: error that ten periods of a vibration accumulate, as a share of the longest body, and
         in rad.
+    bounded : tuple of str
+        What else it bounds at every step, as a share of its largest value so far: "speeds", "reactions".
     forward_method : str
         Method of scipy's ``solve_ivp`` for free joints that are integrated before anything deforms.
     forward_tolerance : float
@@ -93,6 +95,7 @@ class Options:
     duration: float
     rho_infinity: float
     tolerance: float
+    bounded: tuple[str, ...]
     forward_method: str
     forward_tolerance: float
 
@@ -179,6 +182,7 @@ def resolve_options(scene: Scene) -> Options:
         duration=duration,
         rho_infinity=solve.rho_infinity,
         tolerance=solve.tolerance,
+        bounded=solve.bounded,
         forward_method=solve.forward.method,
         forward_tolerance=solve.forward.tolerance,
     )
@@ -299,6 +303,11 @@ def _check(options: Options) -> None:
         raise SceneError(
             "solve.integrator", "scipy", "it finds no periodic state, and solve.start is periodic",
             "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator",
+        )  # fmt: skip
+    if options.bounded and options.dynamics == "coupled" and options.integrator == "scipy":
+        raise SceneError(
+            "solve.bounded", list(options.bounded), "scipy's Radau bounds what it integrates, by solve.tolerance",
+            "Leave it out, or take the integrator radau or gauss",
         )  # fmt: skip
     exact = options.integrator == "exact-modal"
     if exact != (options.dynamics == "frozen") and options.dynamics in ("frozen", "dynamic"):

@@ -248,6 +248,10 @@ class Solve(SceneTable):
         default=1e-8,
         description="preset coupled: error that ten periods of a vibration accumulate, as a share of the longest body",
     )
+    bounded: tuple[Literal["speeds", "reactions"], ...] = Field(
+        default=(),
+        description="preset coupled: what else `tolerance` bounds, as a share of its largest value so far",
+    )
     forward: Forward = Field(default=Forward(), description="free joints, unless the preset is coupled")
     rho_infinity: NonNegativeRatio = Field(
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"

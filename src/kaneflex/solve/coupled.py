@@ -61,7 +61,7 @@ def simulate_coupled(
 def method_of(model: Model) -> Method:
     """How a model asks to be integrated."""
     options = model.options
-    return Method(options.integrator, options.tolerance, longest(model.scene))
+    return Method(options.integrator, options.tolerance, longest(model.scene), options.bounded)
 
 
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
