@@ -20,10 +20,9 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.scene.write_back import file_to_write, write_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
-from kaneflex.study.trade import cache as choice_cache
-from kaneflex.study.trade.cache import choice_file, remembered_choice
+from kaneflex.study.trade import choice as choice_cache
 from kaneflex.study.trade.candidates import neutral
-from kaneflex.study.trade.choice import choose
+from kaneflex.study.trade.choice import choice_file, choose, remembered_choice
 from kaneflex.study.trade.indicators import indicators
 from kaneflex.support.errors import SceneError
 

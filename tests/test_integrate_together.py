@@ -68,7 +68,7 @@ def test_periodic_motions_side_by_side_are_those_alone(method, more):
 @pytest.mark.parametrize("method", COMPILED)
 @pytest.mark.parametrize("period_steps", [None, STEPS])
 def test_motions_from_given_states_are_those_alone(method, period_steps, monkeypatch):
-    monkeypatch.setattr("kaneflex.integrate.batch_lanes.LARGEST_PIECE", 8 * 3 * 4 * 17)
+    monkeypatch.setattr("kaneflex.integrate.streams.LARGEST_PIECE", 8 * 3 * 4 * 17)
     random = np.random.default_rng(3)
     more = {"method": method, "period_steps": period_steps, "n_steps": 100, "every": 3}
     runs = [case(seed, start=(random.normal(size=3), random.normal(size=3)), **more) for seed in range(4)]

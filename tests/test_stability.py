@@ -12,13 +12,11 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from kaneflex.integrate.run import Run, cycle_map, integrate
-from kaneflex.response.buckling import buckling
+from kaneflex.response.buckling import buckling, lost_stiffness
 from kaneflex.response.campbell import freeze
-from kaneflex.response.loss_of_stiffness import lost_stiffness
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.validity import doubts
-from kaneflex.stability.floquet import Multipliers, floquet_multipliers
-from kaneflex.stability.steps import StepLimit, recommended, step_limits
+from kaneflex.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
 from kaneflex.stability.sweep import sweep
 from kaneflex.support.errors import SceneError
 

@@ -14,9 +14,8 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
-from kaneflex.study.points import points_of
 from kaneflex.study.records import Record, solve_points
-from kaneflex.study.study import Study
+from kaneflex.study.study import Study, points_of
 from kaneflex.study.sweep import Progress, in_this_process, sweep
 from kaneflex.support.errors import OutputError, SceneError
 
@@ -196,7 +195,7 @@ def test_series_are_those_of_the_run_and_filled_up_to_the_longest(tmp_path):
 
 def test_zarr_is_written_block_by_block_and_holds_what_netcdf_does(tmp_path, peer, monkeypatch):
     peer("zarr")
-    monkeypatch.setattr("kaneflex.study.zarr_store._POINTS", 4)
+    monkeypatch.setattr("kaneflex.study.dataset._POINTS", 4)
     plan = plan_of(tmp_path, "series = true\n" + STUDY)
     sweep(plan, tmp_path / "n")
     path = sweep(plan, tmp_path / "z", form="zarr").path

@@ -11,9 +11,8 @@ from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import differences
-from kaneflex.study.runs import Runs, Timing
+from kaneflex.study.runs import Runs, Timing, cost
 from kaneflex.study.trade.candidates import ladder, neutral, neutral_settings, terms_of
-from kaneflex.study.trade.cost import cost
 from kaneflex.study.trade.ranking import Trade, trade
 from kaneflex.study.trade.reference import _coupled_levels, find_reference
 from kaneflex.support.errors import SceneError

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from kaneflex.report.summary import Summary
     from kaneflex.scene import Scene
 
-
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -205,15 +204,13 @@ def run(
 
 
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.report.presentation import envelope_table, run_lines, summary_table
+    from kaneflex.report.presentation import envelope_table, run_lines, sensitivity_table, summary_table
 
     if summary.sensors:
         click.echo(summary_table(summary))
     if summary.mode_angle_spread:
         click.echo(envelope_table(summary))
     if summary.sensitivities:
-        from kaneflex.report.sensitivities import sensitivity_table
-
         click.echo(sensitivity_table(summary))
     click.echo(run_lines(summary))
     if summary.choice is not None:

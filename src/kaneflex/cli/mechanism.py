@@ -194,7 +194,7 @@ def derive(
 
 def _derive_chosen(scene: Scene, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
     from kaneflex.scene import with_settings
-    from kaneflex.study.trade.cache import remembered_choice
+    from kaneflex.study.trade.choice import remembered_choice
     from kaneflex.support.atomic_output import write_text
     from kaneflex.support.terminal import Waiting
 

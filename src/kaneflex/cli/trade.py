@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +14,10 @@ from kaneflex.cli.scene import SceneArguments, gathered, quantity, scene_options
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
-    from kaneflex.cli.trade_folder import Data
+    from kaneflex.study.differences import Difference
     from kaneflex.study.trade.ranking import Ranked, Trade
     from kaneflex.study.trade.record import Choice
     from kaneflex.study.trade.terms import Effect, Terms
-
 
 _UNKNOWN = "What is not known of it"
 
@@ -49,7 +49,6 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     Presets, elements of each link, modes, steps, integrators and single terms left out are tried against the scene's
     own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture.
     """
-    from kaneflex.cli.trade_folder import trade_data
     from kaneflex.study.trade.ranking import trade as ranked
 
     found, folder = _weighed("trade", ranked, trade_data, asked, target, **limits)
@@ -68,7 +67,6 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     deformation, each load, dynamics, two-way coupling and what else the scene has. The folder holds terms.csv,
     terms.json and a picture.
     """
-    from kaneflex.cli.trade_folder import terms_data
     from kaneflex.study.trade.terms import terms as left_out
 
     found, folder = _weighed("terms", left_out, terms_data, asked, target, **limits)
@@ -203,3 +201,90 @@ def demand_tolerance(tolerance: str | None, others: Mapping[str, object]) -> Non
 
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+
+
+Row = dict[str, object]
+Data = tuple[dict[str, object], list[Row]]
+"""The whole, and the rows of its table."""
+
+
+def trade_data(found: Trade, settings: Sequence[str]) -> Data:
+    """What ``trade.json`` and ``trade.csv`` hold: times in s, errors as shares of the reference's peaks."""
+    reference = found.reference
+    rows = [_ranked_data(found, entry) for entry in found.ranked]
+    return {
+        "scene": found.scene.name,
+        "settings": list(settings),
+        "tolerance": found.tolerance,
+        "reference": {
+            "name": reference.name,
+            "settings": list(reference.model.settings),
+            "refinement": dict(reference.refinement),
+            "coupling": dict(reference.coupling),
+            "note": reference.note,
+        },
+        "chosen": None if found.chosen is None else found.chosen.name,
+        "front": [entry.name for entry in found.front],
+        "models": [
+            row
+            | {"settings": list(found.settings_of(entry)), "cost": asdict(entry.cost)}
+            | {"sensors": _shares(entry.differences)}
+            for row, entry in zip(rows, found.ranked, strict=True)
+        ],
+        "left_out": dict(found.left_out),
+    }, rows
+
+
+def _ranked_data(found: Trade, entry: Ranked) -> Row:
+    cost = entry.cost
+    return {
+        "model": entry.name,
+        "error": entry.error,
+        "worst_sensor": entry.worst.sensor,
+        "rms": entry.rms,
+        "good_enough": found.good_enough(entry),
+        "on_front": entry in found.front,
+        "set_up_s": cost.set_up,
+        "ns_per_step": cost.ns_per_step,
+        "steps": cost.steps,
+        "read_s": cost.read,
+        "total_s": cost.total,
+        "spread": cost.spread,
+        "repeats": cost.repeats,
+        "first_s": cost.first,
+    }
+
+
+def terms_data(found: Terms, settings: Sequence[str]) -> Data:
+    """What ``terms.json`` and ``terms.csv`` hold: times in s or ns, changes as shares of each sensor's peak."""
+    rows = [_effect_data(effect) for effect in found.effects]
+    return {
+        "scene": found.scene.name,
+        "settings": list(settings),
+        "tolerance": found.tolerance,
+        "full": asdict(found.full),
+        "groups": [
+            row | {"sensors": _shares(effect.differences)} for row, effect in zip(rows, found.effects, strict=True)
+        ],
+        "left_out": dict(found.left_out),
+    }, rows
+
+
+def _effect_data(effect: Effect) -> Row:
+    most = effect.worst
+    return {
+        "group": effect.group.name,
+        "meaning": effect.group.meaning,
+        "change": None if most is None else most.peak_share,
+        "worst_sensor": None if most is None else most.sensor,
+        "rms": effect.rms,
+        "needed": effect.needed,
+        "operations": effect.operations,
+        "ns_per_step": effect.ns_per_step,
+        "noise_ns": effect.noise_ns,
+        "reason": effect.reason,
+    }
+
+
+def _shares(found: Sequence[Difference]) -> dict[str, dict[str, float | None]]:
+    return {each.sensor: {"peak": each.peak_share, "rms": each.rms_share} for each in found}

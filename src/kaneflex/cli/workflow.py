@@ -99,7 +99,7 @@ def uncollected() -> Iterator[None]:
 
 
 def _choose(scene: Scene, tolerance: float, sensors: Sequence[str] | None, waiting: Waiting) -> Choice:
-    from kaneflex.study.trade.cache import remembered_choice
+    from kaneflex.study.trade.choice import remembered_choice
 
     return remembered_choice(scene, tolerance, sensors, waiting.stage)
 

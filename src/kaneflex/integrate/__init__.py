@@ -1,14 +1,13 @@
 """Integrators of M(t) z'' + C(t) z' + K(t) z = F(t), reading a table of the motion's scalars.
 
-run, batch                         integrate one system; several of them side by side
-methods, outcome                   which methods there are; how a run ended
-system, batch_lanes                what is integrated, and how the loops read it: alone, or one in each lane
-coefficient_stream, time_segments  the table, in pieces; a cycle in eight segments of time side by side
-stepping, periodic                 drive the loops over a run, and to the motion that repeats itself
-steppers                           the compiled loops for any matrices
-dense, banded                      those of Newmark's family for few coordinates and for long chains
-lanes, matrices, inverse           eight numbers in a register, and the compiled parts made of them
-modal, crosscheck                  decoupled modes exactly; scipy's solve_ivp
+run, batch                integrate one system; several of them side by side
+methods, outcome          which methods there are; how a run ended
+system, streams           what is integrated; its table, in pieces, in segments of time or runs side by side
+stepping, periodic        drive the loops over a run, and to the motion that repeats itself
+steppers                  the compiled loops for any matrices
+dense, banded             those of Newmark's family for few coordinates and for long chains
+lanes, matrices, inverse  eight numbers in a register, and the compiled parts made of them
+modal, crosscheck         decoupled modes exactly; scipy's solve_ivp
 
 Import from these modules: a list of the methods needs no numba.
 """

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kaneflex.integrate.batch_lanes import BatchStream, Systems
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
@@ -21,6 +20,7 @@ from kaneflex.integrate.periodic import (
 )
 from kaneflex.integrate.run import Run, check_arguments, given_state, set_up
 from kaneflex.integrate.stepping import Advance, Setup, State, Stored, advance
+from kaneflex.integrate.streams import BatchStream, Systems
 from kaneflex.support.errors import UserError
 
 Ready = tuple[Run, Setup]

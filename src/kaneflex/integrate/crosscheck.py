@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 
-from kaneflex.integrate.coefficient_stream import CoefficientStream
 from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.integrate.streams import CoefficientStream
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 

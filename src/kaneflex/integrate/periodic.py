@@ -10,7 +10,7 @@ import numpy as np
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.stepping import Setup, State, Stored, advance
-from kaneflex.integrate.time_segments import TimeSegments
+from kaneflex.integrate.streams import TimeSegments
 
 Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
 """The segments of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""

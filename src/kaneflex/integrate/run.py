@@ -7,15 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from kaneflex.integrate.coefficient_stream import CoefficientStream, Table
 from kaneflex.integrate.crosscheck import solve_ivp_run
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state, repeated
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
+from kaneflex.integrate.streams import CoefficientStream, Table, one_after_the_other
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.integrate.time_segments import one_after_the_other
 from kaneflex.support.errors import UserError
 
 Start = str | tuple[np.ndarray, np.ndarray]

@@ -12,13 +12,11 @@ import numpy as np
 
 from kaneflex.integrate import banded, dense, matrices, steppers
 from kaneflex.integrate.banded_slices import BandedSystem, banded_system
-from kaneflex.integrate.batch_lanes import BatchStream, Systems
-from kaneflex.integrate.coefficient_stream import CoefficientStream
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.streams import BatchStream, CoefficientStream, Systems, TimeSegments
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
-from kaneflex.integrate.time_segments import TimeSegments
 
 Progress = Callable[[float], None]
 """Called with the finished share of the work, 0 to 1, a few times a second."""

@@ -14,8 +14,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside_axis
-from kaneflex.response.reactions import consistent_reactions
-from kaneflex.response.spring_forces import spring_tension
+from kaneflex.response.reactions import consistent_reactions, spring_tension
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,8 @@ from collections.abc import Callable, Generator, Hashable, Iterable, Sequence
 from typing import Protocol
 
 from kaneflex.study.plan import Plan, names_file
-from kaneflex.study.points import Point
 from kaneflex.study.records import FAILED, Record, solve_points
-from kaneflex.study.study import number_and_unit
+from kaneflex.study.study import Point, number_and_unit
 
 SECONDS = 1.0
 """What a chunk is to last: long against sending it, short against what an interruption loses."""

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.settings import nested, resolved
-from kaneflex.study.points import Point, points_of
-from kaneflex.study.study import Study, Value, read_study
+from kaneflex.study.study import Point, Study, Value, points_of, read_study
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
 

@@ -9,11 +9,10 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from kaneflex.study.dataset import write_netcdf
+from kaneflex.study.dataset import demand_zarr, write_netcdf, write_zarr
 from kaneflex.study.plan import Plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
 from kaneflex.study.store import RESULT_FILES, Store, alone, open_store
-from kaneflex.study.zarr_store import demand_zarr, write_zarr
 from kaneflex.support.output_folders import writing
 
 _RECENT = 200

@@ -5,6 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+
+from pydantic import ValidationError
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
@@ -12,6 +15,7 @@ from kaneflex.solve.loading import Progress
 from kaneflex.solve.quasistatic import LARGEST_DENSE
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
+from kaneflex.study.plan import digest, file_places
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.indicators import indicators
@@ -19,6 +23,7 @@ from kaneflex.study.trade.ranking import check_request
 from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError
+from kaneflex.support.module_cache import cache_folder, keep
 
 _DYNAMICS = {"quasistatic": "quasistatic", "stiffened": "dynamic"}
 _FAMILIES = ("rigid", *_DYNAMICS, "coupled")
@@ -211,3 +216,31 @@ def expected_work(scene: Scene, candidate: Variant) -> float:
     set_up = {"rigid": 1e3, "quasistatic": 5e3, "dynamic": 8e3, "coupled": 1e5}[options.dynamics] + 3e3 * reduced
     tight = 1.3 if options.dynamics == "coupled" and options.tolerance < 1e-6 else 1.0
     return set_up + options.steps * (reading + tight * by_step)
+
+
+def remembered_choice(
+    scene: Scene, tolerance: float, sensors: Sequence[str] | None = None, progress: Progress = lambda stage: None
+) -> Choice:
+    """The choice from the cache, else :func:`kaneflex.study.trade.choice.choose`'s, which is then kept.
+
+    A file that can't be read as a choice is replaced.
+
+    Parameters and errors are those of ``choose``; OutputError where the cache can't be written.
+    """
+    path = choice_file(scene, tolerance, check_request(scene, tolerance, 1.0, sensors))
+    try:
+        return Choice.model_validate_json(path.read_text(encoding="utf-8")).model_copy(update={"remembered": True})
+    except (OSError, UnicodeDecodeError, ValidationError):
+        found = choose(scene, tolerance, sensors, progress)
+    keep(path, (found.model_dump_json(indent=2) + "\n").encode())
+    return found
+
+
+def choice_file(scene: Scene, tolerance: float, sensors: Sequence[str]) -> Path:
+    """Where the choice for a scene is kept: by its structure, and by all else that it depends on.
+
+    That is every entry of the scene, the contents of its tables, the sensors, the tolerance and kaneflex's own sources.
+    """
+    files = {place: Path(file).read_bytes() for place, file in file_places(scene).items()}
+    about = digest(scene, files, sorted(sensors), tolerance)
+    return cache_folder() / "choices" / f"{scene.structure_hash()}-{about}.json"

@@ -13,9 +13,8 @@ from kaneflex.scene.start import Start
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
-from kaneflex.study.runs import Run, Runs
+from kaneflex.study.runs import Cost, Run, Runs, cost
 from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings
-from kaneflex.study.trade.cost import Cost, cost
 from kaneflex.study.trade.reference import Reference, find_reference
 from kaneflex.support.errors import SceneError, nearest
 

@@ -11,9 +11,8 @@ from kaneflex.scene import Scene
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
-from kaneflex.study.runs import Runs
+from kaneflex.study.runs import Cost, Runs, cost
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, repeated_cycle, terms_of
-from kaneflex.study.trade.cost import Cost, cost
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.support.errors import SceneError, StoppedEarly
 

@@ -1,0 +1,242 @@
+"""The table of the motion's scalars as compiled loops read it: in pieces, in lanes, of one run or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.system import AffineSystem, Packed, pack
+from kaneflex.support.errors import UserError
+
+Table = Callable[[np.ndarray], np.ndarray]
+"""Scalars of the motion, shape (n_times, n_scalars), at times, shape (n_times,), in s."""
+
+LARGEST_PIECE = 2_000_000  # numbers in a piece of the table of a motion without a cycle: 16 MB
+
+
+@dataclass
+class CoefficientStream:
+    """Rows of the table for the steps of one run.
+
+    nodes: of the method, where a step reads the table
+    period_steps: steps of a cycle, whose table is made once and read again; None where there is no cycle
+    read: what the compiled loop reads of rows of the table; None where there is none
+    constant: indices of scalars that must keep their first values; None where all may change
+    """
+
+    table: Table
+    n_scalars: int
+    t0: float
+    step: float
+    nodes: tuple[float, ...]
+    period_steps: int | None
+    read: Callable[[np.ndarray], np.ndarray] | None = None
+    constant: np.ndarray | None = None
+    _cycle: np.ndarray | None = None
+    _cycle_table: np.ndarray | None = None
+    _first: np.ndarray | None = None
+
+    def first_row(self) -> np.ndarray:
+        """Scalars at the start of the run, shape (n_scalars,)."""
+        if self._first is None:
+            self._first = self.row(self.t0)
+        return self._first
+
+    def row(self, t: float) -> np.ndarray:
+        """Scalars at one time in s, shape (n_scalars,)."""
+        return self._checked(np.array([t]))[0]
+
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
+        """For at most `n_steps` steps after step `done`: a table, its steps, those already taken, those it serves."""
+        if self.period_steps is not None:
+            if self._cycle_table is None:
+                self._cycle_table = self.read(self.cycle())
+            return self._cycle_table, self.period_steps, done % self.period_steps, n_steps
+        steps = max(1, min(n_steps, LARGEST_PIECE // (self.n_scalars * len(self.nodes))))
+        return self.read(self.rows(done, steps)), steps, 0, steps
+
+    def rows(self, done: int, steps: int) -> np.ndarray:
+        """Rows of so many steps after step `done`, shape (steps * nodes + 1, n_scalars): with the end of the last."""
+        rows = self._rows(done, steps)
+        return np.concatenate((rows, self._checked(np.array([self.t0 + (done + steps) * self.step]))))
+
+    def cycle(self) -> np.ndarray:
+        """Rows of a whole cycle, shape (period_steps * nodes + 1, n_scalars); the last is the first again."""
+        if self._cycle is None:
+            rows = self._rows(0, self.period_steps)
+            self._cycle = np.concatenate((rows, rows[:1]))
+        return self._cycle
+
+    def _rows(self, done: int, steps: int) -> np.ndarray:
+        at = done + np.arange(steps)
+        return self._checked((self.t0 + np.add.outer(at, np.array(self.nodes)) * self.step).ravel())
+
+    def _checked(self, times: np.ndarray) -> np.ndarray:
+        rows = np.array(self.table(times), dtype=np.float64, order="C")  # a copy: the loops want it writable
+        if rows.shape != (times.size, self.n_scalars):
+            raise ValueError(f"the table has shape {rows.shape}: must be {(times.size, self.n_scalars)}")
+        finite = np.isfinite(rows)
+        if not finite.all():
+            row, scalar = np.argwhere(~finite)[0]
+            key, reason = f"scalar {scalar} of the motion", f"not a finite number at t = {times[row]:.9g} s"
+            raise UserError(key, rows[row, scalar], reason, "Check the motion and the loads at this time")
+        if self.constant is not None:
+            self._check_constant(rows, times)
+        return rows
+
+    def _check_constant(self, rows: np.ndarray, times: np.ndarray) -> None:
+        first = rows[0] if self._first is None else self._first
+        changed = np.argwhere(rows[:, self.constant] != first[self.constant])
+        if changed.size:
+            reason = f"the matrices change in time (at t = {times[changed[0][0]]:.9g} s)"
+            cure = "Use radau, generalised-alpha or newmark, or a model that freezes the matrices"
+            raise UserError("integrator", "exact-modal", reason, cure)
+
+
+def in_lanes(rows: np.ndarray, nodes: int, steps: np.ndarray) -> np.ndarray:
+    """The table of steps (blocks, LANES), shape (blocks * nodes, n_scalars, LANES).
+
+    rows: shape (n * nodes + 1, n_scalars): row `nodes * k` at the start of step k, then its stages, then its end.
+    """
+    places = nodes * steps[:, None, :] + np.arange(1, nodes + 1)[None, :, None]
+    return np.ascontiguousarray(rows[places.reshape(-1, LANES)].transpose(0, 2, 1))
+
+
+def one_after_the_other(rows: np.ndarray, nodes: int) -> np.ndarray:
+    """The table of all steps in their order; the last block is filled up with the last step."""
+    count = (len(rows) - 1) // nodes
+    steps = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
+    return in_lanes(rows, nodes, steps.reshape(-1, LANES))
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSegments:
+    """A cycle cut into segments of time that are integrated side by side, one in each lane: their stream.
+
+    The first `longer` segments have one step more than the others.
+
+    rows: shape (period_steps * nodes + 1, n_scalars), of the whole cycle
+    """
+
+    rows: np.ndarray
+    nodes: int
+    step: float
+
+    @property
+    def period_steps(self) -> int:
+        return (len(self.rows) - 1) // self.nodes
+
+    @property
+    def least(self) -> int:
+        """Steps of a shorter segment."""
+        return self.period_steps // LANES
+
+    @property
+    def longer(self) -> int:
+        return self.period_steps % LANES
+
+    @property
+    def most(self) -> int:
+        """Steps of a longer segment, if there is one; a shorter one then has a step beyond its end."""
+        return self.least + (self.longer > 0)
+
+    @cached_property
+    def counts(self) -> np.ndarray:
+        """Steps of each segment, shape (LANES,)."""
+        return self.least + (np.arange(LANES) < self.longer)
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """Their first steps, shape (LANES,)."""
+        return np.cumsum(self.counts) - self.counts
+
+    @cached_property
+    def scalars(self) -> np.ndarray:
+        """The table of all segments, shape (most * nodes, n_scalars, LANES)."""
+        steps = np.add.outer(np.arange(self.most), self.starts) % self.period_steps
+        return in_lanes(self.rows, self.nodes, steps)
+
+    def first_row(self) -> np.ndarray:
+        """Scalars at the start of every segment, shape (n_scalars, LANES)."""
+        return self.rows[self.nodes * self.starts].T
+
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
+        """The table for `n_steps` steps after step `done` of every segment, as :meth:`CoefficientStream.piece`."""
+        return self.scalars, self.most, done, n_steps
+
+    def joined(self, stored: np.ndarray) -> np.ndarray:
+        """Rows of the whole cycle, shape (period_steps, n), from those of its segments, (most + 1, n, LANES).
+
+        All are the ends of steps. What begins a segment was found by products of the segments' matrices: its
+        accelerations, what is left of loads and stiffness, would be those of their rounding.
+        """
+        ends = np.concatenate([stored[1 : count + 1, :, lane] for lane, count in enumerate(self.counts)])
+        return np.roll(ends, 1, axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Systems:
+    """LANES systems of as many coordinates."""
+
+    each: tuple[AffineSystem, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates of each."""
+        return self.each[0].n
+
+    @property
+    def half_bandwidth(self) -> int:
+        """That of the widest."""
+        return max(system.half_bandwidth for system in self.each)
+
+    @cached_property
+    def packed(self) -> Packed:
+        """Their numbers, ``data`` of shape (numbers, LANES)."""
+        return pack(self.each)
+
+    def with_tables(self, scalars: np.ndarray) -> Iterator[tuple[AffineSystem, np.ndarray]]:
+        """Each with its table, shape (rows, n_scalars), from the table of all of them."""
+        for lane, system in enumerate(self.each):
+            yield system, scalars[:, : system.n_scalars, lane]
+
+
+@dataclass(frozen=True, eq=False)
+class BatchStream:
+    """Rows of the tables of LANES runs, one in each lane: their stream. All have as many steps, and in a cycle, too."""
+
+    streams: tuple[CoefficientStream, ...]
+
+    @cached_property
+    def step(self) -> np.ndarray:
+        """Their steps in s, shape (LANES,)."""
+        return np.array([stream.step for stream in self.streams])
+
+    def first_row(self) -> np.ndarray:
+        """Scalars at the start of every run, shape (n_scalars, LANES); zeros where a run has fewer."""
+        return _lane_table([stream.first_row()[None] for stream in self.streams])[0]
+
+    @cached_property
+    def _cycle(self) -> np.ndarray:
+        return _lane_table([stream.cycle()[1:] for stream in self.streams])
+
+    def piece(self, done: int, n_steps: int) -> tuple[np.ndarray, int, int, int]:
+        """The table for at most `n_steps` steps after step `done` of every run, as :meth:`CoefficientStream.piece`."""
+        first = self.streams[0]
+        if first.period_steps is not None:
+            return self._cycle, first.period_steps, done % first.period_steps, n_steps
+        most = LARGEST_PIECE // (LANES * len(first.nodes) * max(stream.n_scalars for stream in self.streams))
+        steps = max(1, min(n_steps, most))
+        return _lane_table([stream.rows(done, steps)[1:] for stream in self.streams]), steps, 0, steps
+
+
+def _lane_table(tables: list[np.ndarray]) -> np.ndarray:
+    """One table of all lanes, shape (rows, n_scalars, LANES)."""
+    table = np.zeros((len(tables[0]), max(rows.shape[1] for rows in tables), LANES))
+    for lane, rows in enumerate(tables):
+        table[:, : rows.shape[1], lane] = rows
+    return table
