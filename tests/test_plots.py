@@ -321,6 +321,6 @@ def test_pictures_leave_the_callers_matplotlib_alone():
     code = "import sys, kaneflex.plots; print('matplotlib' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "False"
-    code = "import sys, kaneflex.plots.animation, kaneflex.plots.surfaces; print('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, kaneflex.plots.animation, kaneflex.plots.records; print('matplotlib.pyplot' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "False"

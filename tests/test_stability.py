@@ -12,8 +12,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from kaneflex.integrate.run import Run, cycle_map, integrate
-from kaneflex.response.buckling import buckling, lost_stiffness
-from kaneflex.response.campbell import freeze
+from kaneflex.response.frozen import buckling, freeze, lost_stiffness
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.validity import doubts
 from kaneflex.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits

@@ -13,12 +13,11 @@ import pytest
 import xarray
 from command_line import cli
 
-from kaneflex.study import chunks, processes
-from kaneflex.study.chunks import DIED, Lost, Queue, first_of_each_kind, in_chunks
+from kaneflex.study import workers
 from kaneflex.study.plan import Plan, make_plan
-from kaneflex.study.processes import Processes, in_processes
 from kaneflex.study.records import Record
 from kaneflex.study.sweep import sweep
+from kaneflex.study.workers import DIED, Lost, Processes, Queue, first_of_each_kind, in_chunks, in_processes
 
 STUDY = """
 scene = "engine"
@@ -82,7 +81,7 @@ def test_a_killed_process_loses_no_point(tmp_path, swept, monkeypatch):
             killed.append(next(iter(pool._executor._processes)))
             os.kill(killed[0], signal.SIGKILL)
 
-    monkeypatch.setattr(processes, "Processes", killing(kill))
+    monkeypatch.setattr(workers, "Processes", killing(kill))
     finished = sweep(plan, tmp_path / "out", in_processes(2))
     assert killed and finished.failures == {}
     assert dataset(tmp_path / "out").identical(whole)
@@ -145,7 +144,7 @@ class Deadly:
 
 def test_a_point_that_kills_its_workers_is_given_up_and_its_neighbours_are_not(swept, monkeypatch):
     plan, _ = swept
-    monkeypatch.setattr(chunks, "solve_points", lambda plan, points: [Record(point, "completed") for point in points])
+    monkeypatch.setattr(workers, "solve_points", lambda plan, points: [Record(point, "completed") for point in points])
     pool = Deadly(7)
     found = {record.point: record for record in in_chunks(plan, range(20), lambda plan: pool)}
     assert sorted(found) == list(range(20))

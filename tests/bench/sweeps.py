@@ -17,8 +17,8 @@ from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.study.cluster import on_cluster
 from kaneflex.study.plan import Plan, make_plan
-from kaneflex.study.processes import in_processes
 from kaneflex.study.sweep import Solver, in_this_process
+from kaneflex.study.workers import in_processes
 
 TITLE = "Sweeps"
 ABOUT = f"""Time a point of a sweep of the engine over its speed, 6 coordinates, 720 steps a cycle by `gauss`: reading

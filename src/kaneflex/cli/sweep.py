@@ -76,7 +76,7 @@ def _solver(workers: int | None, scheduler: str | None) -> Solver:
 
         return on_cluster(scheduler)
     if workers is not None:
-        from kaneflex.study.processes import in_processes
+        from kaneflex.study.workers import in_processes
 
         return in_processes(workers)
     from kaneflex.study.sweep import in_this_process

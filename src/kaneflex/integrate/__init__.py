@@ -7,7 +7,7 @@ stepping, periodic        drive the loops over a run, and to the motion that rep
 steppers                  the compiled loops for any matrices
 dense, banded             those of Newmark's family for few coordinates and for long chains
 lanes, matrices, inverse  eight numbers in a register, and the compiled parts made of them
-modal, crosscheck         decoupled modes exactly; scipy's solve_ivp
+modal                     decoupled modes exactly
 
 Import from these modules: a list of the methods needs no numba.
 """

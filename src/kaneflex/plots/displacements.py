@@ -1,4 +1,4 @@
-"""Nodal displacements of joints and free ends, paper Figs. 18-22, and displacements of mid-link, Figs. 25, 26."""
+"""Displacements of joints and free ends, of mid-link and of links as surfaces; paper Figs. 18-26."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-from kaneflex.plots.style import new_figure, plot_curves
+from kaneflex.plots.style import new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
 
 if TYPE_CHECKING:
@@ -21,7 +23,10 @@ Panel = tuple[str, str, str, Curves]
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``nodal_displacements`` of all joints and free ends of elastic links, and ``mid_LINK`` of each link."""
+    """``nodal_displacements`` of all joints and free ends of elastic links, ``mid_LINK`` and ``surfaces_LINK`` of each.
+
+    The surfaces are the longitudinal, transverse, global X and global Y displacement over length and time.
+    """
     if solution.model.frame is None:
         return {}
     shown = view(solution)
@@ -34,7 +39,8 @@ def figures(solution: Solution) -> dict[str, Figure]:
     for name, length in shown.lengths.items():
         title = f"Displacements at half the length of {name}{shown.note}"
         pictures[f"mid_{name}"] = _figure(shown, _middle(shown, name, length), 1, title)
-    return pictures
+    thinned = _thinned(shown)
+    return pictures | {f"surfaces_{name}": _surfaces(thinned, name, length) for name, length in shown.lengths.items()}
 
 
 def _figure(shown: View, panels: list[Panel], columns: int, title: str) -> Figure:
@@ -123,3 +129,45 @@ def _middle(shown: View, name: str, length: float) -> list[Panel]:
         ("Transverse, link axes, relative to", "displacement", "m", across),
         ("Global axes, relative to the rigid frame", "displacement", "m", [("X", glob[0]), ("Y", glob[1])]),
     ]
+
+
+_ALONG, _INSTANTS = 33, 181
+
+
+def _thinned(shown: View) -> View:
+    picked = np.linspace(0, len(shown.instants) - 1, min(_INSTANTS, len(shown.instants))).round().astype(int)
+    return View(shown.solution, shown.instants[picked], shown.turns)
+
+
+def _surfaces(shown: View, name: str, length: float) -> Figure:
+    title = f"Elastic displacement of {name} relative to its rigid frame{shown.note}"
+    figure = new_figure(9.6, 6.6, title, layout="none")  # the constrained one leaves axes in space a wide margin
+    figure.subplots_adjust(left=0.0, right=0.95, bottom=0.05, top=0.92, wspace=0.08, hspace=0.16)
+    x = np.linspace(0.0, length, _ALONG)
+    local = np.array([shown.motion.displacement(name, (at, 0.0))[0][:2] for at in x]).swapaxes(0, 1)
+    titles = "Longitudinal, link axes", "Transverse, link axes", "X, global axes", "Y, global axes"
+    fields = (*local, *shown.rigid.frame(name).to_global(local))
+    for k, (title, field) in enumerate(zip(titles, fields, strict=True)):
+        axes = figure.add_subplot(2, 2, k + 1, projection="3d")
+        _surface(axes, shown, x, field)
+        axes.set_title(title, loc="center", y=0.97)
+    return figure
+
+
+def _surface(axes: Axes, shown: View, x: np.ndarray, field: np.ndarray) -> None:
+    """One displacement (n_points, n_times) [m]."""
+    factor, label = readable("m", field)
+    along, instants = np.meshgrid(1e3 * x, shown.x, indexing="ij")
+    style = {"cmap": "viridis", "rcount": _ALONG, "ccount": _INSTANTS, "linewidth": 0.0, "antialiased": False}
+    surface = axes.plot_surface(instants, along, factor * field, **style)
+    surface.set_rasterized(True)  # thousands of facets: pixels inside the SVG
+    axes.set_xlabel(shown.x_label, labelpad=4)
+    axes.set_ylabel("x [mm]", labelpad=2)
+    axes.set_zlabel(f"displacement [{label}]", labelpad=2)
+    axes.tick_params(pad=0)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.zaxis.set_major_locator(MaxNLocator(5))
+    if shown.drive:
+        axes.set_xticks(np.arange(np.ceil(shown.x[0] / 180) * 180, shown.x[-1] + 1, 180))
+    axes.view_init(elev=28, azim=-58)
+    axes.set_box_aspect((1.5, 0.9, 0.75), zoom=1.12)

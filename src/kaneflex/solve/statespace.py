@@ -23,7 +23,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import Placement, drive_rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.campbell import state_matrix
+from kaneflex.response.frozen import state_matrix
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import OutputError, SceneError, nearest

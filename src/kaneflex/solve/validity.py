@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.response.buckling import lost_stiffness
+from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import between_steps
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
 from kaneflex.solve.solution import Solution

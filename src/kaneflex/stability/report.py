@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.multibody.model import Model
-from kaneflex.response.buckling import Buckling, buckling
-from kaneflex.response.campbell import INSTANTS, Frozen, freeze
+from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.scene import Scene
 from kaneflex.solve.loading import load
 from kaneflex.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits

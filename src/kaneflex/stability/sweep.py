@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.multibody.model import Model
-from kaneflex.response.campbell import FEW_INSTANTS, freeze
+from kaneflex.response.frozen import FEW_INSTANTS, freeze
 from kaneflex.scene import Scene
 from kaneflex.solve.variants import Variants
 from kaneflex.stability.floquet import Multipliers, floquet_multipliers

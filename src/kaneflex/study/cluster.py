@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaneflex.scene import Scene, with_settings
-from kaneflex.study.chunks import Answer, Lost, Points, in_chunks
 from kaneflex.study.plan import Plan, file_places, names_file, setting
 from kaneflex.study.records import Record, solve_chunk
+from kaneflex.study.workers import Answer, Lost, Points, in_chunks
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, is_module, keep, sources_digest
 

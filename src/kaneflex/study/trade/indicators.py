@@ -8,7 +8,7 @@ from kaneflex.fem.assembly import spin_or_euler
 from kaneflex.mechanism.affine import Affine
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
-from kaneflex.response.buckling import buckling
+from kaneflex.response.frozen import buckling
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.quasistatic import answers, quasistatic
@@ -35,7 +35,7 @@ def indicators(scene: Scene) -> dict[str, float | None]:
     mapping of str to float or None
         "spin", "euler", "geometric", "gyroscopic", "damping", "dynamics"; "speed_ratio", the fastest turning drive's
         speed over the lowest natural frequency, and "buckling_ratio", the reciprocal of the least load factor of
-        :func:`kaneflex.response.buckling.buckling`; None where it can't be said.
+        :func:`kaneflex.response.frozen.buckling`; None where it can't be said.
 
     Raises
     ------
