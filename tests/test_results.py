@@ -29,6 +29,7 @@ from kaneflex.report.summary import (
     summarise,
 )
 from kaneflex.solve.mode_angle_envelope import PeakSpread
+from kaneflex.solve.touching import ContactSummary
 from kaneflex.solve.unresolved import UnresolvedMode
 from kaneflex.study.sensitivity.report import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
@@ -244,7 +245,7 @@ def test_documentation_is_that_of_the_code():
 
 def test_every_field_of_the_summary_is_described():
     tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations)
-    tables += (ParameterSensitivity, SensorDerivative, UnresolvedMode)
+    tables += (ParameterSensitivity, SensorDerivative, UnresolvedMode, ContactSummary)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []
     assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}

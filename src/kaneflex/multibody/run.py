@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody import collocation
+from kaneflex.multibody import collocation, impacts
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.system import BODY, CoupledSystem, Unfolded
 
@@ -44,6 +44,8 @@ class CoupledTrajectory:
         Steps that were taken, and those that were tried in vain.
     ends : ndarray (steps,)
         Instants [s] at which the steps of a whole run under the control of their error ended.
+    contacts : ContactRecord or None
+        Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
     """
 
     times: np.ndarray
@@ -60,6 +62,7 @@ class CoupledTrajectory:
     message: str
     ns_per_step: float
     ends: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    contacts: impacts.ContactRecord | None = None
 
 
 @dataclass(frozen=True)
@@ -143,10 +146,11 @@ class _Run:
         engine.numbers(at.SCALE, size)[:] = self.scale
         shared = engine.numbers(at.TOUCH, at.SHARED)
         shared[[at.PRECISION, at.EXTENT]] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
-        self.impacts: list[np.ndarray] = []
         self.largest = np.zeros((2, size))
         self.turns = np.array(turns)
         engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
+        self.touching = tuple(system.mechanism.contacts)
+        self.impacts: tuple[impacts.Impact, ...] = ()
         system.fold(q, v)
         engine.choose(float(times[0]))
         self.settled = engine.settle(float(times[0]))
@@ -239,8 +243,8 @@ class _Run:
         )  # fmt: skip
         self.ends.append(ends[: int(control[4])])
         self.step, self.length, self.filled = float(control[0]), float(control[5]), self.filled + int(control[3])
-        if self.system.mechanism.contacts:
-            self.impacts.append(self.engine.take_impacts())
+        if self.touching:
+            self.impacts += impacts.over(self.touching, self.engine.take_impacts())
         self.patient = 0.0
         if ended == collocation.TURNED:
             before = sorted(self.engine.dependent.tolist())
@@ -294,11 +298,15 @@ class _Run:
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
         done, count = self.rows[rows][:, -works:], found.gaps.shape[1]
-        taken_up = done[:, works - count :] - (found.gaps[:, :, 2] - self.stored)
+        lost = done[:, works - count :] - (found.gaps[:, :, 2] - self.stored)
+        self.system.unfold(self.here[None])
+        happened = self.impacts + impacts.lasting(self.touching, self.engine, self.here)
+        contacts = impacts.ContactRecord(self.touching, found.gaps[:, :, 0], found.gaps[:, :, 1], lost, happened)
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,
-            *balance(found, done[:, 0] + taken_up.sum(axis=1), done[:, 1 : works - count].sum(axis=1)),
+            *balance(found, done[:, 0] + lost.sum(axis=1), done[:, 1 : works - count].sum(axis=1)),
             int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
+            contacts=contacts,
         )  # fmt: skip
 
 
@@ -317,7 +325,8 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     """The motion at other instants within the run (dense output).
 
     q by the quintic through q, q', q'' of the stored instants, put onto the constraints; accelerations and reactions
-    from the equations there.
+    from the equations there. Of an impact it knows what is stored, and no more: contacts that are closed count as begun
+    at the speed that would bring them as deep.
     """
     from scipy.interpolate import BPoly, CubicHermiteSpline
 
@@ -327,9 +336,13 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
     supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
     energy, loss, power = balance(found, dissipated, supplied)
+    contacts = trajectory.contacts
+    if contacts is not None:
+        lost = np.array([np.interp(times, knots, part) for part in contacts.lost.T]).reshape(-1, len(times)).T
+        contacts = replace(contacts, gap=found.gaps[:, :, 0], force=found.gaps[:, :, 1], lost=lost)
     return replace(
         trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
-        power=power,
+        power=power, contacts=contacts,
     )  # fmt: skip
 
 

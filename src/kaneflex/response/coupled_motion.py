@@ -63,7 +63,8 @@ class CoupledMotion(Motion):
         rigid = self.rigid.taken(instants)
         picked = {key: getattr(self.trajectory, key)[instants] for key in ("times", "q", "v", "a", "multipliers")}
         shift = {name: part[instants] for name, part in self.shift.items()}
-        trajectory = replace(self.trajectory, **picked)
+        contacts = self.trajectory.contacts
+        trajectory = replace(self.trajectory, **picked, contacts=contacts and contacts.taken(instants))
         return replace(self, rigid=rigid, trajectory=trajectory, shift=shift, whole=self.whole or self)
 
     # ---- in the floating frames -------------------------------------------------------------------------------

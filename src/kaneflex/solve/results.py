@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.solve.touching import labelled_contacts
 from kaneflex.support.labelled import Labelled
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ def labelled(solution: Solution) -> Labelled:
         Dimension ``time`` [s]; coordinate ``drive_angle_<drive>`` [degree] for each drive, counted on from cycle to
         cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
         forces, with CF ``units`` and ``long_name``. Of a coupled run also dimension ``state``, the names of its
-        coordinates, with ``last_state`` and ``last_rate`` at the last time.
+        coordinates, with ``last_state`` and ``last_rate`` at the last time; of one with contacts dimensions ``contact``
+        and ``impact``, see :mod:`kaneflex.solve.touching`.
         Attributes say what was solved and how it ended; none depends on the machine or the clock.
     """
     import kaneflex
@@ -45,7 +47,9 @@ def labelled(solution: Solution) -> Labelled:
     }
     if model.coupled is not None and len(solution.times):
         coordinates["state"], more = _last_state(solution)
-        variables |= more
+        names, touching = labelled_contacts(solution)
+        coordinates |= names
+        variables |= more | touching
     about = {
         "Conventions": "CF-1.11",
         "title": model.scene.description or model.scene.name,
