@@ -1,0 +1,195 @@
+"""Contacts as they move: impacts, flights and rests against closed forms, and everything from soft to hard."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import Contact
+from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.multibody.binding import bind_parameters, find_coupled_module
+from kaneflex.multibody.blocks import Blocks
+from kaneflex.multibody.engine import build_engine
+from kaneflex.multibody.run import Method, integrate
+from kaneflex.multibody.system import CoupledSystem
+from kaneflex.scene.read import read_scene
+
+G = 9.81
+GROUND, ZERO = BodyPoint("ground", "base", (0.0, 0.0)), (0.0, 0.0)
+BODY = 'body_{k} = {{length = "1 m", mass = "1 kg", inertia = "0.1 kg m^2", centre = [0, 0]}}\n'
+JOINT = 'hinge_{k} = {{revolute = ["ground.base", "body_{k}.end"]}}\n'
+DRIVE = 'hinge_{k} = {{free = true, angle = "150 deg"}}\n'
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    """One body, and two, hinged to the ground by their ends; their mass is at their start."""
+    found = {}
+    for count in (1, 2):
+        parts = [[part.format(k=k) for k in range(count)] for part in (BODY, JOINT, DRIVE)]
+        text = 'schema = 1\ngravity = [0, "-9.81 m/s^2"]\nground = {base = [0, 0]}\n[solve]\npreset = "coupled"\n'
+        text += 'duration = "1 s"\n' + "".join(
+            f"[{table}]\n{''.join(lines)}" for table, lines in zip(("bodies", "joints", "drives"), parts, strict=True)
+        )
+        path = tmp_path_factory.mktemp("contacts") / "bodies.toml"
+        path.write_text(text)
+        found[count] = read_scene(path)
+    return found
+
+
+def system_of(scene, *contacts, gravity=(0.0, -G), hinged=False):
+    """The bodies of a scene with contacts; free, unless hinged."""
+    module, _ = find_coupled_module(scene, dict.fromkeys(scene.bodies, (0, 0, 0)), lambda stage: None)
+    mechanism = replace(mechanism_of(scene), contacts={each.name: each for each in contacts}, gravity=gravity)
+    if not hinged:
+        mechanism = replace(mechanism, joints={}, drives={})
+    engine = build_engine(mechanism, module, Blocks(scene, module.BODIES, {}, {}), bind_parameters(scene, module))
+    return CoupledSystem(module, engine, mechanism, {}, {})
+
+
+def body(k=0, point="start", at=ZERO):
+    return BodyPoint(f"body_{k}", point, at)
+
+
+def contact(name, first, second, kind="point-line", reach=0.0, K=1e8, n=1.5, e=0.7, law="exact", damping=0.0):
+    direction = (0.0, 1.0) if kind == "point-line" else ZERO
+    return Contact(name, first, second, kind, direction, reach, 0.0, K, n, damping, e, law)
+
+
+def run(system, q, v, times, integrator="radau", tolerance=1e-8):
+    trajectory = integrate(system, np.array(q, float), np.array(v, float), times, Method(integrator, tolerance, 1.0))
+    assert trajectory.outcome is Outcome.COMPLETED
+    assert np.isfinite(trajectory.q).all()
+    return trajectory
+
+
+@pytest.mark.parametrize("n", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("e", [0.05, 0.5, 0.9, 0.99])
+def test_an_impact_returns_the_restitution_that_was_asked_for(scenes, n, e):
+    system = system_of(scenes[1], contact("floor", GROUND, body(), n=n, e=e), gravity=ZERO)
+    found = run(system, [0, 1e-3, 0], [0, -1, 0], np.linspace(0, 0.5, 3))
+    (impact,) = found.contacts.impacts
+    assert impact.begin == pytest.approx(1e-3, rel=1e-12)
+    assert impact.separation / impact.approach == pytest.approx(e, abs=1e-6)
+    assert impact.impulse == pytest.approx(1 + e, rel=1e-6)
+    assert impact.lost == pytest.approx((1 - e**2) / 2, abs=1e-6)
+    assert found.energy.dissipated[-1] == impact.lost
+    assert abs(found.energy.gap).max() < 1e-6 * 0.5
+
+
+@pytest.mark.parametrize(("law", "e", "returned"), [
+    ("hertz", 0.3, 1.0), ("hunt-crossley", 0.5, 0.662962), ("lankarani-nikravesh", 0.1, 0.665265),
+    ("flores", 0.3, 0.256208),
+])  # fmt: skip
+def test_other_laws_return_what_they_are_known_to(scenes, law, e, returned):
+    system = system_of(scenes[1], contact("floor", GROUND, body(), e=e, law=law), gravity=ZERO)
+    (impact,) = run(system, [0, 1e-3, 0], [0, -1, 0], np.linspace(0, 0.5, 3)).contacts.impacts
+    assert impact.separation == pytest.approx(returned, abs=2e-6)
+
+
+def test_a_damper_lets_go_before_its_spring_is_free(scenes):
+    """m x'' + c x' + k x = 0 until its force is zero; the speed there is exp(-zeta phi / sqrt(1 - zeta^2)), with phi the
+    damped phase."""
+    K, zeta = 1e6, 0.2
+    damping = 2 * zeta * math.sqrt(K)
+    system = system_of(
+        scenes[1], contact("floor", GROUND, body(), K=K, n=1.0, law="kelvin-voigt", damping=damping), gravity=ZERO
+    )
+    found = run(system, [0, 1e-3, 0], [0, -1, 0], np.linspace(0, 0.05, 3))
+    (impact,) = found.contacts.impacts
+    damped = math.sqrt(1 - zeta**2)
+    phase = math.pi - math.atan2(2 * zeta * damped, 1 - 2 * zeta**2)  # of a force that is zero: k x + c x' = 0
+    assert impact.separation == pytest.approx(math.exp(-zeta * phase / damped), rel=1e-7)
+    assert impact.impulse == pytest.approx(1 + impact.separation, rel=1e-7)
+    assert impact.lost == pytest.approx((1 - impact.separation**2) / 2, rel=1e-6)
+    assert found.v[-1, 1] == pytest.approx(impact.separation, rel=1e-12)
+
+
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+def test_a_bouncing_ball_flies_by_its_closed_form_and_comes_to_rest(scenes, integrator):
+    K, e = 1e9, 0.7
+    system = system_of(scenes[1], contact("floor", GROUND, body(), K=K, e=e))
+    found = run(system, [0, 1, 0], [0, 0, 0], np.linspace(0, 4, 81), integrator)
+    *flown, last = found.contacts.impacts
+    assert flown[0].begin == pytest.approx(math.sqrt(2 / G), rel=1e-12)
+    assert flown[0].approach == pytest.approx(math.sqrt(2 * G), rel=1e-12)
+    assert flown[0].separation / flown[0].approach == pytest.approx(e, abs=1e-3)  # its weight is in the impact, too
+    for before, after in itertools.pairwise([*flown, last]):
+        assert after.begin - before.end == pytest.approx(2 * before.separation / G, rel=1e-9)
+        assert after.approach == pytest.approx(before.separation, rel=1e-9)
+    assert len(flown) > 10 and last.lasts
+    assert found.contacts.force[-1, 0] == pytest.approx(G, rel=1e-9)
+    assert -found.contacts.gap[-1, 0] == pytest.approx((G / K) ** (1 / 1.5), rel=1e-9)
+    assert found.energy.drift < 1e-6
+    assert found.energy.dissipated[-1] == pytest.approx(G + 0.4 * G * (G / K) ** (1 / 1.5), rel=1e-6)
+
+
+def test_balls_at_rest_on_each_other_close_together_and_bear_their_weights(scenes):
+    floor = contact("floor", GROUND, body(0), reach=0.1, K=1e6, e=0.5)
+    pair = contact("pair", body(0), body(1), "circle-circle", reach=0.2, K=1e6, e=0.5)
+    found = run(system_of(scenes[2], floor, pair), [0, 0.1, 0, 0, 0.3, 0], np.zeros(6), np.linspace(0, 6, 61))
+    assert found.contacts.force[-1] == pytest.approx([2 * G, G], rel=1e-6)
+    assert -found.contacts.gap[-1] == pytest.approx((np.array([2, 1]) * G / 1e6) ** (1 / 1.5), rel=1e-6)
+    assert found.energy.drift < 1e-6
+
+
+@pytest.mark.parametrize("miss", [-1e-6, -1e-9, 1e-12, 1e-6])
+def test_a_grazing_contact_is_not_stepped_over(scenes, miss):
+    """One step would lead past the pin; the impulse is that of an elastic impact across m v sin(beta)."""
+    pin = contact("pin", GROUND, body(), "circle-circle", reach=0.1, K=1e9, n=1.0, law="hertz")
+    found = run(system_of(scenes[1], pin, gravity=ZERO), [-1, 0.1 + miss, 0], [37, 0, 0], np.linspace(0, 0.1, 3))
+    if miss > 0:
+        assert found.contacts.impacts == ()
+    else:
+        (impact,) = found.contacts.impacts
+        assert impact.approach == pytest.approx(37 * math.sqrt(-20 * miss), rel=1e-5)
+        assert impact.separation == pytest.approx(impact.approach, rel=1e-3)
+
+
+@pytest.mark.parametrize(("integrator", "order"), [("radau", 5), ("gauss", 6)])
+def test_flights_have_the_order_of_their_integrator(scenes, integrator, order):
+    """A pendulum swings to a stop below its hinge in a quarter of its period."""
+    from scipy.special import ellipk
+
+    stop = replace(contact("stop", GROUND, body(), K=1e9), direction=(1.0, 0.0))
+    system = system_of(scenes[1], stop, hinged=True)
+    start = math.radians(60)  # of the mass from below the hinge
+    exact = ellipk(math.sin(start / 2) ** 2) / math.sqrt(G / 1.1)
+    q = [math.sin(start), -math.cos(start), math.pi / 2 + start]
+    errors = []
+    for steps in (4, 8, 16):
+        times = np.linspace(0, 0.75, steps + 1)
+        found = run(system, q, [0, 0, 0], times, integrator, tolerance=1e-3)
+        errors.append(abs(found.contacts.impacts[0].begin - exact))
+    assert math.log2(errors[0] / errors[2]) / 2 > order - 0.5
+
+
+def test_a_clearance_that_goes_to_zero_leaves_a_tight_joint(scenes):
+    """By as much as the clearance, and as the pin is pressed into its bearing."""
+    q = [math.cos(0.3), -math.sin(0.3), math.pi - 0.3]
+    times = np.linspace(0, 1, 51)
+    tight = run(system_of(scenes[1], hinged=True), q, [0, 0, 0], times).q[:, 2]
+    apart = []
+    for clearance in (1e-3, 1e-4, 1e-5):
+        pin = contact("pin", GROUND, body(0, "end", (1.0, 0.0)), "circle-in-circle", reach=clearance, K=1e11, e=0.5)
+        loose = run(system_of(scenes[1], pin), [q[0], q[1] - clearance, q[2]], [0, 0, 0], times)
+        apart.append(abs(loose.q[:, 2] - tight).max())
+        assert loose.energy.drift < 1e-6
+    assert apart[0] < 2e-3 and apart[1] < 2e-4 and apart[2] < 3e-5
+
+
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+def test_extremes_of_stiffness_restitution_and_gap(scenes, integrator):
+    """However hard, however elastic, however close: it lands, it never falls through, and no energy is lost of sight."""
+    for K, n, e, gap in itertools.product((1e3, 1e13), (1.0, 1.5), (0.05, 0.99), (1e-9, 1e-2)):
+        system = system_of(scenes[1], contact("floor", GROUND, body(), K=K, n=n, e=e))
+        found = run(system, [0, gap, 0], [0, 0, 0], np.linspace(0, 0.3, 31), integrator)
+        first = found.contacts.impacts[0]
+        assert first.begin == pytest.approx(math.sqrt(2 * gap / G), rel=1e-9)
+        deepest = ((n + 1) * G * gap / K) ** (1 / (n + 1)) + 2.5 * (G / K) ** (1 / n)
+        assert -found.contacts.gap.min() < deepest
+        assert abs(found.energy.gap).max() < 1e-6 * G * (gap + deepest) + 1e-12 * G  # and what places are rounded to
