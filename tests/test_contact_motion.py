@@ -92,8 +92,7 @@ def test_other_laws_return_what_they_are_known_to(scenes, law, e, returned):
 
 
 def test_a_damper_lets_go_before_its_spring_is_free(scenes):
-    """m x'' + c x' + k x = 0 until its force is zero; the speed there is exp(-zeta phi / sqrt(1 - zeta^2)), with phi the
-    damped phase."""
+    """m x'' + c x' + k x = 0 until its force is zero: the speed is exp(-zeta phi / sqrt(1 - zeta^2)) at phase phi."""
     K, zeta = 1e6, 0.2
     damping = 2 * zeta * math.sqrt(K)
     system = system_of(
@@ -184,7 +183,7 @@ def test_a_clearance_that_goes_to_zero_leaves_a_tight_joint(scenes):
 
 @pytest.mark.parametrize("integrator", ["radau", "gauss"])
 def test_extremes_of_stiffness_restitution_and_gap(scenes, integrator):
-    """However hard, however elastic, however close: it lands, it never falls through, and no energy is lost of sight."""
+    """However hard, however elastic, however close: it lands, never falls through, and no energy is out of sight."""
     for K, n, e, gap in itertools.product((1e3, 1e13), (1.0, 1.5), (0.05, 0.99), (1e-9, 1e-2)):
         system = system_of(scenes[1], contact("floor", GROUND, body(), K=K, n=n, e=e))
         found = run(system, [0, gap, 0], [0, 0, 0], np.linspace(0, 0.3, 31), integrator)
