@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.engine import Engine
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.engine import Engine
 
 
 @dataclass(frozen=True)
