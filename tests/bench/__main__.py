@@ -8,13 +8,14 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench import exudyn_runs, ivp_runs, kernels, latency, quick, report, scaling, sweeps
+from bench import exudyn_runs, ivp_runs, kernels, latency, precision, quick, report, scaling, sweeps
 from bench.rows import Row
 
 DOCS = Path(__file__).parents[2] / "docs"
 SECTIONS = {
     "kernels": kernels,
     "exudyn": exudyn_runs,
+    "precision": precision,
     "ivp": ivp_runs,
     "scaling": scaling,
     "sweeps": sweeps,

@@ -18,7 +18,7 @@ from kaneflex.peers import exudyn
 from kaneflex.scene import Scene, read_scene, with_settings
 from kaneflex.solve.curves import Curves, Resolution
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import solve as solved
 from kaneflex.support.errors import SceneError
 
 TITLE = "Whole runs against Exudyn"
@@ -121,7 +121,7 @@ def by_kaneflex(race: Race, scene: Scene) -> Solver:
             changes = [f"bodies.{race.link}.beam.elements={elements}", f"solve.steps={race.recorded or effort}"]
             changes += [f"solve.tolerance={effort}"] * bool(race.recorded)
             models[elements, effort] = load(with_settings(scene, changes))
-        solution = simulate(models[elements, effort])
+        solution = solved(models[elements, effort])
         return Curves(solution.times, {race.sensor: solution.series[race.sensor].values}, {}, (), solution.seconds)
 
     return solve

@@ -15,12 +15,16 @@ Rows = Sequence[Row]
 
 def draw(sections: Mapping[str, Rows], path: Path) -> None:
     """Write the picture of those sections in which anything was timed."""
-    panels = {name: panel for name, panel in PANELS.items() if any(row.time for row in sections.get(name, ()))}
+    panels = {
+        key: (panel, sections[name])
+        for key, (name, panel) in PANELS.items()
+        if any(row.time for row in sections.get(name, ()))
+    }
     with styled():
         lines = -(-len(panels) // 2)
         figure = new_figure(11.0, 4.2 * max(lines, 1), "kaneflex beside other ways to the same numbers")
-        for k, (name, panel) in enumerate(panels.items()):
-            panel(figure.add_subplot(lines, min(2, len(panels)), k + 1), sections[name])
+        for k, (panel, rows) in enumerate(panels.values()):
+            panel(figure.add_subplot(lines, min(2, len(panels)), k + 1), rows)
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path)
 
@@ -53,6 +57,23 @@ def scaling(axes: Axes, rows: Rows) -> None:
     axes.legend()
 
 
+def precision(task: str) -> Callable[[Axes, Rows], None]:
+    """Time over error, the cheapest and most wrong first."""
+
+    def panel(axes: Axes, rows: Rows) -> None:
+        chosen = [row for row in rows if row.time and row.error and row.task == task]
+        for name in dict.fromkeys(row.candidate for row in chosen):
+            points = [(row.error, 1e3 * row.time.median) for row in chosen if row.candidate == name]
+            axes.loglog(*zip(*points, strict=True), marker="o", markersize=3, label=name)
+        axes.invert_xaxis()
+        axes.set_title(f"{task}: work over precision")
+        axes.set_xlabel("error, of the largest deflection")
+        axes.set_ylabel("time [ms]")
+        axes.legend()
+
+    return panel
+
+
 def latency(axes: Axes, rows: Rows) -> None:
     values = [(f"{row.task}: {row.candidate}", row.time.median, row.task.partition(" ")[0]) for row in rows if row.time]
     bars(axes, values, "Whole processes", "time [s]", logarithmic=False)
@@ -76,10 +97,13 @@ def bars(
         axes.set_xscale("log")
 
 
-PANELS: dict[str, Callable[[Axes, Rows], None]] = {
-    "kernels": kernels,
-    "exudyn": whole_runs("Against Exudyn at equal error"),
-    "ivp": whole_runs("Against solve_ivp at equal error"),
-    "scaling": scaling,
-    "latency": latency,
+PANELS: dict[str, tuple[str, Callable[[Axes, Rows], None]]] = {
+    "kernels": ("kernels", kernels),
+    "exudyn": ("exudyn", whole_runs("Against Exudyn at equal error")),
+    "engine": ("precision", precision("engine, coupled")),
+    "slider-crank": ("precision", precision("slider-crank-150-coupled")),
+    "ivp": ("ivp", whole_runs("Against solve_ivp at equal error")),
+    "scaling": ("scaling", scaling),
+    "latency": ("latency", latency),
 }
+"""Name of a panel -> the section that it shows, and what draws it."""

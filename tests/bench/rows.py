@@ -32,6 +32,7 @@ class Row:
     ratio : of this row to its task's reference, as the section's heading says; None for the reference itself.
     of_time : the target is one of the time, not of the ratio.
     differs : what is not the same as in the reference, so that the ratio can be judged.
+    error : of the candidate's answer, where time is shown over it.
     """
 
     task: str
@@ -42,6 +43,7 @@ class Row:
     of_time: bool = False
     differs: str = ""
     missing: str = ""
+    error: float | None = None
 
     def verdict(self) -> str | None:
         """Whether the target is met; None where there is none, or nothing was timed."""

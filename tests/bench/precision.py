@@ -1,0 +1,52 @@
+"""Section: time over error of the nonlinear equations, by each integrator there is for them and by Exudyn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from bench.exudyn_runs import RACES, Race, by_exudyn, by_kaneflex, error, scene_of
+from bench.interleave import interleave
+from bench.rows import Row
+from kaneflex.peers import exudyn
+from kaneflex.scene import with_settings
+from kaneflex.support.errors import SceneError
+
+TITLE = "Work over precision"
+ABOUT = """Time of whole runs over their error (rms of the deflection of an elastic link's middle, of its largest,
+against each program's own converged answer), solving alone, as the tolerance falls or the steps grow. kaneflex solves
+preset `coupled` with as many elements as its converged answer has, Exudyn its own nonlinear equations with as many."""
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+SLOW = (1e-3, 1e-4, 1e-5, 1e-6)
+"""Those of scipy."""
+ELEMENTS, ROUNDS, BUDGET = 8, 5, 5.0
+
+
+def rows() -> Iterator[Row]:
+    for race in (race for race in RACES if race.recorded):
+        scene = scene_of(race)
+        for integrator in ("radau", "gauss", "scipy"):
+            of = replace(race, settings=(*race.settings, f"solve.integrator={integrator}"))
+            yield from measured(of, f"kaneflex, {integrator}", SLOW if integrator == "scipy" else TOLERANCES)
+        try:
+            exudyn.check(scene)
+        except SceneError:
+            yield Row(race.name, "Exudyn", None, missing="exudyn is not installed")
+            continue
+        yield from measured(race, "Exudyn", race.steps)
+
+
+def measured(race: Race, candidate: str, efforts: tuple[float, ...]) -> Iterator[Row]:
+    """A row for every tolerance or number of steps, from the coarsest on."""
+    scene, ours = scene_of(race), candidate != "Exudyn"
+    if ours:
+        solve = by_kaneflex(race, scene)
+        finest = by_kaneflex(race, with_settings(scene, ["solve.integrator=gauss"]))(ELEMENTS, 1e-10)
+    else:
+        solve = by_exudyn(scene, race.recorded)
+        finest = solve(ELEMENTS, race.finest)
+    for effort in efforts:
+        found = error(race.sensor, solve(ELEMENTS, effort), finest)
+        timed = interleave({candidate: lambda effort=effort: solve(ELEMENTS, effort).seconds}, ROUNDS, BUDGET)
+        work = f"a tolerance of {effort:.0e}" if ours else f"{effort} steps"
+        yield Row(race.name, candidate, timed[candidate], differs=f"{work}, error {found:.1e}", error=found)
