@@ -43,6 +43,15 @@ def test_scipy_gives_the_same_motion(pendulum):
     assert other.trajectory.energy.drift < 1e-6
 
 
+def test_scipy_follows_the_loops_of_a_crank_that_turns():
+    """Turn by turn: a loop closes on the other side of its dead centre, too, which is another motion."""
+    settings = ("slider-crank-150-coupled", "solve.steps=60")
+    found = run(*settings, "solve.integrator=scipy", "solve.tolerance=1e-6")
+    other = run(*settings, "solve.tolerance=1e-8").series["mid_transverse"].values
+    assert found.series["mid_transverse"].values == pytest.approx(other, abs=2e-4 * abs(other).max())
+    assert found.trajectory.energy.drift < 1e-4
+
+
 @pytest.mark.parametrize("integrator, order", [("radau", 5), ("gauss", 6)])
 def test_errors_fall_at_the_order_of_the_integrator(integrator, order):
     """Steps as long as those between stored instants: the error allowed is far larger than theirs."""

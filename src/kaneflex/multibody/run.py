@@ -263,9 +263,13 @@ class _Run:
         engine.stand(self.here)
         engine.choose(float(times[0]))
         free = engine.independent
-        works = engine.count(at.WORKS)
+        works, last = engine.count(at.WORKS), times[0]
 
         def stand(t: float, x: np.ndarray) -> np.ndarray:
+            """The motion at t; loops are followed from where it stood last."""
+            nonlocal last
+            y[:] += (t - last) * v
+            last = t
             y[free], v[free] = x[: len(free)], x[len(free) : 2 * len(free)]
             if not engine.settle(t):
                 raise np.linalg.LinAlgError
@@ -282,11 +286,16 @@ class _Run:
         allowed = np.concatenate([scale, scale / self.longest, np.full(works, math.inf)])
         try:
             found = solve_ivp(
-                slope, (times[0], times[-1]), first, "Radau", times, rtol=self.method.tolerance, atol=allowed
-            )
-            for k, x in enumerate(found.y.T[1:], start=rows.start + 1):
-                self.rows[k] = self.here[:] = stand(float(self.times[k]), x)
-                self.filled = k
+                slope, (times[0], times[-1]), first, "Radau", dense_output=True, max_step=self.longest,
+                rtol=self.method.tolerance, atol=allowed,
+            )  # fmt: skip
+            engine.stand(self.here)
+            last = times[0]
+            for t in np.union1d(found.t[1:], times[1:][times[1:] <= found.t[-1]]):
+                row = stand(float(t), found.sol(t))
+                if t == self.times[self.filled + 1]:
+                    self.filled += 1
+                    self.rows[self.filled] = self.here[:] = row
         except np.linalg.LinAlgError:
             return collocation.SINGULAR
         self.counts[0] += len(found.t) - 1
