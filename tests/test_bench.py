@@ -199,7 +199,7 @@ def test_an_interruption_keeps_the_sections_that_are_finished(tmp_path, monkeypa
 def test_an_unknown_section_is_named(capsys):
     with pytest.raises(SystemExit):
         bench.__main__.main(["kernel"])
-    assert "no section 'kernel': there are kernels, exudyn, ivp" in capsys.readouterr().err
+    assert "no section 'kernel': there are kernels, exudyn, precision, ivp" in capsys.readouterr().err
 
 
 def test_benchmarks_page_is_what_its_data_say():
