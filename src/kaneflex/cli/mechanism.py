@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -11,9 +10,6 @@ from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathere
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.errors import OutputError, SceneError
 from kaneflex.support.output_folders import file_stem
-
-if TYPE_CHECKING:
-    from kaneflex.scene import Scene
 
 _PICTURES = (".png", ".svg", ".pdf")
 
@@ -173,39 +169,29 @@ def derive(
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
     """
     from kaneflex.mechanism.floating_frames import shape_counts
+    from kaneflex.scene import with_settings
     from kaneflex.support.atomic_output import refuse_existing, write_text
     from kaneflex.support.terminal import Waiting
 
     refuse_existing(output, force, "engine.py")
     refuse_with_tolerance(tolerance, {"--coupled": coupled or None})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors)})
-    scene = read(name, [])
-    if tolerance is not None:
-        _derive_chosen(scene, output, tolerance_of(tolerance), sensors)
-        return
+    scene, choice, whole = read(name, []), None, ""
     with Waiting() as waiting:
+        if tolerance is not None:
+            from kaneflex.study.trade.choice import remembered_choice
+
+            choice = remembered_choice(scene, tolerance_of(tolerance), sensors or None, waiting.stage)
         waiting.stage("importing SymPy")
-        from kaneflex.multibody.binding import coupled_text, generate_text
+        from kaneflex.multibody.binding import coupled_text, generate_text, operation_count, pruned_text
 
-        text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
+        if choice is not None:
+            whole = generate_text(scene, waiting.stage)
+            text = pruned_text(with_settings(scene, choice.settings), waiting.stage)
+        else:
+            text = coupled_text(scene, shape_counts(scene)) if coupled else generate_text(scene, waiting.stage)
     write_text(output, text)
-    click.echo(f"Written to {output}")
-
-
-def _derive_chosen(scene: Scene, output: Path, tolerance: float, sensors: tuple[str, ...]) -> None:
-    from kaneflex.scene import with_settings
-    from kaneflex.study.trade.choice import remembered_choice
-    from kaneflex.support.atomic_output import write_text
-    from kaneflex.support.terminal import Waiting
-
-    with Waiting() as waiting:
-        choice = remembered_choice(scene, tolerance, sensors or None, waiting.stage)
-        waiting.stage("importing SymPy")
-        from kaneflex.multibody.binding import generate_text, operation_count, pruned_text
-
-        text = pruned_text(with_settings(scene, choice.settings), waiting.stage)
-        whole = generate_text(scene, waiting.stage)
-    write_text(output, text)
-    click.echo(chosen_lines(choice))
-    click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
+    if choice is not None:
+        click.echo(chosen_lines(choice))
+        click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
     click.echo(f"Written to {output}")

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.report.summary import Instant, SensorSummary, Summary
     from kaneflex.scene import Scene
+    from kaneflex.scene.bodies import Body
+    from kaneflex.scene.events import Event
+    from kaneflex.scene.parts import Joint, Load
+    from kaneflex.scene.springs import Spring
     from kaneflex.solve.statespace import StateSpace
 
 PRESETS_IN_WORDS = {
@@ -214,16 +218,17 @@ def parts(scene: Scene) -> str:
     """What a mechanism is made of, moved and loaded by, and what is measured."""
     from kaneflex.response.sensors import describe
 
+    closing = scene.loop_joints()
     blocks = [
         f"{scene.name}: {scene.description}",
-        block("bodies", {name: _body(scene, name) for name in scene.bodies}),
-        block("joints", {name: _joint(scene, name) for name in scene.joints}),
+        block("bodies", {name: _body(body) for name, body in scene.bodies.items()}),
+        block("joints", {name: _joint(joint, name in closing) for name, joint in scene.joints.items()}),
         block("masses", {name: f"{mass.mass:.6g} kg at {mass.at}" for name, mass in scene.masses.items()}),
         block("drives", {name: _drive(scene, name) for name in scene.drives}),
-        block("loads", {name: _load(scene, name) for name in scene.loads}),
-        block("springs", {name: _spring(scene, name) for name in scene.springs}),
+        block("loads", {name: _load(load) for name, load in scene.loads.items()}),
+        block("springs", {name: _spring(spring) for name, spring in scene.springs.items()}),
         block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
-        block("events", {name: _event(scene, name) for name in scene.events}),
+        block("events", {name: _event(scene, event) for name, event in scene.events.items()}),
     ]
     return "\n".join(filter(None, blocks))
 
@@ -259,37 +264,32 @@ def _module(model: Model) -> str:
     return name if name.startswith("kaneflex.generated.") else f"{model.module.__file__}, derived from this structure"
 
 
-def _body(scene: Scene, name: str) -> str:
-    body = scene.bodies[name]
+def _body(body: Body) -> str:
     kind = f"elastic, {body.beam.elements} elements" if body.elastic else "rigid"
     kind = kind if body.modal is None else "elastic by modal data"
     length = "" if body.length is None else f", {1e3 * body.length:.6g} mm"
     return f"{kind}{length}, {body.mass:.6g} kg"
 
 
-def _joint(scene: Scene, name: str) -> str:
-    joint = scene.joints[name]
-    closing = f", closes a loop, branch {joint.branch}" if name in scene.loop_joints() else ""
+def _joint(joint: Joint, closes: bool) -> str:
+    closing = f", closes a loop, branch {joint.branch}" if closes else ""
     return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
 
 
-def _load(scene: Scene, name: str) -> str:
-    load = scene.loads[name]
+def _load(load: Load) -> str:
     if load.spread_on is not None:
         return f"{load.kind} spread along {load.spread_on}, from {load.profile[0]:g} to {load.profile[1]:g} of its size"
     return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind} at {load.torque_at}"
 
 
-def _spring(scene: Scene, name: str) -> str:
-    spring = scene.springs[name]
+def _spring(spring: Spring) -> str:
     per, where = ("N m{}/rad", f"at {spring.torsional_at}")
     if spring.ends:
         per, where = ("N{}/m", f"{spring.ends[0]} to {spring.ends[1]}, free length {1e3 * spring.length:.6g} mm")
     return f"{spring.stiffness:.6g} {per.format('')}, {spring.damping:.6g} {per.format(' s')}, {where}"
 
 
-def _event(scene: Scene, name: str) -> str:
-    event = scene.events[name]
+def _event(scene: Scene, event: Event) -> str:
     ways = {"up": "upwards", "down": "downwards", "both": "either way"}[event.direction]
     unit = scene.sensors[event.sensor].unit
     ending = ", which ends the run" if event.stop else ""

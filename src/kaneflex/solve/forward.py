@@ -181,24 +181,21 @@ def forward_equations(
     inverse, n = module.inverse, len(module.FREE)
     y, h, M = np.zeros(3 * n), np.zeros(n), np.zeros((n, n))
 
-    def accelerations(t: float, state: np.ndarray) -> np.ndarray:
+    def evaluate(t: float, state: np.ndarray) -> None:
         y[0::3], y[1::3] = state[:n], state[n:]
         inverse(t, y, parameters, h)
         for k in range(n):
             y[3 * k + 2] = 1.0
             inverse(t, y, parameters, M[k])  # M[k] + h: M is symmetric, so its rows are its columns
             y[3 * k + 2] = 0.0
+
+    def accelerations(t: float, state: np.ndarray) -> np.ndarray:
+        evaluate(t, state)
         return _solve(M, h)
 
     def inertia(t: float, state: np.ndarray) -> np.ndarray:
-        y[0::3], y[1::3] = state[:n], state[n:]
-        found, without = np.zeros((n, n)), np.zeros(n)
-        inverse(t, y, parameters, without)
-        for k in range(n):
-            y[3 * k + 2] = 1.0
-            inverse(t, y, parameters, found[k])
-            y[3 * k + 2] = 0.0
-        return found - without
+        evaluate(t, state)
+        return M - h
 
     return accelerations, inertia
 

@@ -146,16 +146,14 @@ def compare(
     found: dict[str, Curves] = {}
     left_out: dict[str, str] = {}
     runs = Runs(scene, progress)
-    for preset in presets:
+    for model in (*presets, *(() if peer is None else (peer,))):
         try:
-            found[preset] = runs.run(Variant(preset, (f"solve.preset={preset}",)), judged=True).curves
+            if model == peer:
+                found[model] = program.solve(scene, resolution, progress)
+            else:
+                found[model] = runs.run(Variant(model, (f"solve.preset={model}",)), judged=True).curves
         except SceneError as error:
-            left_out[preset] = str(error)
-    if program is not None:
-        try:
-            found[peer] = program.solve(scene, resolution, progress)
-        except SceneError as error:
-            left_out[peer] = str(error)
+            left_out[model] = str(error)
     return side_by_side(scene, found, left_out, against)
 
 
