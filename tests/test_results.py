@@ -31,7 +31,7 @@ from kaneflex.report.summary import (
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.touching import ContactSummary
 from kaneflex.solve.unresolved import UnresolvedMode
-from kaneflex.study.sensitivity.report import ParameterSensitivity, SensorDerivative
+from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.support.labelled import Labelled
 

@@ -18,7 +18,7 @@ from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.solve.touching import ContactSummary, contact_summaries
 from kaneflex.solve.unresolved import UnresolvedMode, unresolved
-from kaneflex.study.sensitivity.report import ParameterSensitivity, SensorDerivative
+from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.support.plain_table import PlainTable
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.response.time_statistics import mean_over_time
@@ -16,37 +15,12 @@ from kaneflex.scene.options import resolve_options
 from kaneflex.solve.solution import Solution
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
 from kaneflex.study.sensitivity.slopes import differentiated
+from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.support.errors import SceneError
 from kaneflex.support.labelled import Labelled
-from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
     import xarray
-
-_BY_PER_CENT = "p dy/dp / y of the {}: per cent by which it grows with one per cent of p; null where it is zero"
-
-
-class SensorDerivative(PlainTable):
-    """Derivatives of a sensor's statistics with respect to a parameter p, in SI."""
-
-    unit: str = Field(description="the sensor's SI unit over the parameter's")
-    min: float = Field(description="of the smallest value")
-    max: float = Field(description="of the largest value")
-    rms: float = Field(description="of the root of the mean square over time")
-    mean: float = Field(description="of the mean over time")
-    log_min: float | None = Field(description=_BY_PER_CENT.format("smallest value"))
-    log_max: float | None = Field(description=_BY_PER_CENT.format("largest value"))
-    log_rms: float | None = Field(description=_BY_PER_CENT.format("root of the mean square"))
-    log_mean: float | None = Field(description=_BY_PER_CENT.format("mean"))
-
-
-class ParameterSensitivity(PlainTable):
-    """How the sensors answer to a small change of one number of the scene."""
-
-    value: float = Field(description="the parameter's value, SI")
-    unit: str = Field(description="its SI unit; 1 for a plain number")
-    sensors: dict[str, SensorDerivative] = Field(description="by sensor")
-
 
 DYNAMICS = ("dynamic", "quasistatic", "coupled")
 """What can be differentiated; so named in kaneflex.scene.options."""
