@@ -198,8 +198,8 @@ def pushed_on(m, table, h):
 
 @njit(**OPTIONS)
 def full(m):
-    """Whether there is no more room for as many impacts as could end together."""
-    return m.w[m.plan[IMPACTS]] + m.plan[ACTS] - m.plan[CONTACTS] > MOST_IMPACTS
+    """Whether no more impacts are kept than may end together."""
+    return m.w[m.plan[IMPACTS]] >= MOST_IMPACTS
 
 
 @njit(**OPTIONS)

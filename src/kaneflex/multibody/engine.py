@@ -80,7 +80,7 @@ class Engine:
 
     def take_impacts(self) -> np.ndarray:
         """The impacts that are over and were not taken yet, (impacts, IMPACT_SIZE)."""
-        room = self.numbers(at.IMPACTS, 1 + at.IMPACT_SIZE * at.MOST_IMPACTS)
+        room = self.numbers(at.IMPACTS, 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + len(self.contacts)))
         taken, room[0] = room[1 : 1 + at.IMPACT_SIZE * int(room[0])].reshape(-1, at.IMPACT_SIZE).copy(), 0.0
         return taken
 

@@ -71,7 +71,7 @@ PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUC
 contact and kind; when the last one was, and how many at one instant; then every contact's gradient."""
 IMPACT_SIZE, MOST_IMPACTS = 8, 64
 """Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
-energy lost; how many are kept until Python takes them. Their count is before them."""
+energy lost; after how many Python is to take them. Their count is before them."""
 
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, WORKS, KEPT, BENDS,

@@ -142,7 +142,7 @@ def _lengths(plan: np.ndarray, mechanism: Mechanism, sections: int, square: int,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.CONTACT: at.CONTACT_SIZE * touching, at.TOUCH: at.SHARED + n * touching,
-        at.IMPACTS: 1 + at.MOST_IMPACTS * at.IMPACT_SIZE * (touching > 0),
+        at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),
     }  # fmt: skip
 
 
