@@ -21,7 +21,8 @@ import sympy as sm
 from kaneflex.derive.program import Program
 
 _NUMBERED = re.compile(r"[a-z]+@\d+")
-_KINDS = {"bodies": "body", "joints": "joint", "masses": "mass", "loads": "load", "springs": "spring"}
+_KINDS = {"bodies": "body", "joints": "joint", "masses": "mass", "loads": "load", "springs": "spring",
+          "contacts": "contact"}  # fmt: skip
 """Table of a scene -> what its entries are numbered as."""
 _NUMBERED_AS = {"drives": "joints"}
 """Table whose entries have the numbers of another one's."""

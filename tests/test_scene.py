@@ -282,7 +282,7 @@ def test_json_schema_describes_every_table():
     schema = json_schema()
     assert set(schema["properties"]) == {
         "schema", "like", "name", "description", "assumptions", "gravity", "ground", "bodies", "joints", "masses",
-        "drives", "loads", "springs", "damping", "sensors", "events", "solve",
+        "drives", "loads", "springs", "contacts", "damping", "sensors", "events", "solve",
     }  # fmt: skip
     assert schema["$defs"]["Beam"]["additionalProperties"] is False
     assert schema["$defs"]["Beam"]["properties"]["elements"]["minimum"] == 1

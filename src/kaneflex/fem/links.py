@@ -113,6 +113,7 @@ def forced_points(scene: Scene, link: str) -> dict[str, float]:
     addresses = [address for joint in scene.joints.values() for address in joint.addresses]
     addresses += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
     addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
     inner = sorted({a.point for a in addresses if a.body == link and a.point not in ("start", "end")})
     return {point: scene.bodies[link].points_all[point][0] for point in inner}
 

@@ -67,6 +67,10 @@ def stations(scene: Scene, link: str) -> list[Station]:
         for end in spring.ends:
             if end.body == link:
                 at(end)
+    for contact in scene.contacts.values():
+        for side in contact.sides:
+            if side.body == link:
+                at(side)
     for mass in scene.masses.values():
         if mass.at.body == link:
             at(mass.at).turned |= bool(mass.inertia)

@@ -44,7 +44,10 @@ def _made(scene: Scene) -> NumericMechanism:
         scene.structure(), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
     )
     joints = {name: replace(joint, near=scene.joints[name].near) for name, joint in found.joints.items()}
-    contacts = {name: replace(contact, law=scene.contacts[name].law) for name, contact in found.contacts.items()}
+    contacts = {
+        name: replace(contact, law=scene.contacts[name].law, joint=scene.contacts[name].joint)
+        for name, contact in found.contacts.items()
+    }
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
     return NumericMechanism(**vars(found) | {"joints": joints, "contacts": contacts}, size=size)
@@ -177,15 +180,13 @@ class _Reader:
         push = number("stiffness", "N/m^n"), number("exponent", "1"), number("damping", "N s/m")
         reach, radius = number("reach", "m"), number("radius", "m")
         return Contact(
-            name, first, second, contact["kind"], direction, reach, radius, *push, number("restitution", "1"),
-            joint=contact.get("joint"),
-        )  # fmt: skip
+            name, first, second, contact["kind"], direction, reach, radius, *push, number("restitution", "1")
+        )
 
 
 def _corner(name: str, middle: BodyPoint, inward: Vector, corner: int, length: Number, height: Number) -> BodyPoint:
-    """That of a block which touches a face with this inward normal, before (1) or behind (-1) its middle."""
+    """That of a block at a face with this inward normal, from its middle along the normal turned by 90 deg, or back."""
     x, y = quarter_turn(inward)
     along, out = corner * length / 2, height / 2
-    return BodyPoint(
-        middle.body, name, (middle.at[0] + along * x - out * inward[0], middle.at[1] + along * y - out * inward[1])
-    )
+    at = middle.at[0] + along * x - out * inward[0], middle.at[1] + along * y - out * inward[1]
+    return BodyPoint(middle.body, name, at)

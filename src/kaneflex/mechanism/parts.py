@@ -190,7 +190,7 @@ class Contact:
     law : str
         One of ``contacts.LAWS``; known by numbers alone.
     joint : str or None
-        The joint with a clearance that it belongs to.
+        The joint with a clearance that it belongs to; known by numbers alone.
     """
 
     name: str

@@ -9,6 +9,7 @@ from itertools import combinations
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.scene import Scene
+from kaneflex.scene.contact_check import key_of
 from kaneflex.scene.quantities import Address
 from kaneflex.support.errors import SceneError
 
@@ -146,6 +147,10 @@ def check_on_axes(scene: Scene) -> None:
     points += [(f"masses.{name}.at", mass.at) for name, mass in scene.masses.items()]
     ends = ((name, end) for name, spring in scene.springs.items() for end in spring.ends)
     points += [(f"springs.{name}.between", end) for name, end in ends if end.body != "ground"]
+    points += [
+        (key_of(name, contact), side)
+        for name, contact in scene.contacts.items() for side in contact.sides if side.body != "ground"
+    ]  # fmt: skip
     for key, address in points:
         x, y = scene.point(address)
         body = scene.bodies[address.body]

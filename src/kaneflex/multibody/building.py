@@ -31,7 +31,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
-_IN_EQUATIONS = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "damping")
+_IN_EQUATIONS = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "contacts", "damping")
 """Tables of a scene that its equations depend on, beside the drives."""
 _SAMPLES = 4001
 """Instants of a run among which the one is looked for at which the first drive stands somewhere."""
@@ -269,6 +269,7 @@ def _loaded_rows(scene: Scene, link: Link) -> set[int]:
     """Rows of the nodes with lumped masses, springs or torques, which a reduction keeps."""
     addresses = [mass.at for mass in scene.masses.values()]
     addresses += [end for spring in scene.springs.values() for end in spring.ends]
+    addresses += [side for contact in scene.contacts.values() for side in contact.sides]
     turned = {joint for joint, _ in scene.joint_torques.values()}
     addresses += [address for joint in sorted(turned) for address in scene.joints[joint].addresses]
     nodes = [link.node_at(scene.point(address)[0]) for address in addresses if address.body == link.name]

@@ -76,6 +76,8 @@ def _forces(scene: Scene) -> Iterator[Problem]:
             yield _problem(f"loads.{name}", load.kind, "a force that depends on a motion to be found")
     for name in scene.springs:
         yield _problem(f"springs.{name}", None, "a spring")
+    for name in scene.contacts:
+        yield _problem(f"contacts.{name}", None, "a contact")
     if scene.damping is not None and scene.damping.kind != "rayleigh":
         yield _problem("damping", scene.damping.kind, "damping other than Rayleigh's")
 

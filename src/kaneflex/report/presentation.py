@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from kaneflex.report.contacts import contact_line
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.solve.initial import start_coordinates
@@ -227,6 +228,7 @@ def parts(scene: Scene) -> str:
         block("drives", {name: _drive(scene, name) for name in scene.drives}),
         block("loads", {name: _load(load) for name, load in scene.loads.items()}),
         block("springs", {name: _spring(spring) for name, spring in scene.springs.items()}),
+        block("contacts", {name: contact_line(contact) for name, contact in scene.contacts.items()}),
         block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
         block("events", {name: _event(scene, event) for name, event in scene.events.items()}),
     ]

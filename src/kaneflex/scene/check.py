@@ -6,6 +6,7 @@ import keyword
 import math
 from collections.abc import Iterator
 
+from kaneflex.scene.contact_check import clearance_problems, contact_problems
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
@@ -17,6 +18,14 @@ from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
 def problems_of(scene: Scene) -> list[Problem]:
     """Everything that is wrong between the tables of a scene, in the file's order."""
+    loose = list(clearance_problems(scene))
+    told = {problem.key for problem in loose}
+    found = [problem for problem in _problems(scene.with_clearances()) if problem.key not in told]
+    return loose + found
+
+
+def _problems(scene: Scene) -> list[Problem]:
+    """The same of the scene as it moves."""
     found = [
         *_names(scene),
         *_beams(scene),
@@ -26,6 +35,7 @@ def problems_of(scene: Scene) -> list[Problem]:
         *drive_problems(scene),
         *load_problems(scene),
         *spring_problems(scene),
+        *contact_problems(scene),
         *_sensors(scene),
         *event_problems(scene),
         *modal_problems(scene),
@@ -35,7 +45,8 @@ def problems_of(scene: Scene) -> list[Problem]:
 
 
 def _names(scene: Scene) -> Iterator[Problem]:
-    for table in ("ground", "bodies", "joints", "masses", "drives", "loads", "springs", "sensors", "events"):
+    tables = ("ground", "bodies", "joints", "masses", "drives", "loads", "springs", "contacts", "sensors", "events")
+    for table in tables:
         for name in getattr(scene, table):
             key = f"{table}.{name}"
             if not name.isidentifier() or not name.isascii() or keyword.iskeyword(name):
@@ -49,11 +60,12 @@ def _names(scene: Scene) -> Iterator[Problem]:
     for name in scene.joints:
         if name in scene.bodies:
             yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
-    for name in scene.springs:
-        for table in ("bodies", "joints", "masses", "loads"):
-            if name in getattr(scene, table):
-                reason = f"it stands in {table} already"
-                yield Problem(f"springs.{name}", None, reason, "Choose another name")
+    for own in ("springs", "contacts"):
+        for name in getattr(scene, own):
+            for table in ("bodies", "joints", "masses", "loads", "springs")[: 5 if own == "contacts" else 4]:
+                if name in getattr(scene, table):
+                    reason = f"it stands in {table} already"
+                    yield Problem(f"{own}.{name}", None, reason, "Choose another name")
     for name, body in scene.bodies.items():
         for point in body.points:
             if not point.isidentifier():

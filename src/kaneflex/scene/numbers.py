@@ -18,6 +18,8 @@ def number_at(scene: Scene, path: str) -> float:
     entry = getattr(scene, table)[owner]
     if name.startswith("direction_"):
         return entry.direction["xy".index(name[-1])]
+    if table == "contacts":
+        return entry.number(name)
     if table == "drives" and name in ("angle", "position"):
         return entry.start
     if table == "joints" and name == "branch":

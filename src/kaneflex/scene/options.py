@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from kaneflex.scene import Scene
+from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import SceneError
 
@@ -166,6 +167,7 @@ def resolve_options(scene: Scene) -> Options:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
         _check_coupled(scene)
+    _check_contacts(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -276,6 +278,21 @@ def _check_coupled(scene: Scene) -> None:
             "solve.preset", "coupled", "a structure that stands still has no motion to be coupled with",
             "Take preset stiffened",
         )  # fmt: skip
+
+
+def _check_contacts(scene: Scene, dynamics: str) -> None:
+    """Bodies that touch and part again move by the coupled equations alone, and those don't know contacts yet."""
+    for name, contact in scene.contacts.items():
+        joint = contact.joint
+        key = f"contacts.{name}" if joint is None else f"joints.{joint}.clearance"
+        what = "a contact" if joint is None else "a joint with a clearance"
+        raise SceneError(
+            key, None, f"preset {scene.solve.preset} has no equations of {what}",
+            "Take preset coupled" if dynamics != "coupled" else "Leave it out: this version can't run it yet",
+        )  # fmt: skip
+    if scene.solve.start in ("quasistatic", "periodic"):
+        reason = "the motion need not repeat, and its equilibrium is not that of free bodies"
+        refuse_contacts(scene, "solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
 
 
 def _check(options: Options) -> None:

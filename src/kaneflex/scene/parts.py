@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from kaneflex.scene.contacts import Clearance, contacts_of
 from kaneflex.scene.quantities import (
     Address,
     AddressField,
@@ -48,7 +49,8 @@ class Joint(SceneTable):
     `branch` chooses between the two ways in which a loop of two bodies closes and stands at the joint that closes
     it; a larger loop may close in more ways. `near` names rough angles of its bodies at the start instead.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
-    paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld.
+    paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld. A `clearance` leaves
+    room in a pin or a guide: the joint then holds nothing, its sides touch at times.
     """
 
     revolute: AddressPair | None = None
@@ -59,6 +61,7 @@ class Joint(SceneTable):
     near: dict[str, Angle] = Field(default={})
     rotation: Literal["released", "shared"] = "released"
     relative_angle: Angle = 0.0
+    clearance: Clearance | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
@@ -71,7 +74,23 @@ class Joint(SceneTable):
             raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
+        if self.clearance is not None:
+            self._check_clearance(kind, self.clearance)
         return self
+
+    def _check_clearance(self, kind: str, room: Clearance) -> None:
+        wanted = {"revolute": "radial", "prismatic": "gap"}.get(kind)
+        if wanted is None or getattr(room, wanted) is None:
+            cure = "Leave it out" if wanted is None else f"Give {wanted}"
+            raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
+        for field in ("branch", "near", "rotation"):
+            if field in self.model_fields_set:
+                raise Fault("a joint with a clearance holds nothing", "Leave it out", below=field)
+        for contact in contacts_of("", self).values():
+            try:
+                _ = contact.pushing
+            except Fault as fault:
+                raise Fault(fault.reason, fault.cure, below=f"clearance.{fault.below}") from None
 
     @property
     def kind(self) -> str:

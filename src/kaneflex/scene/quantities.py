@@ -156,6 +156,15 @@ def _two_numbers(value: object) -> tuple[float, float]:
     return to_si(value[0], units.RATIO), to_si(value[1], units.RATIO)
 
 
+def _two_radii(value: object) -> tuple[float, float]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("not two radii", "Write like ['10 mm', '10.05 mm']")
+    first, second = (to_si(item, units.LENGTH) for item in value)
+    if min(first, second) < 0:
+        raise Fault("a radius must not be negative", "Write like ['10 mm', '10.05 mm']")
+    return first, second
+
+
 def _text_schema(description: str) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", "description": description})
 
@@ -165,6 +174,11 @@ def _list_schema(item: list[str] | str, count: int, description: str) -> WithJso
     return WithJsonSchema(
         {"type": "array", "items": items, "minItems": count, "maxItems": count, "description": description}
     )
+
+
+def pair_schema(item: list[str] | str, description: str) -> WithJsonSchema:
+    """That of a list of two."""
+    return _list_schema(item, 2, description)
 
 
 PositiveLength = _positive(units.LENGTH)
@@ -181,6 +195,8 @@ Angle = _quantity(units.ANGLE)
 PositiveAngle = _positive(units.ANGLE)
 DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
+PositiveForce = _positive(units.FORCE)
+NonNegativeDamping = _quantity(units.DAMPING, lowest=0.0)
 PositiveTime = _positive(units.TIME)
 NonNegativeViscosity = _quantity(units.VISCOSITY, lowest=0.0)
 NonNegativeRatio = _quantity(units.RATIO, lowest=0.0)
@@ -212,6 +228,9 @@ Ratios = Annotated[
     tuple[float, ...] | str,
     BeforeValidator(_ratios),
     WithJsonSchema({"anyOf": [{"type": ["number", "array"]}, {"const": "adams"}]}),
+]
+Radii = Annotated[
+    tuple[float, float], BeforeValidator(_two_radii), _list_schema(["number", "string"], 2, "two radii, m")
 ]
 NumberPair = Annotated[tuple[float, float], BeforeValidator(_two_numbers), _list_schema("number", 2, "two numbers")]
 FrequencyPair = Annotated[

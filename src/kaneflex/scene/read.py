@@ -161,7 +161,7 @@ def _validated(raw: dict[str, Any], source: str) -> Scene:
     problems = problems_of(scene)
     if problems:
         raise SceneError.gather(problems)
-    return scene
+    return scene.with_clearances()
 
 
 def _place_of(path: list[str], model: type[BaseModel]) -> str | None:

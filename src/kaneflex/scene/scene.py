@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body
+from kaneflex.scene.contacts import Contact, contacts_of
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.events import Event
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
@@ -47,7 +48,8 @@ def _as_given(now: Any, read: Any, raw: Any) -> Any:
 class Scene(SceneTable):
     """A mechanism with its drives, loads, sensors and way of solving. Made by `read_scene`; SI throughout.
 
-    Tables keep the file's order. `ground` holds further named fixed points (m, global axes).
+    Tables keep the file's order. `ground` holds further named fixed points (m, global axes). Once a scene is read,
+    what stands for a joint with a clearance is in `contacts`, and no longer in `joints`.
     """
 
     schema_version: Literal[1] = Field(alias="schema")
@@ -65,6 +67,7 @@ class Scene(SceneTable):
     drives: dict[str, Drive] = Field(default={})
     loads: dict[str, Load] = Field(default={})
     springs: dict[str, Spring] = Field(default={})
+    contacts: dict[str, Contact] = Field(default={})
     damping: Damping | None = None
     sensors: dict[str, Sensor] = Field(default={})
     events: dict[str, Event] = Field(default={})
@@ -85,14 +88,31 @@ class Scene(SceneTable):
             now, read, key = getattr(self, name), self._read.get(name), field.alias or name
             if now != read:
                 raw = {k: value for k, value in raw.items() if k != key}
-                raw |= {} if now is None else {key: _as_given(now, read, self._raw.get(key))}
+                raw |= {} if now is None else {key: self._written(name, now, read, self._raw.get(key))}
         return raw
+
+    def _written(self, table: str, now: Any, read: Any, raw: Any) -> Any:
+        """A changed table as a file could say it; joints with a clearance stand there, and no contacts made of them."""
+        if table == "contacts":
+            now = {name: contact for name, contact in now.items() if contact.joint is None}
+        found = _as_given(now, read, raw)
+        loose = {contact.joint for contact in self.contacts.values()} if table == "joints" else ()
+        return found | {name: entry for name, entry in raw.items() if name in loose} if loose else found
 
     def seen(self, **tables: Any) -> Scene:
         """The scene with other tables, as some equations see it; settings still go over what is written."""
         found = self.model_copy(update=tables)
         found.remember(self.raw, self._source)
         return found
+
+    def with_clearances(self) -> Scene:
+        """The scene as it moves: contacts in the place of the joints with a clearance."""
+        loose = {name: joint for name, joint in self.joints.items() if joint.clearance is not None}
+        if not loose:
+            return self
+        joints = {name: joint for name, joint in self.joints.items() if name not in loose}
+        made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
+        return self.seen(joints=joints, contacts={**self.contacts, **made})
 
     def remember(self, raw: dict[str, Any], source: str) -> None:
         """Keep what the scene was read from, and its tables as they are now."""

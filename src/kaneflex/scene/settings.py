@@ -12,7 +12,7 @@ from kaneflex.support.errors import SceneError, nearest
 
 _MOST_NAMES = 3
 """Names that a message lists at most."""
-_NAMED = ("bodies", "joints", "drives", "loads", "springs", "sensors", "events")
+_NAMED = ("bodies", "joints", "drives", "loads", "springs", "contacts", "sensors", "events")
 """Top-level tables whose entries users name."""
 
 

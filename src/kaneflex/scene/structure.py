@@ -27,8 +27,9 @@ def structure(scene: Scene) -> dict[str, Any]:
 
     Numbers stand as 0, in directions also as 1 and -1, where they are exactly that, else as "*".
     """
-    springs = {"springs": {name: _spring(scene, name) for name in scene.springs}} if scene.springs else {}
-    return springs | {
+    tables = {"springs": _spring, "contacts": _contact}
+    acting = {key: {name: of(scene, name) for name in getattr(scene, key)} for key, of in tables.items()}
+    return {key: table for key, table in acting.items() if table} | {
         "bodies": {name: _body(scene, name) for name in scene.bodies},
         "points": _points(scene),
         "joints": {name: _joint(scene, name) for name in scene.joints},
@@ -75,6 +76,7 @@ def _points(scene: Scene) -> dict[str, list[Any]]:
     """Coordinates of the points that a scene names itself and that joints or loads use."""
     used = [address for joint in scene.joints.values() for address in joint.addresses]
     used += [address for spring in scene.springs.values() for address in spring.ends]
+    used += [side for contact in scene.contacts.values() for side in contact.sides]
     used += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
     return {
         str(address): _zeros(scene.point(address)) for address in dict.fromkeys(used) if _is_named(scene, address)
@@ -132,6 +134,16 @@ def _spring(scene: Scene, name: str) -> dict[str, Any]:
     if spring.torsional_at is not None:
         return entry | {"torsional_at": spring.torsional_at, "angle": _zeros((spring.angle,))[0]}
     return entry | {"between": [str(end) for end in spring.ends], "length": _zeros((spring.length,))[0]}
+
+
+def _contact(scene: Scene, name: str) -> dict[str, Any]:
+    contact = scene.contacts[name]
+    entry: dict[str, Any] = {"kind": contact.kind, "between": [str(side) for side in contact.sides]}
+    if contact.kind == "point-line":
+        entry["direction"] = _direction(contact.direction)
+    if contact.corner:
+        entry["corner"] = contact.corner
+    return entry
 
 
 def _zeros(numbers: tuple[float, ...]) -> list[Any]:

@@ -12,6 +12,7 @@ from kaneflex.multibody.linearisation import Linear, at_rest, linear, prepare, p
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.run import rigid_state
 from kaneflex.response.sensors import sensor_values
+from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_solution, unwrapped
 from kaneflex.support.errors import SceneError
@@ -20,8 +21,10 @@ from kaneflex.support.errors import SceneError
 def linear_about(model: Model, t: float) -> Linear:
     """The linear equations about the steady deformation at the time t [s].
 
-    Raises SceneError where the deformed mechanism finds no balance.
+    Raises SceneError where the deformed mechanism finds no balance, and where bodies touch at times.
     """
+    reason = "the equations are others while bodies touch, and those are not linear"
+    refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave it out")
     rigid, system = model.motion.at(t), model.coupled
     q, v = rigid_state(system, rigid)
     engine = prepare(system, t, unwrapped(model.scene, system, q, rigid), v)

@@ -11,6 +11,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.response.time_statistics import mean_over_time
 from kaneflex.scene import Scene
+from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.options import resolve_options
 from kaneflex.solve.solution import Solution
 from kaneflex.study.sensitivity.parameters import Parameter, find_parameters
@@ -184,6 +185,9 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
             "solve.start", "a table of a state", "how a given state follows the parameter is not known",
             "Start from zero, quasistatic or periodic",
         )  # fmt: skip
+    refuse_contacts(
+        scene, "sensitivities", None, "the instants of the impacts would move with the parameter", "Leave it out"
+    )
     if options.integrator == "scipy":
         raise SceneError(
             "solve.integrator", "scipy", "what it does within a step has no derivative here",

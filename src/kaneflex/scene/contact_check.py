@@ -1,0 +1,87 @@
+"""What contacts and clearances must satisfy beyond their tables' rules: addresses, names, what needs a joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kaneflex.scene.contacts import Contact, contacts_of
+from kaneflex.scene.load_check import address_problems
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.scene import Scene
+from kaneflex.support.errors import Problem, SceneError
+
+
+def clearance_problems(scene: Scene) -> Iterator[Problem]:
+    """Who counts on a joint with a clearance, as the scene is written: it has no coordinate and no force of its own."""
+    loose = {name: joint for name, joint in scene.joints.items() if joint.clearance is not None}
+    for name, joint in loose.items():
+        for made in contacts_of(name, joint):
+            if made in scene.contacts:
+                reason = f"a contact of the clearance of joint {name} has this name"
+                yield Problem(f"contacts.{made}", None, reason, "Choose another name")
+            elif made != name and made in scene.joints:
+                reason = f"a contact of the clearance of joint {name} has this name"
+                yield Problem(f"joints.{made}", None, reason, "Choose another name")
+    for key, name, verb in _counting_on(scene):
+        if name in loose:
+            reason = f"{name} has a clearance: {verb}"
+            yield Problem(key, None if key == f"drives.{name}" else name, reason, "Leave the clearance out, or this")
+
+
+def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    """Key of everything that names a joint, the joint, and why it needs one that holds something."""
+    for name in scene.drives:
+        yield f"drives.{name}", name, "nothing there can be driven"
+    for name, load in scene.torques.items():
+        yield f"loads.{name}.torque_at", load.torque_at, "it moves as well as turns"
+    for name, spring in scene.springs.items():
+        yield f"springs.{name}.torsional_at", spring.torsional_at, "it has no angle of its own"
+    for name, sensor in scene.sensors.items():
+        if sensor.kind == "joint_force":
+            yield f"sensors.{name}.joint_force", sensor.target, "it has no reaction, only a contact at times"
+        elif sensor.kind == "position":
+            yield f"sensors.{name}.position", sensor.target.body, "it has no coordinate of its own"
+
+
+def contact_problems(scene: Scene) -> Iterator[Problem]:
+    """What is wrong with the contacts of a scene as it moves."""
+    seen = set()
+    for name, contact in scene.contacts.items():
+        key = key_of(name, contact)
+        for side in contact.sides:
+            if (key, side) not in seen:
+                yield from _side(scene, key, contact, side)
+            seen.add((key, side))
+        if scene.is_frame:
+            yield Problem(key, None, "bodies with poses don't move", "Leave the contact out, or the poses")
+
+
+def key_of(name: str, contact: Contact) -> str:
+    """Where the two points of a contact stand in the scene."""
+    if contact.joint is None:
+        return f"contacts.{name}.{contact.key}"
+    return f"joints.{contact.joint}.{'revolute' if contact.kind == 'circle-in-circle' else 'prismatic'}"
+
+
+def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:
+    """Raise SceneError where bodies of a scene touch and part, and what is asked for needs a smooth motion."""
+    if scene.contacts:
+        name, contact = next(iter(scene.contacts.items()))
+        which = f"contacts.{name}" if contact.joint is None else f"joints.{contact.joint}.clearance"
+        raise SceneError(key, value, f"with {which} {reason}", cure)
+
+
+def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[Problem]:
+    yield from address_problems(scene, key, side, ground=True)
+    body = scene.bodies.get(side.body)
+    if body is None:
+        return
+    if body.modal_data is not None:
+        reason = f"{side.body} has modal data: a contact on them is not available in this version"
+        yield Problem(key, str(side), reason, "Let a rigid body touch, joined to it")
+    elif body.elastic and contact.joint is not None and contact.kind == "point-line":
+        reason = f"{side.body} is elastic and would slide through its own deformation"
+        yield Problem(key, str(side), reason, "Let the guide hold a rigid body")
+    elif body.elastic and body.beam.axially_rigid:
+        reason = f"{side.body} is axially rigid"
+        yield Problem(key, str(side), reason, "Leave axially_rigid out, or let another body touch")

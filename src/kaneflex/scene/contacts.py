@@ -1,0 +1,225 @@
+"""Contacts: two sides of bodies that touch at times, stops between bodies and clearances of joints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import model_validator
+
+from kaneflex.scene.contact_law import ContactLaw, cylinders, spheres
+from kaneflex.scene.quantities import Address, AddressPair, Direction, NonNegativeLength, PositiveLength, Radii
+from kaneflex.scene.table import SceneTable, first_given, the_one_given
+from kaneflex.support.errors import Fault
+
+_KINDS = {
+    "point_on_line": "point-line", "circle_on_circle": "circle-circle", "circle_in_circle": "circle-in-circle"
+}  # fmt: skip
+
+
+class Clearance(SceneTable):
+    """Room in a joint, which then holds nothing: its sides touch by `contact`.
+
+    A revolute joint's pin has the `radial` clearance, the bearing's radius less its own; `width` is that of both, and
+    `radius` the pin's. A guide's block has the `gap` to either face when it lies in the middle; it is `length` long
+    and `height` high, and its four corners touch. The bearing and the faces are on the joint's first body.
+    """
+
+    radial: PositiveLength | None = None
+    radius: NonNegativeLength = 0.0
+    width: PositiveLength | None = None
+    gap: PositiveLength | None = None
+    length: PositiveLength | None = None
+    height: NonNegativeLength = 0.0
+    contact: ContactLaw
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Clearance:
+        given = the_one_given(self, ("radial", "gap"))
+        for field in ("length", "height") if given == "radial" else ("radius", "width"):
+            if field in self.model_fields_set:
+                raise Fault(f"has no meaning for a {given} clearance", "Leave it out", below=field)
+        if given == "gap" and self.length is None:
+            raise Fault("the corners of a block without length are one", "Give its length along the guide")
+        return self
+
+
+class Contact(SceneTable):
+    """Two sides that push each other apart where they touch.
+
+    `point_on_line`: a point of one body, or a circle of this `radius` about it, stays on that side of a line through a
+    point of another body which the `normal` (in that body's axes) points to. `circle_on_circle`, `circle_in_circle`
+    (the first in the second): circles of these `radii` about two points. `width` makes cylinders of what otherwise are
+    spheres, where the stiffness comes from materials.
+    """
+
+    point_on_line: AddressPair | None = None
+    circle_on_circle: AddressPair | None = None
+    circle_in_circle: AddressPair | None = None
+    normal: Direction | None = None
+    radius: NonNegativeLength = 0.0
+    radii: Radii | None = None
+    width: PositiveLength | None = None
+    contact: ContactLaw
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Contact:
+        given = the_one_given(self, tuple(_KINDS))
+        line = given == "point_on_line"
+        if line and self.normal is None:
+            raise Fault("a line without the side on which the point may be", "Give normal, like normal = [0, 1]")
+        if not line and self.radii is None:
+            raise Fault("circles without radii", "Give radii, like radii = ['10 mm', '10.05 mm']")
+        for field in ("radii",) if line else ("normal", "radius"):
+            if field in self.model_fields_set:
+                raise Fault(f"has no meaning for {given}", "Leave it out", below=field)
+        if given == "circle_in_circle" and not self.radii[0] < self.radii[1]:
+            raise Fault("the first circle has no room in the second", "Give the smaller radius first", below="radii")
+        if given == "circle_on_circle" and not any(self.radii):
+            raise Fault("two points touch nowhere", "Give at least one of them a radius", below="radii")
+        first, second = self.sides
+        if first.body == second.body:
+            raise Fault("both sides are on the same body", "Name points of two bodies", below=given)
+        _ = self.pushing  # raises Fault
+        return self
+
+    @property
+    def kind(self) -> str:
+        return _KINDS[first_given(self, tuple(_KINDS))]
+
+    @property
+    def key(self) -> str:
+        """Where its two points stand in the scene, below its own table."""
+        return first_given(self, tuple(_KINDS))
+
+    @property
+    def sides(self) -> tuple[Address, Address]:
+        """The line's side, or the outer circle's, and that which is pushed along the normal."""
+        return getattr(self, self.key)[::-1]
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        return (0.0, 0.0) if self.normal is None else self.normal
+
+    @property
+    def touching(self) -> float:
+        """Radius of the side that is pushed [m]."""
+        return self.radius if self.radii is None else self.radii[0]
+
+    @property
+    def reach(self) -> float:
+        """How far from the first point along the normal the second may come, or from it at all [m]."""
+        if self.radii is None:
+            return self.radius
+        first, second = self.radii
+        return first + second if self.kind == "circle-circle" else second - first
+
+    @property
+    def pushing(self) -> tuple[float, float]:
+        """K [N/m^n] and n. Raises Fault: materials without a shape that Hertz's theory knows."""
+        if self.contact.stiffness is not None:
+            return self.contact.stiffness, self.contact.exponent
+        modulus, load = self.contact.contact_modulus, self.contact.load
+        if self.width is None:
+            if load is not None:
+                reason = "has no meaning for spheres, whose law is a power of the depth"
+                raise Fault(reason, "Leave it out, or give a width", below="contact.load")
+            return spheres(modulus, self.curvature), 1.5
+        if self.kind == "point-line":
+            raise Fault(
+                "how far a cylinder goes into a plane depends on the body behind it, which Hertz's theory doesn't know",
+                "Give contact.stiffness and exponent, or leave width out for a sphere", below="width",
+            )  # fmt: skip
+        return cylinders(modulus, self.width, self.reach, load)
+
+    @property
+    def curvature(self) -> float:
+        """1/R of two spheres, or of a sphere and a plane [1/m]. Raises Fault where there are none."""
+        if self.radii is None:
+            radii: tuple[float, ...] = (self.radius,)
+        else:
+            radii = (self.radii[0], -self.radii[1] if self.kind == "circle-in-circle" else self.radii[1])
+        if 0.0 in radii:
+            reason = "Hertz's theory knows no contact of a point, without radius"
+            raise Fault(reason, "Give its radius, or contact.stiffness", below="contact")
+        return sum(1 / radius for radius in radii)
+
+    @property
+    def law(self) -> str:
+        return self.contact.law
+
+    @property
+    def joint(self) -> str | None:
+        """The joint whose clearance it is."""
+        return None
+
+    @property
+    def corner(self) -> int:
+        """Of a guide's block: whether the corner lies along the normal turned by 90 deg (1) or back (-1), else 0."""
+        return 0
+
+    def number(self, name: str) -> float:
+        """The contact's number of this name, as the equations know it."""
+        numbers = {"reach": self.reach, "radius": self.touching, "stiffness": self.pushing[0]}
+        numbers |= {"exponent": self.pushing[1], "damping": self.contact.damping or 0.0}
+        restitution = self.contact.restitution
+        return (numbers | {"restitution": 1.0 if restitution is None else restitution})[name]
+
+
+class ClearanceContact(Contact):
+    """One of the contacts that stand for a joint with a clearance: made of it as the scene is read, never written."""
+
+    of: str
+    clearance: Clearance
+    along: int = 0
+
+    @property
+    def joint(self) -> str:
+        return self.of
+
+    @property
+    def corner(self) -> int:
+        return self.along
+
+    @property
+    def touching(self) -> float:
+        return self.clearance.radius
+
+    @property
+    def reach(self) -> float:
+        room = self.clearance
+        return room.radial if self.kind == "circle-in-circle" else -(room.gap + room.height / 2)
+
+    @property
+    def curvature(self) -> float:
+        pin, room = self.clearance.radius, self.clearance.radial
+        if self.kind == "point-line" or not pin:
+            what = "a corner" if self.kind == "point-line" else "a pin"
+            cure = "Give contact.stiffness" if self.kind == "point-line" else "Give its radius, or the joint's width"
+            raise Fault(f"Hertz's theory knows no contact of {what} without radius", cure, below="contact")
+        return room / (pin * (pin + room))
+
+    def number(self, name: str) -> float:
+        if name in ("length", "height"):
+            return getattr(self.clearance, name)
+        return super().number(name)
+
+
+def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
+    """What stands for a joint with a clearance: a pin in its bearing by the joint's name, or NAME_1 to NAME_4.
+
+    Those are a block's corners, seen along its guide: 1 and 2 on the right, behind and before, 3 and 4 on the left.
+    """
+    first, second = joint.addresses
+    room = joint.clearance
+    shared = {"contact": room.contact, "of": name, "clearance": room, "width": room.width}
+    if room.radial is not None:
+        return {name: ClearanceContact.model_construct(circle_in_circle=(second, first), **shared)}
+    x, y = joint.direction
+    right, left = (-y, x), (y, -x)  # the faces by their normals, which look inwards
+    corners = [(right, 1), (right, -1), (left, -1), (left, 1)]
+    return {
+        f"{name}_{k}": ClearanceContact.model_construct(
+            point_on_line=(second, first), normal=inward, along=along, **shared
+        )
+        for k, (inward, along) in enumerate(corners, start=1)
+    }
