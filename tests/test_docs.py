@@ -30,6 +30,7 @@ HEADING_OF = {
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
     "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
     "Viscous": "Viscous damping", "Sensor": "Sensors", "Event": "Events", "Solve": "Solve",
+    "Contact": "Contacts", "ContactLaw": "Contact laws", "Clearance": "Clearances",
     "Forward": "Forward dynamics", "Start": "Starting from a state",
 }  # fmt: skip
 SCHEMA = Scene.model_json_schema(by_alias=True)

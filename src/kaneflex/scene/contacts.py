@@ -117,6 +117,9 @@ class Contact(SceneTable):
     def pushing(self) -> tuple[float, float]:
         """K [N/m^n] and n. Raises Fault: materials without a shape that Hertz's theory knows."""
         if self.contact.stiffness is not None:
+            if self.width is not None:
+                reason = "has no meaning beside contact.stiffness, which is that of all the width"
+                raise Fault(reason, "Leave it out", below="width")
             return self.contact.stiffness, self.contact.exponent
         modulus, load = self.contact.contact_modulus, self.contact.load
         if self.width is None:
