@@ -189,4 +189,4 @@ def _corner(name: str, middle: BodyPoint, inward: Vector, corner: int, length: N
     x, y = quarter_turn(inward)
     along, out = corner * length / 2, height / 2
     at = middle.at[0] + along * x - out * inward[0], middle.at[1] + along * y - out * inward[1]
-    return BodyPoint(middle.body, name, at)
+    return BodyPoint(middle.body, f"contacts.{name}", at)

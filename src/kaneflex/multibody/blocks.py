@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from kaneflex.fem.links import Link
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.multibody.inertia_integrals import body_data, body_moments, spread_shapes
 from kaneflex.multibody.shapes import Shapes
 from kaneflex.scene import Scene
@@ -48,11 +49,13 @@ class Blocks:
         return body_block(body_moments(self.scene, name, self._data[name]), *self._counts(name))
 
     def point(self, body: str, point: str) -> np.ndarray:
-        """POINT_BLOCK of a named point of a body, or of the load NAME over it, which is called loads.NAME."""
+        """POINT_BLOCK of a named point of a body; loads.NAME is the load NAME over it, contacts.NAME its own corner."""
         found: Arrays
-        data, (table, _, load) = self._data[body], point.partition(".")
+        data, (table, _, name) = self._data[body], point.partition(".")
         if table == "loads":
-            found = spread_shapes(self.scene, load, self.links.get(body), self.shapes.get(body))
+            found = spread_shapes(self.scene, name, self.links.get(body), self.shapes.get(body))
+        elif table == "contacts":
+            found = dict(zip("XY", mechanism_of(self.scene).contacts[name].second.at, strict=True))
         elif data is not None:
             found = data.at_point(point)
         else:
