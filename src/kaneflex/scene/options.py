@@ -281,15 +281,13 @@ def _check_coupled(scene: Scene) -> None:
 
 
 def _check_contacts(scene: Scene, dynamics: str) -> None:
-    """Bodies that touch and part again move by the coupled equations alone, and those don't know contacts yet."""
-    for name, contact in scene.contacts.items():
+    """Bodies that touch and part again move by the coupled equations alone."""
+    for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
         joint = contact.joint
         key = f"contacts.{name}" if joint is None else f"joints.{joint}.clearance"
         what = "a contact" if joint is None else "a joint with a clearance"
-        raise SceneError(
-            key, None, f"preset {scene.solve.preset} has no equations of {what}",
-            "Take preset coupled" if dynamics != "coupled" else "Leave it out: this version can't run it yet",
-        )  # fmt: skip
+        reason = f"preset {scene.solve.preset} has no equations of {what}"
+        raise SceneError(key, None, reason, "Take preset coupled")
     if scene.solve.start in ("quasistatic", "periodic"):
         reason = "the motion need not repeat, and its equilibrium is not that of free bodies"
         refuse_contacts(scene, "solve.start", scene.solve.start, reason, "Start from zero, or from a given state")

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.mechanism.contacts import apart
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
@@ -18,6 +20,8 @@ _RATES = {LENGTH: SPEED, ANGLE: ANGULAR_SPEED, _AMPLITUDE: _AMPLITUDE}
 _TURNING = ("theta", "turn")
 STATE = ("displacements", "velocities")
 """Tables of a state."""
+_TOUCHING = 1e-9
+"""Share of the mechanism's size by which sides that touch at the start may lie in each other."""
 _LISTED = 40
 """Coordinates that a message lists at most."""
 
@@ -103,8 +107,9 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_start(model: Model) -> None:
-    """Raise SceneError for a state given by the scene that the model can't start from."""
+    """Raise SceneError for a state that the model can't start from, as given or as bodies would lie in each other."""
     if model.options.start != "given":
+        check_apart(model)
         return
     if model.coupled is None:
         given_state(model)
@@ -112,3 +117,19 @@ def check_start(model: Model) -> None:
         from kaneflex.solve.coupled import beginning
 
         beginning(model)
+
+
+def check_apart(model: Model) -> None:
+    """Raise SceneError where the two sides of a contact lie in each other at the start, beyond rounding."""
+    mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
+    for name, contact in mechanism.contacts.items():
+        first, second = (rigid.frame(side.body) for side in contact.sides)
+        x, y = second.place(contact.second.at) - first.place(contact.first.at)
+        normal = first.to_global(contact.direction)
+        gap = apart(contact.kind, (x, y), np.hypot(x, y) + 1e-300, normal, contact.reach)[0].item()
+        if gap < -_TOUCHING * mechanism.size:
+            key = f"contacts.{name}" if contact.joint is None else f"joints.{contact.joint}.clearance"
+            raise SceneError(
+                key, None, f"at the start its sides lie {-1e3 * gap:.4g} mm in each other",
+                "Start them apart, as by the angle or position of free drives",
+            )  # fmt: skip

@@ -1,0 +1,244 @@
+"""Mechanisms whose bodies touch: closed forms, and the same laws integrated by themselves from impact to impact."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from kaneflex import SceneError, linearise, load, simulate
+from kaneflex.generated import contact
+from kaneflex.mechanism.contacts import numbers_of
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.peers.buildable import check_buildable
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.study.sensitivity.report import check_differentiable
+
+G = 9.81
+BALL = """
+schema = 1
+description = "A ball that bounces on the floor"
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+ball = {mass = "1 kg"}
+[joints]
+fall = {prismatic = ["ground", "ball"], direction = [0, 1]}
+[drives]
+fall = {free = true, position = "1 m"}
+[contacts.floor]
+point_on_line = ["ball", "ground"]
+normal = [0, 1]
+contact = {stiffness = 1e9, restitution = 0.7}
+[sensors]
+height = {position = "fall", component = "x"}
+[solve]
+preset = "coupled"
+duration = "2 s"
+steps = 500
+"""
+CRANK, ROD, PISTON, INERTIA, MASS, SPEED = 0.05, 0.12, 0.14, 8.2e-5, 0.068, 314.0
+LOOSE = f"""
+schema = 1
+description = "A slider-crank with room in its wrist pin"
+[bodies]
+crank = {{length = {CRANK}, mass = 0.3, inertia = 1e-4}}
+rod = {{length = {ROD}, mass = {MASS}, inertia = {INERTIA}, centre = [{ROD / 2}, 0]}}
+piston = {{mass = {PISTON}}}
+[joints]
+main = {{revolute = ["ground", "crank"]}}
+pin = {{revolute = ["crank.end", "rod"]}}
+bore = {{prismatic = ["ground", "piston"], direction = [1, 0]}}
+[joints.wrist]
+revolute = ["rod.end", "piston"]
+clearance = {{radial = "0.2 mm", contact = {{stiffness = 1e10, restitution = 0.6}}}}
+[drives]
+main = {{speed = {SPEED}}}
+pin = {{free = true, initial_speed = {-SPEED * (1 + CRANK / ROD)}}}
+bore = {{free = true, position = {CRANK + ROD}}}
+[sensors]
+slide = {{position = "bore", component = "x"}}
+[solve]
+preset = "coupled"
+duration = "5.5 ms"
+steps = 550
+"""
+
+
+def solved(tmp_path, text, *settings):
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    found = simulate(load(with_settings(read_scene(path), settings)))
+    assert found.outcome.name == "COMPLETED", found.trajectory.message
+    return found
+
+
+def own(solution, name):
+    """Law's number and the numbers of a contact, as the kernels take them."""
+    found = mechanism_of(solution.model.scene).contacts[name]
+    return contact.LAWS.index(found.law), np.array(numbers_of(found))
+
+
+def flights(solution):
+    """Instants and heights of the tops of a ball's flights, each from any state of it."""
+    y, v = solution.series["height"].values, solution.trajectory.v[:, 1]
+    found = []
+    for top, height in np.transpose([solution.times + v / G, y + v**2 / (2 * G)])[y > 1e-3]:
+        if not found or abs(top - found[-1][0]) > 1e-4:
+            found.append((top, height))
+    return np.array(found)
+
+
+def bounces(law, p, count, mass=1.0):
+    """The same of a ball from 1 m by the law of its contact, each impact integrated in its own depth and time."""
+    K, n, t, height, found = p[3], p[4], 0.0, 1.0, [(0.0, 1.0)]
+    for _ in range(count):
+        v_0 = math.sqrt(2 * G * height)
+        deep = ((n + 1) * mass * v_0**2 / (2 * K)) ** (1 / (n + 1))
+
+        def rhs(s, y, v_0=v_0, deep=deep):
+            force = contact.normal_force(law, p, 0, v_0, -y[0] * deep, -y[1] * v_0)
+            return y[1], (G - force / mass) * deep / v_0**2
+
+        def apart(s, y):
+            return y[0] if s > 1e-3 else 1.0
+
+        apart.terminal, apart.direction = True, -1
+        end = solve_ivp(rhs, (0, 1e4), (0.0, 1.0), "DOP853", events=apart, rtol=1e-13, atol=1e-14)
+        back = -end.y_events[0][0, 1] * v_0
+        t += v_0 / G + end.t_events[0][0] * deep / v_0 + back / G
+        height = back**2 / (2 * G)
+        found.append((t, height))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10])
+def test_a_ball_bounces_as_its_law_says(tmp_path, tolerance):
+    """Instants and heights of the tops, with the weight that acts during an impact, too."""
+    solution = solved(tmp_path, BALL, f"solve.tolerance={tolerance}")
+    tops = flights(solution)
+    assert len(tops) == 5
+    assert tops == pytest.approx(bounces(*own(solution, "floor"), 4), abs=100 * tolerance)
+    assert solution.trajectory.energy.drift < 1e-7
+
+
+def test_a_stiff_ball_bounces_as_in_textbooks(tmp_path):
+    """Heights e^2k h and instants of a rigid ball; what is missed is the impact's duration, K^(-2/5) for n = 1.5."""
+    first, missed = math.sqrt(2 / G), []
+    k = np.arange(5)
+    tops = np.append(0.0, first * (1 + 2 * np.cumsum(0.7 ** k[1:]) - 0.7 ** k[1:]))
+    for stiffness in (1e7, 1e12):
+        found = flights(solved(tmp_path, BALL, f"floor.contact.stiffness={stiffness}"))
+        missed.append([abs(found[:, 0] - tops).max(), abs(found[:, 1] - 0.7 ** (2 * k)).max()])
+    assert np.log10(np.divide(*missed)) / 5 == pytest.approx([0.4, 0.4], abs=0.01)
+    assert max(missed[1]) < 1e-4
+
+
+def test_bounces_without_end_come_to_rest(tmp_path):
+    """After (1 + e)/(1 - e) times the first fall there is none more: the ball lies as deep as its weight presses."""
+    solution = solved(tmp_path, BALL, "solve.duration=4 s", "floor.contact.stiffness=1e12")
+    ended = math.sqrt(2 / G) * (1 + 0.7) / (1 - 0.7)
+    y, times = solution.series["height"].values, solution.times
+    assert y[times > ended + 0.01] == pytest.approx(-((G / 1e12) ** (2 / 3)), abs=1e-9)
+    assert y[times < ended - 0.1].max() > 0.01 and y.min() > -1e-4
+    assert solution.trajectory.energy.drift < 1e-7
+
+
+@pytest.mark.parametrize("n", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("asked", [0.05, 0.5, 0.99])
+def test_what_flies_at_a_wall_comes_back_with_the_restitution_asked_for(tmp_path, asked, n):
+    text = BALL.replace('gravity = [0, "-9.81 m/s^2"]', "")
+    text = text.replace('position = "1 m"', 'position = "10 mm", initial_speed = -3')
+    settings = ["solve.duration=0.02 s", "solve.steps=20", f"floor.contact.restitution={asked}"]
+    text = text.replace("stiffness = 1e9", f"stiffness = 1e10, exponent = {n}")
+    assert solved(tmp_path, text, *settings).trajectory.v[-1, 1] == pytest.approx(3 * asked, abs=3e-6)
+
+
+def loose_slider_crank(law, p, times):
+    """Slide of LOOSE and its number of impacts by its own two equations, from contact to contact."""
+
+    def gap(t, y):
+        crank, (theta, omega, x, v) = SPEED * t, y
+        d = x - CRANK * math.cos(crank) - ROD * math.cos(theta), -CRANK * math.sin(crank) - ROD * math.sin(theta)
+        rate = v + CRANK * SPEED * math.sin(crank) + ROD * omega * math.sin(theta), \
+            -CRANK * SPEED * math.cos(crank) - ROD * omega * math.cos(theta)  # fmt: skip
+        length = math.hypot(*d)
+        n = (-d[0] / length, -d[1] / length) if length else (0.0, 0.0)
+        return p[2] - length, n[0] * rate[0] + n[1] * rate[1], n
+
+    def rhs(t, y, v_0):
+        theta, omega, _, v = y
+        g, rate, n = gap(t, y)
+        force = contact.normal_force(law, p, 0, v_0, g, rate) if v_0 else 0.0
+        a = -CRANK * SPEED**2 * math.cos(SPEED * t), -CRANK * SPEED**2 * math.sin(SPEED * t)
+        c, s = math.cos(theta), math.sin(theta)
+        turned = ROD * force * (s * n[0] - c * n[1]) - MASS * ROD / 2 * (c * a[1] - s * a[0])
+        return omega, turned / (INERTIA + MASS * ROD**2 / 4), v, force * n[0] / PISTON
+
+    def changes(t, y, v_0):
+        return gap(t, y)[0] if t > began + 1e-9 else (-1.0 if v_0 else 1.0)
+
+    changes.terminal = True
+    y, began, v_0, impacts = np.array([0.0, -SPEED * CRANK / ROD, CRANK + ROD, 0.0]), 0.0, 0.0, 0
+    slide = np.full(len(times), np.nan)
+    while np.isnan(slide[-1]):
+        part = solve_ivp(
+            rhs, (began, times[-1]), y, "DOP853", args=(v_0,), events=changes, rtol=1e-11, atol=1e-13, max_step=2e-5,
+            dense_output=True,
+        )  # fmt: skip
+        inside = (times >= began) & (times <= part.t[-1])
+        slide[inside] = part.sol(times[inside])[2]
+        began, y = part.t[-1], part.y[:, -1]
+        impacts += not v_0 and part.status == 1
+        v_0 = 0.0 if v_0 else -gap(began, y)[1]
+    return slide, impacts
+
+
+def test_a_slider_crank_knocks_as_its_own_two_equations_say(tmp_path):
+    """Three impacts; the fourth is slower than its loads press, and taken for no impact."""
+    solution = solved(tmp_path, LOOSE, "solve.tolerance=1e-10")
+    slide, impacts = loose_slider_crank(*own(solution, "wrist"), solution.times)
+    assert impacts == 3
+    assert solution.series["slide"].values == pytest.approx(slide, abs=1e-11)
+
+
+def test_a_clearance_that_vanishes_leaves_the_tight_joints_answer(tmp_path):
+    """The slide of a pin that stays in touch is off by the clearance, which a mechanism in line passes on as it is."""
+    tight = LOOSE[: LOOSE.index("clearance")] + LOOSE[LOOSE.index("[drives]") :]
+    tight = "\n".join(line for line in tight.splitlines() if not line.startswith(("pin = {free", "bore = {free")))
+    right, missed = solved(tmp_path, tight).series["slide"].values, []
+    for room in (1e-4, 1e-5, 1e-6):
+        found = solved(tmp_path, LOOSE, f"wrist.clearance.radial={room}", "wrist.clearance.contact.stiffness=1e13")
+        missed.append(abs(found.series["slide"].values - right).max())
+    assert np.divide(missed, (1e-4, 1e-5, 1e-6)) == pytest.approx([1, 1, 1.2], rel=0.25)  # depths of microns, too
+
+
+def test_sides_that_start_in_each_other_are_named(tmp_path):
+    with pytest.raises(SceneError) as caught:
+        solved(tmp_path, BALL, "drives.fall.position=-3 mm")
+    assert str(caught.value) == (
+        "contacts.floor: at the start its sides lie 3 mm in each other. "
+        "Start them apart, as by the angle or position of free drives."
+    )
+    solved(tmp_path, BALL, "drives.fall.position=0 mm", "solve.duration=1 ms")
+
+
+def test_no_start_from_an_equilibrium_or_a_cycle(tmp_path):
+    for text, settings, which in (
+        (BALL, ["solve.start=quasistatic"], "contacts.floor"),
+        (LOOSE, ["solve.start=periodic", "main.cycle=360 deg"], "joints.wrist.clearance"),
+    ):
+        with pytest.raises(SceneError, match=f"with {re.escape(which)} the motion need not repeat"):
+            solved(tmp_path, text, *settings)
+
+
+def test_what_needs_a_smooth_motion_refuses_contacts(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(BALL)
+    scene = read_scene(path)
+    with pytest.raises(SceneError, match=r"with contacts\.floor the equations are others while bodies touch"):
+        linearise(load(scene))
+    with pytest.raises(SceneError, match=r"with contacts\.floor the instants of the impacts would move"):
+        check_differentiable(scene, continued=False)
+    with pytest.raises(SceneError, match=r"contacts\.floor: a contact is not built in the peer"):
+        check_buildable(scene)
