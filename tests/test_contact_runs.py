@@ -232,6 +232,11 @@ def test_no_start_from_an_equilibrium_or_a_cycle(tmp_path):
             solved(tmp_path, text, *settings)
 
 
+def test_scipys_integrator_is_refused(tmp_path):
+    with pytest.raises(SceneError, match=r"with contacts\.floor it would step over their impacts"):
+        solved(tmp_path, BALL, "solve.integrator=scipy")
+
+
 def test_what_needs_a_smooth_motion_refuses_contacts(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(BALL)

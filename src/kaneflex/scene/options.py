@@ -288,6 +288,8 @@ def _check_contacts(scene: Scene, dynamics: str) -> None:
         what = "a contact" if joint is None else "a joint with a clearance"
         reason = f"preset {scene.solve.preset} has no equations of {what}"
         raise SceneError(key, None, reason, "Take preset coupled")
+    if scene.solve.integrator == "scipy":
+        refuse_contacts(scene, "solve.integrator", "scipy", "it would step over their impacts", "Take radau or gauss")
     if scene.solve.start in ("quasistatic", "periodic"):
         reason = "the motion need not repeat, and its equilibrium is not that of free bodies"
         refuse_contacts(scene, "solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
