@@ -101,7 +101,8 @@ class Options:
     forward_tolerance: float
 
     def as_dict(self) -> dict[str, object]:
-        return asdict(self)
+        """By name, as a file holds them."""
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
 
 
 _ALL = dict.fromkeys(
