@@ -21,6 +21,7 @@ from kaneflex.plots.style import PALETTE, new_figure, styled
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import CONTACT_KINDS
 
 ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
 _ROOM = 0.18
@@ -275,6 +276,10 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
             ends = spring.ends or scene.joints[spring.torsional_at].addresses
             middle = np.mean([_at(scene, placement, end) for end in ends], axis=0)
             found.setdefault(f"spring {target}", (middle, []))[1].append(name)
+            continue
+        if sensor.kind in CONTACT_KINDS:
+            side = scene.contacts[target].sides[1]
+            found.setdefault(f"contact {target}", (_at(scene, placement, side), []))[1].append(name)
             continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
         address = scene.joints[joint].addresses[1] if joint is not None else target

@@ -20,7 +20,7 @@ _QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
     "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
-    "spring_force": "force", "spring_torque": "torque",
+    "spring_force": "force", "spring_torque": "torque", "contact_force": "force", "contact_gap": "gap",
 }  # fmt: skip
 
 

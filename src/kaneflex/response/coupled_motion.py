@@ -177,6 +177,13 @@ class CoupledMotion(Motion):
         none = np.zeros(len(self.times))
         return {f"{name}.drive": none for name in self.model.scene.drives} | found
 
+    def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        record = self.trajectory.contacts
+        if record is None:  # of states by themselves no contact is known
+            return np.full(len(self.times), np.nan), np.full(len(self.times), np.nan)
+        k = record.names.index(name)
+        return record.gap[:, k], record.force[:, k]
+
     def spring_tension(self, name: str) -> np.ndarray:
         spring = mechanism_of(self.model.scene).springs[name]
         first, second = (self.moving_place(side.body, side.at) for side in spring.sides)

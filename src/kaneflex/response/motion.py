@@ -80,6 +80,10 @@ class Motion(ABC):
         """Tension of a spring with its damper [N], or what a torsional one opposes to the turning of its joint [N m].
         """
 
+    def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Gap [m] and normal force [N] of a contact, (n_times,) each; only bodies that move each other have any."""
+        raise LookupError(name)
+
     def section(self, link: str, x: float) -> Section:
         """Section forces x [m] from a link's start."""
         if link in self.model.links:

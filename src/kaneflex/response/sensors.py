@@ -190,6 +190,12 @@ class _Reader:
 
     _spring_torque = _spring_force
 
+    def _contact_force(self, sensor: Sensor) -> np.ndarray:
+        return self.motion.contact(str(sensor.target))[1]
+
+    def _contact_gap(self, sensor: Sensor) -> np.ndarray:
+        return self.motion.contact(str(sensor.target))[0]
+
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""
         name = str(sensor.joint_force)

@@ -12,7 +12,15 @@ from kaneflex.scene.load_check import address_problems, event_problems, load_pro
 from kaneflex.scene.modal_check import modal_problems
 from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES
 from kaneflex.scene.scene import Scene, given_value
-from kaneflex.scene.sensors import DRIVE_KINDS, MOTION_KINDS, POINT_KINDS, RIGID_COMPANIONS, SPRING_KINDS, Sensor
+from kaneflex.scene.sensors import (
+    CONTACT_KINDS,
+    DRIVE_KINDS,
+    MOTION_KINDS,
+    POINT_KINDS,
+    RIGID_COMPANIONS,
+    SPRING_KINDS,
+    Sensor,
+)  # fmt: skip
 from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
 
@@ -141,6 +149,8 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield from _drive_sensor(scene, key, sensor)
         elif sensor.kind in SPRING_KINDS:
             yield from _spring_sensor(scene, key, sensor)
+        elif sensor.kind in CONTACT_KINDS:
+            yield from _contact_sensor(scene, key, sensor)
         elif sensor.kind == "joint_force":
             yield from _joint_sensor(scene, key, sensor)
         base = name.removesuffix("_rigid")
@@ -194,6 +204,12 @@ def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
         yield Problem(
             f"{key}.{sensor.kind}", sensor.target, "the other kind of spring", f"Measure its {springs[sensor.target]}"
         )
+
+
+def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    if sensor.target not in scene.contacts:
+        cure = nearest(sensor.target, scene.contacts)
+        yield Problem(f"{key}.{sensor.kind}", sensor.target, "no contact of that name", cure)
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -16,7 +16,8 @@ SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
 POINT_KINDS = MOTION_KINDS + SECTION_KINDS
 DRIVE_KINDS = ("drive_torque", "drive_force")
 SPRING_KINDS = ("spring_force", "spring_torque")
-KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
+CONTACT_KINDS = ("contact_force", "contact_gap")
+KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS)
 RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 """Kinds whose rigid value stands beside them under NAME_rigid."""
 
@@ -24,7 +25,7 @@ _UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
     "bending_moment": "N m", "shear_force": "N", "strain": "1", "joint_force": "N", "drive_torque": "N m",
     "drive_force": "N",
-    "spring_force": "N", "spring_torque": "N m",
+    "spring_force": "N", "spring_torque": "N m", "contact_force": "N", "contact_gap": "m",
 }  # fmt: skip
 _UNITS_OF_ANGLE = {
     "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad",
@@ -52,7 +53,8 @@ class Sensor(SceneTable):
     height `fibre` above the axis). joint_force: the force (component angle: moment) of a joint on `body`, by
     default the joint's second one. drive_torque: what a drive must apply; drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
-    turning.
+    turning. contact_force: the normal force of a contact; contact_gap: how far its sides are apart, below zero where
+    they are in each other.
     """
 
     displacement: AddressField | None = None
@@ -68,6 +70,8 @@ class Sensor(SceneTable):
     drive_force: str | None = None
     spring_force: str | None = None
     spring_torque: str | None = None
+    contact_force: str | None = None
+    contact_gap: str | None = None
     relative_to: Literal["frame", "chord", "start"] = "frame"
     component: Literal["x", "y", "angle"] = "x"
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)
