@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kaneflex import SceneError, load, simulate
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
@@ -16,6 +17,7 @@ from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import build_engine
 from kaneflex.multibody.run import Method, integrate
 from kaneflex.multibody.system import CoupledSystem
+from kaneflex.report.summary import summarise
 from kaneflex.scene.read import read_scene
 
 G = 9.81
@@ -192,3 +194,53 @@ def test_extremes_of_stiffness_restitution_and_gap(scenes, integrator):
         deepest = ((n + 1) * G * gap / K) ** (1 / (n + 1)) + 2.5 * (G / K) ** (1 / n)
         assert -found.contacts.gap.min() < deepest
         assert abs(found.energy.gap).max() < 1e-6 * G * (gap + deepest) + 1e-12 * G  # and what places are rounded to
+
+
+BOUNCING = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+bodies = {ball = {mass = "1 kg"}}
+joints = {fall = {prismatic = ["ground", "ball"], direction = [0, 1]}}
+drives = {fall = {free = true, position = "1 m"}}
+[contacts.floor]
+point_on_line = ["ball", "ground"]
+normal = [0, 1]
+contact = {stiffness = 1e9, restitution = 0.7}
+[sensors]
+push = {contact_force = "floor"}
+air = {contact_gap = "floor"}
+height = {position = "fall"}
+[solve]
+preset = "coupled"
+duration = "4 s"
+steps = 200
+"""
+
+
+def test_impacts_are_on_the_solution_in_its_summary_and_its_results(tmp_path):
+    path = tmp_path / "ball.toml"
+    path.write_text(BOUNCING)
+    solution = simulate(load(read_scene(path)))
+    last = solution.impacts[-1]
+    summary = summarise(solution).contacts["floor"]
+    assert (summary.impacts, summary.rests_since_s) == (len(solution.impacts), last.begin)
+    assert summary.fastest_m_s == pytest.approx(math.sqrt(2 * G), rel=1e-12)
+    assert summary.largest_force == max(impact.peak for impact in solution.impacts)
+    assert summary.lost == pytest.approx(sum(impact.lost for impact in solution.impacts), rel=1e-12)
+    found = solution.dataset
+    assert found["impact_begin"].values.tolist() == [impact.begin for impact in solution.impacts]
+    assert found["impact_contact"].values.tolist() == [0] * len(solution.impacts)
+    assert found["contact"].values.tolist() == ["floor"]
+    for sensor, name in (("push", "contact_force"), ("air", "contact_gap")):
+        assert (solution.series[sensor].values == found[name].values[:, 0]).all()
+    assert solution.series["push"].values[-1] == pytest.approx(G, rel=1e-9)
+    assert solution.series["air"].values == pytest.approx(solution.series["height"].values, abs=1e-15)
+    half = solution.at(solution.times[::2])
+    assert half.series["air"].values == pytest.approx(solution.series["air"].values[::2], abs=1e-12)
+
+
+def test_a_sensor_names_a_contact(tmp_path):
+    path = tmp_path / "ball.toml"
+    path.write_text(BOUNCING.replace('contact_gap = "floor"', 'contact_gap = "flor"'))
+    with pytest.raises(SceneError, match=r"sensors.air.contact_gap = 'flor': no contact of that name.*'floor'"):
+        read_scene(path)

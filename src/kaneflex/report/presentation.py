@@ -97,6 +97,16 @@ def envelope_table(summary: Summary) -> str:
     return table(("frozen at any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
 
 
+def contact_table(summary: Summary) -> str:
+    """What every contact did; where it says nothing of a rest it is open at the end."""
+    rows = []
+    for name, contact in summary.contacts.items():
+        fastest, force = contact.fastest_m_s or 0.0, contact.largest_force or 0.0
+        rest = "" if contact.rests_since_s is None else f"{contact.rests_since_s:.5g}"
+        rows.append((name, f"{contact.impacts}", f"{fastest:.4g}", f"{force:.5g}", f"{contact.lost:.4g}", rest))
+    return table(("contact", "impacts", "fastest m/s", "largest N", "lost J", "rests from s"), rows)
+
+
 def run_lines(summary: Summary) -> str:
     """What was run and what it took, in two lines."""
     timing = summary.timing

@@ -23,6 +23,7 @@ from kaneflex.support.units import LARGEST
 if TYPE_CHECKING:
     import xarray
 
+    from kaneflex.multibody.impacts import Impact
     from kaneflex.multibody.run import CoupledTrajectory
     from kaneflex.response.sensors import Series
     from kaneflex.support.labelled import Labelled
@@ -165,6 +166,12 @@ class Solution:
         from kaneflex.solve.events import find_events
 
         return find_events(self)
+
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        """What contacts did from closing to opening, by their ends, those that last at the end of the run last."""
+        record = getattr(self.trajectory, "contacts", None)
+        return () if record is None else record.impacts
 
     @cached_property
     def series(self) -> dict[str, Series]:
