@@ -78,7 +78,7 @@ def _write(found: Stability, folder: Path) -> None:
     frozen = found.frozen
     factors = ["" for _ in frozen.times] if found.buckling is None else found.buckling.factors
     columns = {"time": frozen.times, "coordinate": frozen.coordinates, **_by_mode("frequency", frozen.frequencies)}
-    _write_columns(folder / CYCLE_FILE, columns | {"growth": frozen.growth, "buckling_factor": factors})
+    _write_columns(folder / CYCLE_FILE, {**columns, "growth": frozen.growth, "buckling_factor": factors})
     swept = found.sweep
     if swept is not None:
         columns = {"speed": swept.speeds, "spectral_radius": swept.radii, "growth_rate": swept.growth_rates}
@@ -92,6 +92,6 @@ def _by_mode(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     return {f"{name}_{k}": column for k, column in enumerate(values.T, start=1)}
 
 
-def _write_columns(path: Path, columns: Mapping[str, Sequence[object]]) -> None:
+def _write_columns(path: Path, columns: Mapping[str, Sequence[object] | np.ndarray]) -> None:
     rows = zip(*columns.values(), strict=True)
     write_csv(path, list(columns), [dict(zip(columns, row, strict=True)) for row in rows])

@@ -172,10 +172,11 @@ def _one_way(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:
     shifts = _inputs(model, rigid)
     readings = _Readings(model, t, chosen)
     by_z, by_v, by_a = readings.by_coordinates()
-    return _Frozen(
-        model.reduced.coordinates, tuple(shifts), *(rigid.first(model.kept[name]).toarray() for name in "MCK"),
-        _load_of(model, t, [*shifts.values()]), np.hstack([by_z, by_v]), by_a, readings.by_inputs([*shifts.values()]),
-    )  # fmt: skip
+    M, C, K = (rigid.first(model.kept[name]).toarray() for name in "MCK")
+    units = [*shifts.values()]
+    by_state, by_inputs = np.hstack([by_z, by_v]), readings.by_inputs(units)
+    F_u = _load_of(model, t, units)
+    return _Frozen(model.reduced.coordinates, tuple(shifts), M, C, K, F_u, by_state, by_a, by_inputs)
 
 
 def _coupled(model: Model, t: float, chosen: Mapping[str, Sensor]) -> _Frozen:

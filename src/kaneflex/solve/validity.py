@@ -50,8 +50,9 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     """Warnings about a finished run: a step too long for its lowest mode, deflections too large for the theory."""
     model, coupled = solution.model, solution.model.coupled is not None
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
-    followed = lowest is not None and model.options.dynamics in ("dynamic", "coupled")
-    found = _coarse(solution, lowest) if followed else []
+    found: list[str] = []
+    if lowest is not None and model.options.dynamics in ("dynamic", "coupled"):
+        found += _coarse(solution, lowest)
     found += [*_parted(solution), *_ill_conditioned(solution), *between_steps(model), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution)]
