@@ -12,16 +12,18 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import build_engine
-from kaneflex.multibody.run import Method, integrate
+from kaneflex.multibody.run import Method, _Run, integrate
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.report.summary import summarise
 from kaneflex.scene.read import read_scene
 
 G = 9.81
 GROUND, ZERO = BodyPoint("ground", "base", (0.0, 0.0)), (0.0, 0.0)
+METHOD = Method("radau", 1e-8, 1.0)
 BODY = 'body_{k} = {{length = "1 m", mass = "1 kg", inertia = "0.1 kg m^2", centre = [0, 0]}}\n'
 JOINT = 'hinge_{k} = {{revolute = ["ground.base", "body_{k}.end"]}}\n'
 DRIVE = 'hinge_{k} = {{free = true, angle = "150 deg"}}\n'
@@ -244,3 +246,14 @@ def test_a_sensor_names_a_contact(tmp_path):
     path.write_text(BOUNCING.replace('contact_gap = "floor"', 'contact_gap = "flor"'))
     with pytest.raises(SceneError, match=r"sensors.air.contact_gap = 'flor': no contact of that name.*'floor'"):
         read_scene(path)
+
+
+def test_a_cascade_without_time_between_stops_with_its_name(scenes):
+    """As if a thousand changes had been at the instant of the first one."""
+    system = system_of(scenes[1], contact("floor", GROUND, body()))
+    started = _Run(system, np.array([0, 0.1, 0]), np.zeros(3), np.linspace(0, 1, 11), METHOD, np.zeros(0))
+    system.engine.numbers(at.TOUCH, at.SHARED)[[at.STUCK, at.LAST_CHANGE]] = 1000, 1.0
+    outcome, message = started.go(None, None)
+    assert outcome is Outcome.CASCADE and "after t = 0.1 s" in message
+    again = run(system, [0, 0.1, 0], [0, 0, 0], np.linspace(0, 1, 11))
+    assert again.contacts.impacts[0].begin == pytest.approx(math.sqrt(0.2 / G), rel=1e-12)

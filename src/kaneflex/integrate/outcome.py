@@ -15,6 +15,7 @@ class Outcome(Enum):
     UNSTABLE = "unstable: the motion grows beyond all bounds"
     SINGULAR = "singular step: a pivot of its equations vanishes"
     NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
+    CASCADE = "cascade: contacts close and open without end at one instant"
 
 
 @dataclass(frozen=True, eq=False)

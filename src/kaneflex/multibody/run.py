@@ -145,12 +145,15 @@ class _Run:
         self.scale = method.tolerance * np.where(turns, 1.0, method.length)
         engine.numbers(at.SCALE, size)[:] = self.scale
         shared = engine.numbers(at.TOUCH, at.SHARED)
+        shared[:] = 0.0  # nothing is known of an earlier run
         shared[[at.PRECISION, at.EXTENT]] = min(_OF_A_DEPTH * method.tolerance, 1e-4), method.length
         self.largest = np.zeros((2, size))
         self.turns = np.array(turns)
         engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
         self.touching = tuple(system.mechanism.contacts)
         self.impacts: tuple[impacts.Impact, ...] = ()
+        if self.touching:
+            engine.take_impacts()
         system.fold(q, v)
         engine.choose(float(times[0]))
         self.settled = engine.settle(float(times[0]))
@@ -362,7 +365,7 @@ _ENDED = {
     ),
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
     collocation.CASCADE: (
-        Outcome.UNSTABLE, "contacts close and open over and over at {at} with no time between: no step resolves that",
+        Outcome.CASCADE, "contacts close and open over and over after {at}, with no time between that a step resolves",
     ),
     collocation.NO_CONVERGENCE: (
         Outcome.UNSTABLE,

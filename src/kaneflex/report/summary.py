@@ -89,7 +89,7 @@ class Summary(PlainTable):
     preset: str = Field(description="named model the options started from")
     options: dict[str, Any] = Field(description="every option in force, in SI: kaneflex.scene.options.Options")
     elements: dict[str, int] = Field(description="number of elements of each elastic link")
-    outcome: str = Field(description="completed, unstable, singular or no_periodic_state")
+    outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
     message: str = Field(description="the outcome in words, with time and reason")
     warnings: list[str] = Field(description="what to know before trusting the numbers")
     duration_s: float = Field(description="time that the stored results cover, s")
