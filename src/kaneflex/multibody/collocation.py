@@ -23,7 +23,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numba.types import boolean, float64, int64
 
 from kaneflex.multibody import contact_search, contacts
@@ -33,9 +33,9 @@ from kaneflex.multibody.loops import (
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
     ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
-    DEMAND, DRIVES, ENTRY, FIRST, HANDLE, KEPT, LAST_A, LAST_R, LOADS, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS,
+    DEMAND, DRIVES, ENTRY, FIRST, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS,
     RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C,
-    STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, Z, apart, larger, opened, opening, smaller,
+    STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, Z, Handed, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
@@ -64,7 +64,7 @@ class Table(NamedTuple):
     out: np.ndarray
 
 
-_opened_table = opening(types.NamedTuple([N, N, N, N, N, N, N, Z, Z, Z], Table))
+TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True)))
 
 
 def collocation_table(nodes: np.ndarray) -> Table:
@@ -302,18 +302,17 @@ def _finish(m, table, t, end, here, A):
 
 
 @njit(**ENTRY)
-def settle(handle, t):
+def settle(m, t):
     """Put the dependent coordinates and rates where the loops close, and find accelerations and reactions of the cuts.
 
     The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts are closed where their sides overlap. False at
     a singular state.
     """
-    m = opened(handle)
     return settle_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
 
 
 @njit(**ENTRY)
-def integrate(handle, method, control, here, given, fixed, times, count, rows, counts, ends):
+def integrate(m, table, control, here, given, fixed, times, count, rows, counts, ends):
     """Fill rows 1, 2, ... of a table at ``times`` [s], from ``here``; every one of them is the end of a step.
 
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
@@ -325,7 +324,6 @@ def integrate(handle, method, control, here, given, fixed, times, count, rows, c
     factorisations. ends: filled with those of the steps that are taken, at most as many as may be tried. Returns a
     status.
     """
-    m, table = opened(handle), _opened_table(method)
     A, B, width, touching = m.real, m.pair, row_size(m), m.plan[CONTACTS] < m.plan[ACTS]
     trial, found = 0.0, contact_search.PASSED
     if touching and not contact_search.back(m, here):
@@ -403,7 +401,7 @@ def integrate(handle, method, control, here, given, fixed, times, count, rows, c
 
 
 ENTRIES = {
-    settle: boolean(HANDLE, float64),
-    integrate: int64(HANDLE, HANDLE, N, N, N, int64, N, int64, N, N, N),
+    settle: boolean(MECHANISM, float64),
+    integrate: int64(MECHANISM, TABLE, N, N, N, int64, N, int64, N, N, N),
 }
 """What Python calls, and with which arguments."""

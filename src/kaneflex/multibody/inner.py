@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import InlineOverloads, NativeLowering
+from numba.core.untyped_passes import InlineClosureLikes
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -17,7 +20,8 @@ class _Registered(LoweringPass):
         super().__init__()
 
     def run_pass(self, state) -> bool:
-        state.library._optimize_final_module = state.library._finalize_specific = _with_the_caller
+        state.library._optimize_final_module = _with_the_caller
+        state.library._finalize_final_module = partial(setattr, state.library, "_finalized", True)
         name = [].append  # numba wants a builtin of its own for every function, and never calls it
         state["cr"] = state["cr"]._replace(cfunc=name)
         state.targetctx.insert_user_function(name, state["cr"].fndesc, [state.library])
@@ -34,9 +38,14 @@ class Inner(CompilerBase):
         self.state.flags = self.state.flags.copy()
         self.state.flags.no_compile = True
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state, "inner")
+        passes.passes = [(each, about) for each, about in passes.passes if each not in _NOT_NEEDED]
         passes.add_pass_after(_Registered, NativeLowering)
         passes.finalize()
         return [passes]
+
+
+_NOT_NEEDED = (InlineClosureLikes, InlineOverloads)
+"""Passes for functions within functions, of which there are none."""
 
 
 def _with_the_caller() -> None:

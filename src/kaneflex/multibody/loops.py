@@ -296,6 +296,7 @@ def works_at(m):
 @njit(**OPTIONS)
 def take(m, row):
     """The motion of a row."""
+    apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     for i in range(n):
         w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
@@ -308,6 +309,7 @@ def take(m, row):
 @njit(**OPTIONS)
 def give(m, t, row):
     """The motion as a row, its works left."""
+    apart()
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     row[0] = t
     for i in range(n):

@@ -7,13 +7,13 @@ independent coordinates. The reactions that close the loops take what the depend
 from __future__ import annotations
 
 from numba import njit
-from numba.types import int64
+from numba.types import CPointer, int64
 
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.loops import bent, follow, gradient
 from kaneflex.multibody.tables import (
-    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, ENTRY, GRADIENT, HANDLE, INPUT, KEPT, LOOP, LOOP_PIVOTS, N, NOW,
-    OPTIONS, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, opened, shifted,
+    ACCEL, COORDINATES, CUT_OF, DEMAND, DEPENDENT, ENTRY, GRADIENT, INPUT, KEPT, LOOP, LOOP_PIVOTS, MECHANISM, N, NOW,
+    OPTIONS, RATE, REACTIONS, ROW_OF, SIDE, Y, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import demand
 
@@ -47,7 +47,7 @@ def react(m):
 
 
 @njit(**ENTRY)
-def reduced_demand(handle, independent, n, rows, count, width, out):
+def reduced_demand(m, independent, n, rows, count, width, out):
     """What the motion of every row asks for, (count, n), N = kg m/s^2 or N m.
 
     A row: t [s], then the n independent coordinates, their rates and accelerations, then what is added to the sizes of
@@ -55,7 +55,6 @@ def reduced_demand(handle, independent, n, rows, count, width, out):
     left at the last row, with the reactions of its cuts, and without anything added. Returns the rows that were done:
     the next one doesn't close.
     """
-    m = opened(handle)
     plan, w = m.plan, m.w
     added, done = width - 1 - 3 * n, 0
     for row in range(count):
@@ -82,5 +81,5 @@ def reduced_demand(handle, independent, n, rows, count, width, out):
     return done
 
 
-ENTRIES = {reduced_demand: int64(HANDLE, HANDLE, int64, N, int64, int64, N)}
+ENTRIES = {reduced_demand: int64(MECHANISM, CPointer(int64), int64, N, int64, int64, N)}
 """What Python calls, and with which arguments."""

@@ -2,8 +2,8 @@
 
 A function of compiled code takes seven words an array, and a tuple of thirty arrays would cost more to hand over than
 most of these functions compute. So all numbers, of the mechanism and of the motion, lie in one array, whose places the
-plan names; and what is whole numbers, in three tables. Compiled code knows them by their addresses alone: one word
-each, no index is looked at twice, and whole numbers, which it never writes, need not be read again after every store.
+plan names; and what is whole numbers, in three tables. Compiled code is handed one word, the address of their
+addresses: no index is looked at twice, and whole numbers, which it never writes, need not be read again after a store.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.core.imputils import lower_getattr_generic
+from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.types import CPointer, FunctionType, UniTuple, complex128, float64, int64, void
 
@@ -109,25 +110,6 @@ class Tables(NamedTuple):
     w: np.ndarray
 
 
-class Mechanism(NamedTuple):
-    """All that compiled code knows of a mechanism, each by its address.
-
-    ``pivots``: the plan once more, to be written; ``kernels``: addresses of those of the structure, see :func:`kernel`;
-    ``p``: its module's parameters; ``real``, ``pair``: room for factors.
-    """
-
-    plan: np.ndarray
-    bodies: np.ndarray
-    sections: np.ndarray
-    acts: np.ndarray
-    w: np.ndarray
-    pivots: np.ndarray
-    kernels: np.ndarray
-    p: np.ndarray
-    real: np.ndarray
-    pair: np.ndarray
-
-
 class Fixed(types.Type):
     """Whole numbers in rows of ``width`` that compiled code only reads, from their address: ``f[k]``, ``f[row, k]``."""
 
@@ -158,7 +140,12 @@ def _fixed_item(context, builder, sig, args):
     if sig.args[1] != types.intp:
         row, column = cgutils.unpack_tuple(builder, k)
         k = builder.add(builder.mul(row, ir.Constant(row.type, sig.args[0].width)), column)
-    found = builder.load(builder.gep(address, [k]))
+    return _fixed_number(builder, builder.gep(address, [k]))
+
+
+def _fixed_number(builder, place):
+    """What lies there, and is never written by compiled code."""
+    found = builder.load(place)
     found.set_metadata("invariant.load", builder.module.add_metadata([]))
     return found
 
@@ -212,7 +199,7 @@ def kernel(typing, kernels, which):
     """One of a structure's kernels, to be called."""
 
     def read(context, builder, sig, args):
-        found = builder.load(builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), which.literal_value)]))
+        found = _fixed_number(builder, builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), which.literal_value)]))
         function = cgutils.create_struct_proxy(sig.return_type)(context, builder)
         function.jit_addr = builder.inttoptr(found, cgutils.voidptr_t)
         # Else every call would have a branch for functions that are not compiled yet.
@@ -222,29 +209,41 @@ def kernel(typing, kernels, which):
     return KERNELS[which.literal_value](kernels, which), read
 
 
-def opening(parts):
-    """Of a NamedTuple of addresses: what makes it, in compiled code, of the address of a table of these addresses."""
+class Handed(types.Type):
+    """What compiled code is handed as one word, the address of a table of addresses: attributes of these types."""
 
-    @intrinsic
-    def opened(typing, handle):
-        def read(context, builder, sig, args):
-            found = []
-            for k, part in enumerate(parts):
-                address = builder.load(builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), k)]))
-                found.append(builder.inttoptr(address, context.get_value_type(part)))
-            return context.make_tuple(builder, parts, found)
-
-        return parts(handle), read
-
-    return opened
+    def __init__(self, name: str, **parts: types.Type) -> None:
+        self.parts = parts
+        super().__init__(name)
 
 
-HANDLE = CPointer(int64)
+@register_model(Handed)
+class _HandedModel(models.PrimitiveModel):
+    def __init__(self, manager, of) -> None:
+        super().__init__(manager, of, ir.IntType(_BITS).as_pointer())
+
+
+@infer_getattr
+class _HandedParts(AttributeTemplate):
+    key = Handed
+
+    def generic_resolve(self, handed, name):
+        return handed.parts.get(name)
+
+
+@lower_getattr_generic(Handed)
+def _part(context, builder, handed, value, name):
+    place = builder.gep(value, [ir.Constant(ir.IntType(_BITS), list(handed.parts).index(name))])
+    return builder.inttoptr(_fixed_number(builder, place), context.get_value_type(handed.parts[name]))
+
+
 Z = CPointer(complex128)
-opened = opening(
-    types.NamedTuple([Fixed(1), Fixed(16), Fixed(3), Fixed(6), N, HANDLE, HANDLE, N, N, Z], Mechanism)
-)
-"""A mechanism from its handle."""
+MECHANISM = Handed(
+    "Mechanism", plan=Fixed(1), bodies=Fixed(16), sections=Fixed(3), acts=Fixed(6), w=N, pivots=CPointer(int64),
+    kernels=CPointer(int64), p=N, real=N, pair=Z,
+)  # fmt: skip
+"""All that compiled code knows of a mechanism. ``pivots``: the plan once more, to be written; ``kernels``: addresses of
+those of the structure, see :func:`kernel`; ``p``: its module's parameters; ``real``, ``pair``: room for factors."""
 
 
 class Handle:

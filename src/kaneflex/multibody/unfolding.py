@@ -11,18 +11,18 @@ from kaneflex.multibody import powers
 from kaneflex.multibody.contacts import stand_closed
 from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY, FIRST, FRAME,
-    FRAME_SIZE, FREE, GAP, GRADIENT, HANDLE, INBOARD, JOINT, JOINTS, LAST, LOCAL, LOSING, MODAL, N, NOW, NUMBERS,
+    ACCEL, ACTS, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY, FIRST, FRAME,
+    FRAME_SIZE, FREE, GAP, GRADIENT, INBOARD, JOINT, JOINTS, LAST, LOCAL, LOSING, MECHANISM, MODAL, N, NOW, NUMBERS,
     OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS,
-    SHAPES, SPEEDS, SUMS, WORKS, Y, apart, opened, shifted,
+    SHAPES, SPEEDS, SUMS, WORKS, Y, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
 
 
 @njit(**ENTRY)
-def fold(handle, q, v):
+def fold(m, q, v):
     """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
-    _fold(opened(handle), q, v)
+    _fold(m, q, v)
 
 
 @njit(**OPTIONS)
@@ -64,7 +64,7 @@ def _fold(m, q, v):
 
 
 @njit(**ENTRY)
-def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
+def unfold(m, rows, count, q, v, a, exerted, sums, rates):
     """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
@@ -72,7 +72,6 @@ def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
     kinetic energy, strain energy, dissipated power, potential energy of the weight. rates: powers of dissipation,
     loads, drives, contacts. The rows close the loops.
     """
-    m = opened(handle)
     plan, w = m.plan, m.w
     k = 0
     for row in range(count):
@@ -107,18 +106,17 @@ def unfold(handle, rows, count, q, v, a, exerted, sums, rates):
 
 
 @njit(**ENTRY)
-def move_on(handle, t):
+def move_on(m, t):
     """Close the loops in place, speed and acceleration; False where they don't close."""
-    return follow(opened(handle), t)
+    return follow(m, t)
 
 
 @njit(**ENTRY)
-def states(handle, times, count, q, v, first, held, rows):
+def states(m, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
     held: whether STIFFNESS is a mass that coordinates have besides. Returns the row that is singular, or their number.
     """
-    m = opened(handle)
     size = m.plan[SPEEDS]
     for row in range(first, count):
         t = times[row]
@@ -151,9 +149,8 @@ def _exerted(m, b):
 
 
 @njit(**ENTRY)
-def openings(handle, t, out):
+def openings(m, t, out):
     """Residuals of all rows of the cuts where the coordinates put them; at GRADIENT their derivatives by all of y."""
-    m = opened(handle)
     plan, w = m.plan, m.w
     prescribe(m, t)
     deform(m)
@@ -171,10 +168,10 @@ def openings(handle, t, out):
 
 
 ENTRIES = {
-    fold: void(HANDLE, N, N),
-    unfold: void(HANDLE, N, int64, N, N, N, N, N, N),
-    move_on: boolean(HANDLE, float64),
-    states: int64(HANDLE, N, int64, N, N, int64, boolean, N),
-    openings: void(HANDLE, float64, N),
+    fold: void(MECHANISM, N, N),
+    unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
+    move_on: boolean(MECHANISM, float64),
+    states: int64(MECHANISM, N, int64, N, N, int64, boolean, N),
+    openings: void(MECHANISM, float64, N),
 }
 """What Python calls, and with which arguments."""
