@@ -17,7 +17,7 @@ BASELINE = {
     "mechanism": 31,
     "multibody": 72,
     "peers": 42,
-    "plots": 52,
+    "plots": 51,
     "report": 6,
     "response": 62,
     "scene": 101,

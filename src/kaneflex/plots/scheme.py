@@ -51,7 +51,7 @@ def scheme(scene: Scene, placement: Placement) -> Figure:
     """The drawing as a matplotlib Figure."""
     fixed = rigid_scenery(scene, placement)
     drawn = rigid_outline(scene, placement, fixed)
-    figure = new_figure(*_LARGEST, "", layout="none")
+    figure = new_figure(_LARGEST[0], _LARGEST[1], "", layout="none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     shape = np.array(frame_axes(axes, [drawn], fixed, _ROOM))
     title = f"{scene.name}: {scene.description}" if scene.description else scene.name
