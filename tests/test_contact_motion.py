@@ -24,7 +24,8 @@ from kaneflex.scene.read import read_scene
 G = 9.81
 GROUND, ZERO = BodyPoint("ground", "base", (0.0, 0.0)), (0.0, 0.0)
 METHOD = Method("radau", 1e-8, 1.0)
-BODY = 'body_{k} = {{length = "1 m", mass = "1 kg", inertia = "0.1 kg m^2", centre = [0, 0]}}\n'
+POINTS = "points = {{left = [-10, 0], right = [10, 0]}}"
+BODY = 'body_{k} = {{length = "1 m", mass = "1 kg", inertia = "0.1 kg m^2", centre = [0, 0], ' + POINTS + "}}\n"
 JOINT = 'hinge_{k} = {{revolute = ["ground.base", "body_{k}.end"]}}\n'
 DRIVE = 'hinge_{k} = {{free = true, angle = "150 deg"}}\n'
 
@@ -83,6 +84,17 @@ def test_an_impact_returns_the_restitution_that_was_asked_for(scenes, n, e):
     assert impact.lost == pytest.approx((1 - e**2) / 2, abs=1e-6)
     assert found.energy.dissipated[-1] == impact.lost
     assert abs(found.energy.gap).max() < 1e-6 * 0.5
+
+
+def test_two_corners_at_once_return_the_restitution_of_one(scenes):
+    """By itself either would only turn the body, which resists that far less than it resists both."""
+    ends = body(0, "left", (-10.0, 0.0)), body(0, "right", (10.0, 0.0))
+    corners = [contact(f"on_the_{end.name}", GROUND, end, K=1e9, e=0.4) for end in ends]
+    found = run(system_of(scenes[1], *corners, gravity=ZERO), [0, 1e-3, 0], [0, -1, 0], np.linspace(0, 0.5, 3))
+    for impact in found.contacts.impacts:
+        assert impact.separation / impact.approach == pytest.approx(0.4, abs=1e-6)
+        assert impact.impulse == pytest.approx(0.7, rel=1e-6)
+    assert len(found.contacts.impacts) == 2 and abs(found.v[-1, 2]) < 1e-9
 
 
 @pytest.mark.parametrize(("law", "e", "returned"), [
@@ -257,3 +269,52 @@ def test_a_cascade_without_time_between_stops_with_its_name(scenes):
     assert outcome is Outcome.CASCADE and "after t = 0.1 s" in message
     again = run(system, [0, 0.1, 0], [0, 0, 0], np.linspace(0, 1, 11))
     assert again.contacts.impacts[0].begin == pytest.approx(math.sqrt(0.2 / G), rel=1e-12)
+
+
+SLIDING = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+crank = {length = 0.153, mass = 0.038, inertia = 7.4e-5, centre = [0.0765, 0]}
+rod = {length = 0.306, mass = 0.038, inertia = 5.9e-4, centre = [0.153, 0]}
+slider = {mass = 0.076, inertia = 2.7e-6}
+[joints]
+main = {revolute = ["ground", "crank"]}
+pin = {revolute = ["crank.end", "rod"]}
+wrist = {revolute = ["rod.end", "slider"]}
+[joints.bore]
+prismatic = ["ground", "slider"]
+direction = [1, 0]
+[joints.bore.clearance]
+gap = "1 mm"
+length = "100 mm"
+height = "50 mm"
+contact = {stiffness = 1e13, restitution = 0.4}
+[drives]
+main = {free = true, initial_speed = 150}
+pin = {free = true, initial_speed = -225}
+wrist = {free = true, initial_speed = 75}
+[sensors]
+y = {position = "slider", component = "y"}
+[solve]
+preset = "coupled"
+duration = "18 ms"
+steps = 90
+"""
+
+
+def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says(tmp_path):
+    """Flores, Leine & Glocker 2010, Multibody Syst. Dyn. 23, 165: the slider's height over its clearance, as the
+    package Siconos has published it, by steps of 0.1 ms and with a friction of 0.01; and its touches of the upper face.
+    """
+    path = tmp_path / "slider.toml"
+    path.write_text(SLIDING)
+    solution = simulate(load(read_scene(path)))
+    height = dict(zip(np.round(1e3 * solution.times, 6), solution.series["y"].values / 1e-3, strict=True))
+    for t, there in ((2.0, 0.4871), (4.0, 0.7758), (8.0, 0.9525), (12.0, 0.9993), (15.0, 0.9993), (18.0, 0.9686)):
+        assert height[t] == pytest.approx(there, abs=0.05)
+    assert solution.impacts[0].begin == pytest.approx(2.75e-3, abs=1e-4)
+    assert {impact.contact for impact in solution.impacts} == {"bore_3", "bore_4"}
+    rests = [impact.begin for impact in solution.impacts if impact.end - impact.begin > 1e-3]
+    assert len(rests) == 2 and rests == pytest.approx([8.9e-3, 8.9e-3], abs=3e-4)
+    assert solution.trajectory.energy.drift < 1e-6

@@ -9,7 +9,7 @@ in :mod:`kaneflex.multibody.contact_search`.
 A speed of approach says how deep an impact goes, by the mass that resists along the normal: a share of this depth is
 the error allowed in the gap while it lasts. A contact that loads press together begins at no less a speed than that
 which goes as deep as these loads do: slower ones are no impacts, and a law that divides by their speeds says nothing.
-Where one is pressed far harder later than its impact could, its law goes on with the speed that would press so hard.
+Where one goes deeper far faster later than it began, as others push it on, its law goes on with the speed it has then.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COLUMNS, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES,
     COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, IMPACT_SIZE, IMPACTS, IMPULSE, KEPT, LAST_CHANGE, LAW,
     LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_X, NORMAL_Y, NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y,
-    PRECISION, PUSH_NOW, RATE, REACTION, REACTIONS, RESISTING_MASS, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SPEEDS,
-    STIFF, STUCK, TOUCH, TOUCHING, VISCOUS, WORKS, YIELDING, apart, larger, shifted, smaller,
+    PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SPEEDS, STIFF, STUCK,
+    TOUCH, TOUCHING, VISCOUS, WORKS, YIELDING, apart, larger, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, meet, move
 
@@ -249,8 +249,8 @@ def change(m, here, A, wanted):
             _open(m, c, t, lost)
         elif how == HARDENS:
             own = m.acts[plan[CONTACTS] + c, NUMBERS_AT]
-            depth = (w[k + PUSH_NOW] / w[own + 3]) ** (1.0 / w[own + 4])
-            w[k + BEGUN_AT] = math.sqrt(2.0 * touching.stored(w, own, depth) / w[k + RESISTING_MASS])
+            w[k + BEGUN_AT] = -w[k + GAP_RATE]
+            depth = depth_of(w, own, w[k + RESISTING_MASS], w[k + BEGUN_AT])
             w[k + ALLOWED] = larger(w[k + ALLOWED], w[shared + PRECISION] * depth)
             wanted = smaller(wanted, _FIRST_STEP * depth / w[k + BEGUN_AT])
         w[k + DUE] = 0.0
