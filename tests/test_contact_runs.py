@@ -213,6 +213,54 @@ def test_a_clearance_that_vanishes_leaves_the_tight_joints_answer(tmp_path):
     assert np.divide(missed, (1e-4, 1e-5, 1e-6)) == pytest.approx([1, 1, 1.2], rel=0.25)  # depths of microns, too
 
 
+BAR = """
+schema = 1
+description = "A hinged elastic bar that falls on a stop below its end"
+gravity = [0, "-9.81 m/s^2"]
+[ground]
+stop = ["0.5 m", "-10 mm"]
+[bodies]
+bar = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
+[joints]
+hinge = {revolute = ["ground", "bar"]}
+[drives]
+hinge = {free = true, angle = "2 deg"}
+[contacts.stop]
+point_on_line = ["bar.end", "ground.stop"]
+normal = [0, 1]
+radius = "10 mm"
+contact = {materials = ["steel", "steel"], restitution = 0.3}
+[damping]
+rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
+[sensors]
+angle = {position = "hinge", component = "angle"}
+moment = {bending_moment = "bar.mid"}
+shear = {shear_force = "bar.end"}
+[solve]
+preset = "coupled"
+duration = "0.5 s"
+steps = 1000
+"""
+
+
+def test_section_forces_know_what_touches_the_link(tmp_path):
+    """At rest on hinge and stop: w l^2/8 in the middle, w l/2 at the end; before the impact the stop says nothing."""
+    resting = solved(tmp_path, BAR)
+    weight = 7850 * 2e-4 * G
+    series = {name: found.values for name, found in resting.series.items()}
+    assert series["moment"][-1] == pytest.approx(weight * 0.5**2 / 8, rel=1e-2)
+    assert abs(series["shear"][-1]) == pytest.approx(weight * 0.5 / 2, rel=1e-2)
+    assert resting.trajectory.contacts.force[-1, 0] == pytest.approx(weight * 0.5 / 2, rel=1e-2)
+    falling = solved(tmp_path, BAR, "contacts.stop=none")
+    touched = resting.trajectory.contacts.impacts[0].begin
+    before = resting.times < touched - 1e-3
+    assert 20 < before.sum() < len(before)
+    # the stop asks for one more shape of the bar, which tells the moments apart a little
+    assert series["angle"][before] == pytest.approx(falling.series["angle"].values[before], abs=1e-6)
+    assert abs(series["moment"][before]).max() < 1.1 * abs(falling.series["moment"].values[before]).max()
+    assert resting.trajectory.energy.drift < 1e-5
+
+
 def test_sides_that_start_in_each_other_are_named(tmp_path):
     with pytest.raises(SceneError) as caught:
         solved(tmp_path, BALL, "drives.fall.position=-3 mm")

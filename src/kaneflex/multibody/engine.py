@@ -207,25 +207,31 @@ class Engine:
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular."""
-        return self._states(times, q, v, False)
+        return self._states(times, q, v, False, np.zeros((len(times), len(self.contacts))))
 
     def held(
-        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, columns: Sequence[int]
+        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, columns: Sequence[int], begun: np.ndarray
     ) -> np.ndarray | None:
-        """The same with accelerations and reactions as if some coordinates had a huge mass."""
+        """The same with accelerations and reactions as if some coordinates had a huge mass.
+
+        ``begun`` (n_times, contacts) has BEGUN_AT of the contacts at each instant.
+        """
         n, mass = self.size, sum(self.tables.w[block] for block in self.tables.bodies[:, at.BLOCK])
         hold = np.zeros(n)
         hold[list(columns)] = _HUGE * mass
         stiffness, damping = (self.numbers(part, n) for part in (at.STIFFNESS, at.DAMPING))
         kept = stiffness.copy(), damping.copy()
         stiffness[:], damping[:] = hold, 0.0
-        found = self._states(times, q, v, True)
+        found = self._states(times, q, v, True, begun)
         stiffness[:], damping[:] = kept
         return found
 
-    def _states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, held: bool) -> np.ndarray | None:
+    def _states(
+        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, held: bool, begun: np.ndarray
+    ) -> np.ndarray | None:
         parts = [np.ascontiguousarray(part, float) for part in (times, q, v)]
-        rows = np.zeros((len(times), len(self.row(0.0))))
+        rows, works = np.zeros((len(times), len(self.row(0.0)))), self.count(at.WORKS)
+        rows[:, rows.shape[1] - works - len(self.contacts) : rows.shape[1] - works] = begun
         done = 0
         while done < len(times):
             self.fold(parts[1][done], parts[2][done])
@@ -246,7 +252,7 @@ class Engine:
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
-        exerted = 3 * bodies + self.count(at.REACTIONS) + 4 * len(self.contacts)
+        exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * len(self.contacts)
         widths = (size, size, size, exerted, 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
         self._call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)

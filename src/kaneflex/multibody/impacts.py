@@ -61,6 +61,9 @@ class ContactRecord:
         Normal forces [N] that push the sides apart.
     lost : ndarray (n_times, n_contacts)
         Energy [J] that each has lost since the start.
+    begun : ndarray (n_times, n_contacts)
+        0 where a contact is open, the speed of approach [m/s] of its law where it is closed, below zero where it has
+        let go.
     impacts : tuple of Impact
         In the order of their ends; those that last come last.
     """
@@ -69,11 +72,13 @@ class ContactRecord:
     gap: np.ndarray
     force: np.ndarray
     lost: np.ndarray
+    begun: np.ndarray
     impacts: tuple[Impact, ...] = ()
 
     def taken(self, instants: np.ndarray) -> ContactRecord:
         """The same at some of the stored instants; the impacts are all."""
-        return replace(self, gap=self.gap[instants], force=self.force[instants], lost=self.lost[instants])
+        picked = {key: getattr(self, key)[instants] for key in ("gap", "force", "lost", "begun")}
+        return replace(self, **picked)
 
     def of(self, name: str) -> tuple[Impact, ...]:
         """The impacts of one contact."""

@@ -313,7 +313,8 @@ class _Run:
         lost = done[:, works - count :] - (found.gaps[:, :, 2] - self.stored)
         self.system.unfold(self.here[None])
         happened = self.impacts + impacts.lasting(self.touching, self.engine, self.here)
-        contacts = impacts.ContactRecord(self.touching, found.gaps[:, :, 0], found.gaps[:, :, 1], lost, happened)
+        gap, force, begun = (found.gaps[:, :, k] for k in (0, 1, 4))
+        contacts = impacts.ContactRecord(self.touching, gap, force, lost, begun, happened)
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,
             *balance(found, done[:, 0] + lost.sum(axis=1), done[:, 1 : works - count].sum(axis=1)),
@@ -351,7 +352,8 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     contacts = trajectory.contacts
     if contacts is not None:
         lost = np.array([np.interp(times, knots, part) for part in contacts.lost.T]).reshape(-1, len(times)).T
-        contacts = replace(contacts, gap=found.gaps[:, :, 0], force=found.gaps[:, :, 1], lost=lost)
+        gap, force, begun = (found.gaps[:, :, k] for k in (0, 1, 4))
+        contacts = replace(contacts, gap=gap, force=force, lost=lost, begun=begun)
     return replace(
         trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
         power=power, contacts=contacts,

@@ -138,10 +138,10 @@ class CoupledSystem:
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
-        touching, given = found[3][:, len(found[3].T) - 4 * len(self.mechanism.contacts) :], 1 + self.engine.inputs
+        touching, given = found[3][:, len(found[3].T) - 5 * len(self.mechanism.contacts) :], 1 + self.engine.inputs
         exerted = found[3][:, self._exerted]
         exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
-        gaps = touching.reshape(len(rows), -1, 4)
+        gaps = touching.reshape(len(rows), -1, 5)
         return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps)
 
     def settle(self, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded | None:
@@ -155,14 +155,18 @@ class CoupledSystem:
             return None
         return self.unfold(self.engine.row(t)[None])
 
-    def held(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray) -> Unfolded:
+    def held(
+        self, times: np.ndarray, q: np.ndarray, v: np.ndarray, still: np.ndarray, begun: np.ndarray | None = None
+    ) -> Unfolded:
         """States (n_times, size) on the constraints, with accelerations and reactions as if some shapes were held.
 
         Shapes ``still`` (places in q) are not accelerated, as far as the joints leave it to them: they resist by a mass
-        beside which all others are nothing.
+        beside which all others are nothing. ``begun`` (n_times, contacts) has how the contacts stand, as in a run's
+        record; without it they are open.
         """
         columns = [self.shape_columns[k] for k in still.tolist()]
-        return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns))
+        begun = np.zeros((len(times), len(self.mechanism.contacts))) if begun is None else begun
+        return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns, begun))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> Unfolded:
         """States (n_times, size) with their loops closed, accelerations and reactions.
@@ -207,8 +211,8 @@ class CoupledSystem:
 @dataclass(frozen=True, eq=False)
 class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
-    powers (dissipation, loads, drives); of every contact its gap [m], force [N], stored energy [J] and loss [W].
-    Dissipated power is all of it, the powers' is that without contacts."""
+    powers (dissipation, loads, drives); of every contact its gap [m], force [N], stored energy [J], loss [W] and
+    BEGUN_AT [m/s]. Dissipated power is all of it, the powers' is that without contacts."""
 
     q: np.ndarray
     v: np.ndarray

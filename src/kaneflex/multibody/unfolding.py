@@ -9,12 +9,12 @@ from numba.types import boolean, float64, int64, void
 
 from kaneflex.multibody import powers
 from kaneflex.multibody.contacts import stand_closed
-from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take
+from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY, FIRST, FRAME,
-    FRAME_SIZE, FREE, GAP, GRADIENT, INBOARD, JOINT, JOINTS, LAST, LOCAL, LOSING, MECHANISM, MODAL, N, NOW, NUMBERS,
-    OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS,
-    SHAPES, SPEEDS, SUMS, WORKS, Y, apart, shifted,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY,
+    FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, INBOARD, JOINT, JOINTS, LAST, LOCAL, LOSING, MECHANISM, MODAL, N,
+    NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION,
+    SECTIONS, SHAPES, SPEEDS, SUMS, WORKS, Y, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
 
@@ -68,7 +68,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
     """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
-    the cuts' reactions, on the joint's second body; then of every contact its gap, force, stored energy and loss. sums:
+    the cuts' reactions, on the joint's second body; of every contact gap, force, stored energy, loss, BEGUN_AT. sums:
     kinetic energy, strain energy, dissipated power, potential energy of the weight. rates: powers of dissipation,
     loads, drives, contacts. The rows close the loops.
     """
@@ -82,7 +82,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
         powers.powers(m)
         powers.energies(m)
         touching = plan[ACTS] - plan[CONTACTS]
-        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 4 * touching))
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * touching))
         for b in range(plan[BODIES]):
             f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
             for j in range(3):
@@ -97,8 +97,9 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
         out = shifted(out, 3 * plan[BODIES] + plan[REACTIONS])
         for c in range(touching):
             of = plan[CONTACT] + CONTACT_SIZE * c
-            out[4 * c], out[4 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
-            out[4 * c + 2], out[4 * c + 3] = w[of + ELASTIC], w[of + LOSING]
+            out[5 * c], out[5 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
+            out[5 * c + 2], out[5 * c + 3] = w[of + ELASTIC], w[of + LOSING]
+            out[5 * c + 4] = w[of + BEGUN_AT]
         for j in range(4):
             sums[4 * row + j] = w[plan[SUMS] + j]
         for j in range(plan[WORKS]):
@@ -115,16 +116,20 @@ def move_on(m, t):
 def states(m, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
-    held: whether STIFFNESS is a mass that coordinates have besides. Returns the row that is singular, or their number.
+    held: whether STIFFNESS is a mass that coordinates have besides; then the rows come with BEGUN_AT of the contacts.
+    Returns the row that is singular, or their number.
     """
-    size = m.plan[SPEEDS]
+    size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
         t = times[row]
         _fold(m, shifted(q, row * size), shifted(v, row * size))
+        out = shifted(rows, row * row_size(m))
+        for c in range(touching if held else 0):
+            m.w[m.plan[CONTACT] + CONTACT_SIZE * c + BEGUN_AT] = out[works_at(m) - touching + c]
         done = settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
         if not (done and (held or stand_closed(m, t, m.real))):
             return row
-        give(m, t, shifted(rows, row * row_size(m)))
+        give(m, t, out)
     return count
 
 

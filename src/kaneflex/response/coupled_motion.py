@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.body_frame import Rates, rotate
+from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.planar import cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.response.dalembert import Balanced, balanced
@@ -86,7 +88,7 @@ class CoupledMotion(Motion):
                                 for b, (axial, *_) in system.module.BODIES.items()]).astype(int)  # fmt: skip
         if not len(still):
             return self
-        found = system.held(t.times, t.q, t.v, still)
+        found = system.held(t.times, t.q, t.v, still, None if t.contacts is None else t.contacts.begun)
         return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))
 
     def body(self, name: str) -> Rates:
@@ -289,6 +291,8 @@ class FloatingScalars(RigidMotion):
             return self.coupled.reactions[name]
         if owner in self.coupled.model.scene.springs:
             return self._spring(owner, key)
+        if owner in self.coupled.model.scene.contacts:
+            return self._contact(owner)[key]
         if owner in own.start and key in _FRAME:
             order, row = _FRAME[key]
             return self.coupled.body(owner)[order][row]
@@ -309,6 +313,17 @@ class FloatingScalars(RigidMotion):
         gap = end - start
         length = np.hypot(*gap)
         return -tension * np.divide(gap["xy".index(key[-1])], length, out=np.zeros_like(length), where=length > 0)
+
+    def _contact(self, name: str) -> dict[str, np.ndarray]:
+        """Global force of a contact on its second side, and its moment on the first about that side's point."""
+        record, contact = self.coupled.trajectory.contacts, mechanism_of(self.coupled.model.scene).contacts[name]
+        force = np.zeros(len(self.times)) if record is None else record.force[:, record.names.index(name)]
+        (x, y, angle), second = (self.coupled.moving_place(side.body, side.at)[0] for side in contact.sides)
+        gap = second[0] - x, second[1] - y
+        direction = rotate(np.cos(angle), np.sin(angle), contact.direction)
+        _, normal = apart(contact.kind, gap, np.hypot(*gap) + np.finfo(float).tiny, direction, contact.reach)
+        push = force * normal[0], force * normal[1]
+        return {"force_x": push[0], "force_y": push[1], "moment": -cross(gap, push)}
 
 
 _FRAME = {

@@ -131,8 +131,8 @@ class Balanced:
     A balance bends the link statically by all that its shapes leave out. That is right for loads slower than the modes
     that were left out, and wrong for the ringing of the rod in tension, which is faster than most of them: their own
     inertia holds against it. So shear and bending follow from the ``quiet`` balance, of accelerations without ringing.
-    At the ends and at joints the link must feel what the joints exert, in the ``loud`` balance: the difference there
-    goes over linearly from each to the next, as under forces and moments at the joints alone.
+    At the ends, at joints and where the link touches others it must feel what these exert, in the ``loud`` balance: the
+    difference there goes over linearly from each to the next, as under forces and moments there alone.
     """
 
     loud: Balance
@@ -151,11 +151,13 @@ class Balanced:
 
     @cached_property
     def _stops(self) -> np.ndarray:
-        """The ends, and where joints are between them [m]."""
+        """The ends, and where joints and contacts are between them [m]."""
         motion, link = self.loud.motion, self.loud.link
         scene = motion.model.scene
-        joined = [address for joint in scene.joints.values() for address in joint.addresses if address.body == link]
-        return np.unique([0.0, motion.system.links[link].length, *(scene.point(address)[0] for address in joined)])
+        acting = [address for joint in scene.joints.values() for address in joint.addresses]
+        acting += [side for contact in scene.contacts.values() for side in contact.sides]
+        places = [scene.point(address)[0] for address in acting if address.body == link]
+        return np.unique([0.0, motion.system.links[link].length, *places])
 
     def _difference(self, x: float, at_x: float) -> np.ndarray:
         return self.loud.section(x, at_x) - self.quiet.section(x, at_x)

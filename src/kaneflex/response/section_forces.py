@@ -64,6 +64,12 @@ class LinkForces:
             for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
                 if end == address:
                     force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
+        for name, contact in self.scene.contacts.items():
+            for side, sign in zip(contact.sides, (-1.0, 1.0), strict=True):
+                if side == address:
+                    force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
+            if contact.sides[0] == address:
+                moment += self.rigid[f"{name}.moment"]
         for name, (joint, on_second) in self.scene.joint_torques.items():
             for side, sign in zip(self.scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if side == address:
