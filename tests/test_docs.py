@@ -159,7 +159,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 
 def test_every_complete_scene_runs(solved):
-    assert set(solved) == {"cantilever", "arm", "frame", "shaft", "slow-engine"}
+    assert set(solved) == {"cantilever", "arm", "frame", "shaft", "knock", "slow-engine"}
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
         assert all(np.isfinite(series.values).all() for series in solution.series.values()), name
@@ -180,6 +180,17 @@ def test_the_arm_weighs_on_its_drive(solved):
     assert series["torque_rigid"].values.max() == pytest.approx(mass * 9.81 * (0.05 + 0.4), rel=1e-4)
     assert series["tension"].values[:-1].mean() == pytest.approx(mass * omega**2 * (0.05 + 0.4), rel=1e-3)
     assert series["tip_reading"].values[:-1].mean() == pytest.approx(-(omega**2) * 0.85, rel=1e-3)
+
+
+def test_the_pin_knocks_and_an_elastic_rod_lowers_its_peaks(solved):
+    """Against a rigid rod of the same mass: a peak, and not a number, as what goes before decides each impact."""
+    knocking = solved["knock"]
+    settings = ["rod.beam=none", "rod.mass=0.067824 kg", "rod.inertia=81.8 kg mm^2", "sensors.moment=none"]
+    rigid = simulate(load(with_settings(knocking.model.scene, [*settings, "rod.centre=[0.06, 0]"])))
+    peaks = [max(impact.peak for impact in found.impacts) for found in (knocking, rigid)]
+    assert len(knocking.impacts) > 20 and 1.5 < peaks[1] / peaks[0] < 4
+    assert knocking.series["room"].values.max() <= 0.2e-3 * (1 + 1e-9)
+    assert knocking.trajectory.energy.drift < 1e-6 and rigid.trajectory.energy.drift < 1e-6
 
 
 def test_the_slow_engine_has_no_gas_and_eight_elements(solved):
