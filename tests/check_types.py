@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 51,
     "report": 6,
     "response": 62,
-    "scene": 101,
+    "scene": 98,
     "solve": 45,
     "stability": 23,
     "study": 64,

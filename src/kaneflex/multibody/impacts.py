@@ -87,7 +87,7 @@ class ContactRecord:
 
 def over(names: tuple[str, ...], taken: np.ndarray) -> tuple[Impact, ...]:
     """The impacts that the engine has kept, (impacts, IMPACT_SIZE)."""
-    return tuple(Impact(names[int(row[0])], *row[1:].tolist()) for row in taken)
+    return tuple(Impact(names[int(row[0])], *map(float, row[1:])) for row in taken)
 
 
 def lasting(names: tuple[str, ...], engine: Engine, here: np.ndarray) -> tuple[Impact, ...]:

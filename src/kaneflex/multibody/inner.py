@@ -22,7 +22,7 @@ class _Registered(LoweringPass):
     def run_pass(self, state) -> bool:
         state.library._optimize_final_module = _with_the_caller
         state.library._finalize_final_module = partial(setattr, state.library, "_finalized", True)
-        name = [].append  # numba wants a builtin of its own for every function, and never calls it
+        name = list[object]().append  # numba wants a builtin of its own for every function, and never calls it
         state["cr"] = state["cr"]._replace(cfunc=name)
         state.targetctx.insert_user_function(name, state["cr"].fndesc, [state.library])
         return True

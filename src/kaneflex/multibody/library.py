@@ -75,8 +75,8 @@ def library() -> dict[Any, Callable[..., Any]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
         found = _addresses()
-    of_c = {}
+    of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(ENTRIES.items(), found, strict=True):
-        kinds = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
+        kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]
         of_c[function] = ctypes.CFUNCTYPE(*kinds)(address)
     return of_c

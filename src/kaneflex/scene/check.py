@@ -10,7 +10,7 @@ from kaneflex.scene.contact_check import clearance_problems, contact_problems
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
-from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES
+from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import (
     CONTACT_KINDS,
@@ -160,6 +160,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
 
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     address = sensor.target
+    assert isinstance(address, Address)
     if sensor.kind == "position" and address.body in scene.joints and address.point == "start":
         component = "x" if scene.joints[address.body].kind == "prismatic" else "angle"
         if sensor.component != component:
@@ -181,42 +182,46 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 
 
 def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    if sensor.target not in scene.drives:
-        cure = nearest(sensor.target, scene.drives)
-        yield Problem(f"{key}.{sensor.kind}", sensor.target, "no drive of that name", cure)
-    elif sensor.target in scene.joints:
-        slides = scene.slides(sensor.target)
+    target = str(sensor.target)
+    if target not in scene.drives:
+        cure = nearest(target, scene.drives)
+        yield Problem(f"{key}.{sensor.kind}", target, "no drive of that name", cure)
+    elif target in scene.joints:
+        slides = scene.slides(target)
         right = "drive_force" if slides else "drive_torque"
         if sensor.kind != right:
             kind = "slides" if slides else "turns"
-            yield Problem(f"{key}.{sensor.kind}", sensor.target, f"that drive {kind}", f"Write {right}")
+            yield Problem(f"{key}.{sensor.kind}", target, f"that drive {kind}", f"Write {right}")
 
 
 def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    target = str(sensor.target)
     springs = {
         name: "spring_force" if spring.torsional_at is None else "spring_torque"
         for name, spring in scene.springs.items()
     }
-    if sensor.target not in springs:
-        cure = nearest(sensor.target, springs)
-        yield Problem(f"{key}.{sensor.kind}", sensor.target, "no spring of that name", cure)
-    elif springs[sensor.target] != sensor.kind:
+    if target not in springs:
+        cure = nearest(target, springs)
+        yield Problem(f"{key}.{sensor.kind}", target, "no spring of that name", cure)
+    elif springs[target] != sensor.kind:
         yield Problem(
-            f"{key}.{sensor.kind}", sensor.target, "the other kind of spring", f"Measure its {springs[sensor.target]}"
+            f"{key}.{sensor.kind}", target, "the other kind of spring", f"Measure its {springs[target]}"
         )
 
 
 def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    if sensor.target not in scene.contacts:
-        cure = nearest(sensor.target, scene.contacts)
-        yield Problem(f"{key}.{sensor.kind}", sensor.target, "no contact of that name", cure)
+    target = str(sensor.target)
+    if target not in scene.contacts:
+        cure = nearest(target, scene.contacts)
+        yield Problem(f"{key}.{sensor.kind}", target, "no contact of that name", cure)
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
-    joint = scene.joints.get(sensor.target)
+    target = str(sensor.target)
+    joint = scene.joints.get(target)
     if joint is None:
-        cure = nearest(sensor.target, scene.joints)
-        yield Problem(f"{key}.joint_force", sensor.target, "no joint of that name", cure)
+        cure = nearest(target, scene.joints)
+        yield Problem(f"{key}.joint_force", target, "no joint of that name", cure)
         return
     bodies = [address.body for address in joint.addresses]
     if sensor.body is not None and sensor.body not in bodies:

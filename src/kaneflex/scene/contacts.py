@@ -72,9 +72,10 @@ class Contact(SceneTable):
         for field in ("radii",) if line else ("normal", "radius"):
             if field in self.model_fields_set:
                 raise Fault(f"has no meaning for {given}", "Leave it out", below=field)
-        if given == "circle_in_circle" and not self.radii[0] < self.radii[1]:
+        radii = self.radii or (0.0, 0.0)
+        if given == "circle_in_circle" and not radii[0] < radii[1]:
             raise Fault("the first circle has no room in the second", "Give the smaller radius first", below="radii")
-        if given == "circle_on_circle" and not any(self.radii):
+        if given == "circle_on_circle" and not any(radii):
             raise Fault("two points touch nowhere", "Give at least one of them a radius", below="radii")
         first, second = self.sides
         if first.body == second.body:
