@@ -166,8 +166,8 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             'joint_force = "pin"', 'joint_force = "wrist"',
-            "sensors.force.joint_force = 'wrist': wrist has a clearance: it has no reaction, only a contact at "
-            "times. Leave the clearance out, or this.",
+            "sensors.force.joint_force = 'wrist': wrist has a clearance: it has no reaction, but contacts with a "
+            "contact_force. Leave the clearance out, or this.",
         ),
         (
             'push = {force_on = "piston", direction = [1, 0]', 'push = {torque_at = "wrist"',

@@ -38,7 +38,7 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
         yield f"springs.{name}.torsional_at", spring.torsional_at, "it has no angle of its own"
     for name, sensor in scene.sensors.items():
         if sensor.kind == "joint_force":
-            yield f"sensors.{name}.joint_force", sensor.target, "it has no reaction, only a contact at times"
+            yield f"sensors.{name}.joint_force", sensor.target, "it has no reaction, but contacts with a contact_force"
         elif sensor.kind == "position":
             yield f"sensors.{name}.position", sensor.target.body, "it has no coordinate of its own"
 
