@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -75,13 +76,25 @@ def _reads_gravity(sensor: Sensor) -> bool:
     return sensor.kind == "acceleration" and sensor.reading == "accelerometer"
 
 
+def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Where the impacts of a sensor's contact began, and their largest forces [N]."""
+    solution, contact = shown.solution, shown.solution.model.scene.sensors[name].target
+    times = shown.times
+    own = [each for each in solution.impacts if each.contact == contact and times[0] <= each.begin <= times[-1]]
+    return np.interp([each.begin for each in own], times, shown.x), np.array([each.peak for each in own])
+
+
 def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
     series = shown.solution.series
     values = {name: series[name].values[shown.instants] for name in names}
     sensor = shown.solution.model.scene.sensors[names[0]]
-    factor, label = readable(sensor.unit, *values.values())
+    peaks = {name: _peaks(shown, name) for name in names if sensor.kind == "contact_force"}
+    factor, label = readable(sensor.unit, *values.values(), *(force for _, force in peaks.values()))
     for name, colour in zip(names, PALETTE, strict=False):
         axes.plot(shown.x, factor * values[name], color=colour, label=name)
+        if name in peaks:
+            at, force = peaks[name]
+            axes.plot(at, factor * force, "v", color=colour, markersize=4, label=f"{name}: peaks of impacts")
         if f"{name}_rigid" in series:
             rigid = factor * series[f"{name}_rigid"].values[shown.instants]
             axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)

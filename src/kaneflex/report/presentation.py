@@ -184,7 +184,8 @@ def _options(model: Model) -> dict[str, str]:
         shown["integrator"] = f"{options.integrator}, {error}"
         shown["start"] = _STARTS[options.start]
         if not model.links:
-            shown["shapes"] = "those of the modal data"
+            modal = any(body.modal is not None for body in model.scene.bodies.values())
+            shown["shapes"] = "those of the modal data" if modal else "none: all bodies are rigid"
             return shown
         shown["shapes"] = f"static ones and {options.modes} modes of each link"
         shown["elements"] = ", ".join(f"{name} {len(link.nodes) - 1}" for name, link in model.links.items())
