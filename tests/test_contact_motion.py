@@ -318,3 +318,12 @@ def test_a_slider_in_a_wide_guide_does_what_nonsmooth_dynamics_says(tmp_path):
     rests = [impact.begin for impact in solution.impacts if impact.end - impact.begin > 1e-3]
     assert len(rests) == 2 and rests == pytest.approx([8.9e-3, 8.9e-3], abs=3e-4)
     assert solution.trajectory.energy.drift < 1e-6
+
+
+def test_a_run_stops_where_a_contacts_force_passes_a_value(tmp_path):
+    """Between stored instants the contact stands as beside them."""
+    path = tmp_path / "ball.toml"
+    path.write_text(BOUNCING + '[events]\nlanded = {sensor = "push", value = 5, direction = "up", stop = true}\n')
+    solution = simulate(load(read_scene(path)))
+    assert "the event landed ended the run" in solution.message
+    assert solution.series["push"].values[-1] == pytest.approx(5, rel=1e-6)

@@ -307,22 +307,25 @@ def copy_into(A, answer, w, of, count):
 
 @njit(**OPTIONS)
 def stand_closed(m, t, A):
-    """Contacts of a state that begins: those whose sides overlap are closed; False at a singular state.
+    """Contacts of a state by itself: those whose sides overlap are closed, all others open; False at a singular state.
 
-    Such a one counts as begun at the speed that would bring it as deep as it is.
+    One that is to be closed and is not counts as begun at the speed that would bring it as deep as it is.
     """
     apart()
-    plan, w, closing = m.plan, m.w, 0
+    plan, w, changing = m.plan, m.w, 0
     for c in range(plan[ACTS] - plan[CONTACTS]):
-        k = at(m, c)
-        w[k + BEGUN_AT] = 0.0
-        meet(m, plan[CONTACTS] + c)
-        closing += w[k + GAP] < -tolerance(m, t, 0.0)
-    if closing == 0:
+        k = meet(m, plan[CONTACTS] + c)
+        w[k + DUE] = (w[k + GAP] < -tolerance(m, t, 0.0)) != (w[k + BEGUN_AT] != 0.0)
+        changing += w[k + DUE] != 0.0
+    if changing == 0:
         return True
     if plan[SPEEDS] > 3 * plan[BODIES]:
         bent(m)
     for c in range(plan[ACTS] - plan[CONTACTS]):
-        if w[at(m, c) + GAP] < -tolerance(m, t, 0.0):
+        k = at(m, c)
+        if w[k + DUE] != 0.0 and w[k + BEGUN_AT] == 0.0:
             _close(m, c, t, A, 0.0)
+        elif w[k + DUE] != 0.0:
+            w[k + BEGUN_AT] = 0.0
+        w[k + DUE] = 0.0
     return mend(m, t, A, 0.0, 2)

@@ -92,6 +92,7 @@ class Engine:
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Take coordinates and rates of the bodies, in the order of the tree."""
+        self.contacts[:, at.BEGUN_AT] = 0.0
         self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
@@ -205,9 +206,12 @@ class Engine:
         """Close the loops in place, speed and acceleration where the independent coordinates are; False: they don't."""
         return bool(self._call(unfolding.move_on, t))
 
-    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
-        """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular."""
-        return self._states(times, q, v, False, np.zeros((len(times), len(self.contacts))))
+    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray) -> np.ndarray | None:
+        """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular.
+
+        ``begun`` (n_times, contacts) has BEGUN_AT of the contacts at each instant, for those whose sides overlap.
+        """
+        return self._states(times, q, v, False, begun)
 
     def held(
         self, times: np.ndarray, q: np.ndarray, v: np.ndarray, columns: Sequence[int], begun: np.ndarray

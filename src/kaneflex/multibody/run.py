@@ -339,13 +339,18 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
 
     q by the quintic through q, q', q'' of the stored instants, put onto the constraints; accelerations and reactions
     from the equations there. Of an impact it knows what is stored, and no more: contacts that are closed count as begun
-    at the speed that would bring them as deep.
+    as at the stored instants beside it, else at the speed that would bring them as deep.
     """
     from scipy.interpolate import BPoly, CubicHermiteSpline
 
     knots = trajectory.times
     curve = BPoly.from_derivatives(knots, np.stack([trajectory.q, trajectory.v, trajectory.a], axis=1))
-    found = system.states(times, curve(times), curve.derivative()(times))
+    begun = None
+    if trajectory.contacts is not None:
+        k = np.searchsorted(knots, times, side="right") - 1
+        before, after = (trajectory.contacts.begun[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
+        begun = np.where((before != 0.0) | (knots[k] == times)[:, None], before, after)
+    found = system.states(times, curve(times), curve.derivative()(times), begun)
     dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
     supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
     energy, loss, power = balance(found, dissipated, supplied)

@@ -168,13 +168,14 @@ class CoupledSystem:
         begun = np.zeros((len(times), len(self.mechanism.contacts))) if begun is None else begun
         return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns, begun))
 
-    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray) -> Unfolded:
+    def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray | None = None) -> Unfolded:
         """States (n_times, size) with their loops closed, accelerations and reactions.
 
-        Raises ArithmeticError at a singular state.
+        ``begun``: see :meth:`held`; of contacts whose sides overlap. Raises ArithmeticError at a singular state.
         """
         self.compile()
-        return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order]))
+        begun = np.zeros((len(times), len(self.mechanism.contacts))) if begun is None else begun
+        return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order], begun))
 
     def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
         if rows is None:

@@ -116,15 +116,15 @@ def move_on(m, t):
 def states(m, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
-    held: whether STIFFNESS is a mass that coordinates have besides; then the rows come with BEGUN_AT of the contacts.
-    Returns the row that is singular, or their number.
+    held: whether STIFFNESS is a mass that coordinates have besides. The rows come with BEGUN_AT of the contacts, which
+    holds where their sides overlap. Returns the row that is singular, or their number.
     """
     size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
         t = times[row]
         _fold(m, shifted(q, row * size), shifted(v, row * size))
         out = shifted(rows, row * row_size(m))
-        for c in range(touching if held else 0):
+        for c in range(touching):
             m.w[m.plan[CONTACT] + CONTACT_SIZE * c + BEGUN_AT] = out[works_at(m) - touching + c]
         done = settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
         if not (done and (held or stand_closed(m, t, m.real))):
