@@ -2,6 +2,8 @@
 
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {
+    "8f6c65f9d97154ff": "bouncing_bar",
+    "e047d5f791f7ff81": "bouncing_bar_coupled",
     "d18cff34b9ece37a": "double_pendulum",
     "a4dd7e6cd7847f2f": "elastic_double_pendulum",
     "6077d078cd9cada7": "elastic_double_pendulum_coupled",
@@ -25,6 +27,8 @@ STRUCTURES = {
     "03978bf8e5e33421": "six_bar",
     "0a41714101ab0b8c": "slider_crank_150",
     "96fc325396df9a88": "slider_crank_150_coupled",
+    "328f22b586a1066d": "slider_crank_clearance",
+    "10648569547e5e63": "slider_crank_clearance_coupled",
     "c70d4cf8ae513d74": "spin_up",
     "c2b80a4746da9cd5": "spin_up_torque",
     "91e82f0026802339": "spin_up_torque_coupled",
@@ -34,6 +38,7 @@ STRUCTURES = {
 
 # Scene -> module that serves it.
 SCENES = {
+    "bouncing-bar": "bouncing_bar",
     "double-pendulum": "double_pendulum",
     "elastic-double-pendulum": "elastic_double_pendulum",
     "elastic-pendulum": "elastic_pendulum",
@@ -56,6 +61,7 @@ SCENES = {
     "six-bar": "six_bar",
     "slider-crank-150": "slider_crank_150",
     "slider-crank-150-coupled": "slider_crank_150",
+    "slider-crank-clearance": "slider_crank_clearance",
     "spin-up": "spin_up",
     "spin-up-torque": "spin_up_torque",
     "two-link-arm": "two_link_arm",
