@@ -11,7 +11,7 @@ from types import ModuleType
 
 from kaneflex.scene import Scene
 from kaneflex.scene.read import _validated
-from kaneflex.scene.sensors import KINDS, POINT_KINDS
+from kaneflex.scene.sensors import CONTACT_KINDS, KINDS, POINT_KINDS
 
 # Words of ours, of Python and of SymPy, and pairs that differ by where their dots are; points that NFKC makes equal.
 _BODIES = ["arm", "arm_left", "I", "omega", "w0", "x_0", "rho_A", "S", "N", "c_arm", "math", "p", "out", "gravity_x"]
@@ -20,6 +20,9 @@ _POINTS = ["tip", "left_tip", "centre", "in", "ﬁ", "fi", "mass", "element", "l
 _SPRINGS = ["v_x_arm", "arm_d", "arm_d_x", "k"]
 _WORDS = "{body} {body}_mass omega_{body} {joint}_drive {joint}_force_x {joint} crank_mass E gravity_load".split()
 _WORDS += "{body}_link_P_0 size_{body} {joint}_coordinate {body}_length w1 table cos_{joint} {joint}_branch".split()
+
+
+CONTACTS = ("point_on_line", "circle_on_circle", "circle_in_circle")
 
 
 @dataclass(frozen=True)
@@ -69,12 +72,15 @@ def drawn(scene: Scene, seed: int) -> Renaming:
         pool = draw.sample(pool, len(pool)) + [f"{prefix}_{k}" for k in range(len(old))]
         return dict(zip(old, pool, strict=False))
 
-    of = {"bodies": names(_BODIES, scene.bodies, "link"), "joints": names(_JOINTS, scene.joints, "pin_mass")}
+    joints = dict(scene.raw["joints"])  # those with a clearance, too
+    of = {"bodies": names(_BODIES, scene.bodies, "link"), "joints": names(_JOINTS, joints, "pin_mass")}
     words = [word.format(body=draw.choice([*of["bodies"].values()]), joint=draw.choice([*of["joints"].values()]))
              for word in _WORDS]  # fmt: skip
     words = [*dict.fromkeys(word for word in words if word not in _SPRINGS)]
     of["masses"] = names([*of["bodies"].values(), *words], scene.masses, "m")
     of["loads"] = names(words, scene.loads, "f")
+    of["contacts"] = names([f"{word}_stop" for word in _BODIES], scene.contacts, "contact")
+    of["contacts"] |= {name: of["joints"][name] for name in scene.contacts if name in of["joints"]}
     of |= {"springs": names(_SPRINGS, scene.springs, "spring"), "events": names(words, scene.events, "event")}
     of["sensors"] = names(words, scene.sensors, "sensor")
     points = {}
@@ -89,13 +95,13 @@ def renamed(scene: Scene, new: Renaming) -> Scene:
     raw = deepcopy(dict(scene.raw))
     raw.pop("like", None)
     raw["ground"] = {new.points["ground", name]: entry for name, entry in raw.get("ground", {}).items()}
-    for table in ("bodies", "joints", "masses", "drives", "loads", "springs", "sensors", "events"):
+    for table in ("bodies", "joints", "masses", "drives", "loads", "springs", "contacts", "sensors", "events"):
         found = {}
         for name, entry in raw.get(table, {}).items():
             found[new.of["joints" if table == "drives" else table][name]] = entry
             if table == "bodies" and "points" in entry:
                 entry["points"] = {new.points[name, point]: at for point, at in entry["points"].items()}
-            for key in ("revolute", "prismatic", "weld", "between"):
+            for key in ("revolute", "prismatic", "weld", "between", *CONTACTS):
                 if key in entry:
                     entry[key] = [new.address(end) for end in entry[key]]
             for key in ("at", "force_on", *(POINT_KINDS if table == "sensors" else ())):
@@ -105,6 +111,7 @@ def renamed(scene: Scene, new: Renaming) -> Scene:
             for key in ("torque_at", "torsional_at", "against", *targets, "sensor", "body", "spread_on"):
                 if isinstance(entry.get(key), str):
                     tables = {"spring_force": "springs", "spring_torque": "springs", "sensor": "sensors"}
+                    tables |= dict.fromkeys(CONTACT_KINDS, "contacts")
                     of = tables.get(key, "bodies" if key in ("body", "spread_on") else "joints")
                     entry[key] = new.of[of].get(entry[key], entry[key])
             if "near" in entry:

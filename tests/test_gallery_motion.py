@@ -200,3 +200,26 @@ def test_moment_at_the_root_of_the_elastic_arm_is_the_torque_of_its_drive():
     assert series["root_moment"] == pytest.approx(-series["shoulder_torque"], abs=1e-6 * np.ptp(series["root_moment"]))
     difference = series["shoulder_torque"] - series["shoulder_torque_rigid"]
     assert 0.01 < np.ptp(difference) / np.ptp(series["shoulder_torque"]) < 0.2
+
+
+# ---- contacts ----------------------------------------------------------------------------------------------------
+
+
+def test_bar_comes_down_as_a_rod_does_and_ends_on_its_stop():
+    """Rigid, it turns about its hinge with omega^2 = 3 g/l sin(10 deg) when it is level, where it touches."""
+    found = run("bouncing-bar")
+    assert found.impacts[0].approach == pytest.approx(np.sqrt(3 * 9.81 * 0.5 * np.sin(np.deg2rad(10))), rel=5e-4)
+    assert found.trajectory.energy.drift < 1e-6
+    assert found.impacts[-1].lasts and found.impacts[-1].begin < 0.5
+    assert abs(found.series["tip"].values[-1]) < 1e-5  # at the height of the stop, but for its depth
+
+
+def test_loose_pin_knocks_less_hard_on_an_elastic_rod():
+    elastic = run("slider-crank-clearance")
+    rigid = run("slider-crank-clearance", "rod.beam=none", "rod.mass=0.06782", "sensors.rod_moment=none")
+    peaks = [max(impact.peak for impact in found.impacts) for found in (elastic, rigid)]
+    assert peaks[0] < 0.6 * peaks[1]
+    assert max(found.trajectory.energy.drift for found in (elastic, rigid)) < 1e-8
+    turn = 3000 * 2 * np.pi / 60 * elastic.times
+    tight = 0.05 * np.cos(turn) + np.sqrt(0.12**2 - (0.05 * np.sin(turn)) ** 2)
+    assert abs(elastic.series["slide"].values - tight).max() < 3e-4

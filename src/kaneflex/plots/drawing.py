@@ -49,7 +49,7 @@ def draw_scenery(axes: Axes, fixed: Scenery) -> None:
         half, depth = 0.022 * size, 0.04 * size
         triangle = np.array([(x, y), (x - half, y - depth), (x + half, y - depth)])
         axes.add_patch(Polygon(triangle, facecolor="white", edgecolor="black", linewidth=0.9, zorder=1.5))
-        strokes += _hatched(np.array([(x - 1.8 * half, y - depth), (x + 1.8 * half, y - depth)]), size, below=True)
+        strokes += hatched(np.array([(x - 1.8 * half, y - depth), (x + 1.8 * half, y - depth)]), size, below=True)
     axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
     axes.set_aspect("equal")
     axes.grid(False)
@@ -70,11 +70,11 @@ def draw_guides(axes: Axes, fixed: Scenery, grounded: Mapping[str, bool], outlin
         box = outline.boxes[name][0]
         across = 0.5 * MM * (box[0] - box[3])
         faces = (MM * ends + across, MM * ends[::-1] - across)
-        strokes += [stroke for face in faces for stroke in _hatched(face, size, below=False)]
+        strokes += [stroke for face in faces for stroke in hatched(face, size, below=False)]
     axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
 
 
-def _hatched(face: np.ndarray, size: float, below: bool) -> list[np.ndarray]:
+def hatched(face: np.ndarray, size: float, below: bool) -> list[np.ndarray]:
     """A line and the slanted strokes behind it: on the left of its direction, or on the right."""
     start, end = face
     length = float(np.hypot(*(end - start)))

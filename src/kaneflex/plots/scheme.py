@@ -8,13 +8,15 @@ import textwrap
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from kaneflex.fem.links import mesh
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
-from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes
+from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes, hatched
 from kaneflex.plots.labels import Labels
 from kaneflex.plots.mechanism import Outline, Scenery, rigid_outline, rigid_scenery
 from kaneflex.plots.style import PALETTE, new_figure, styled
@@ -133,6 +135,8 @@ class _Parts:
             self._distributed_load(name)
         for name in self.scene.springs:
             self._spring(name)
+        for name in self.scene.contacts:
+            self._contact(name)
         for name, load in self.scene.torques.items():
             self._turning(load.torque_at, LOAD, name, radius=1.5 * _ARC)
         if self.scene.gravity != (0.0, 0.0):
@@ -245,6 +249,28 @@ class _Parts:
         self.axes.plot(*line.T, color="#555555", linewidth=1.2, zorder=3.8)
         self.labels.block(line)
         self.labels.add(name, line[len(line) // 2], "#555555", size=8)
+
+    def _contact(self, name: str) -> None:
+        """The face that a point stays before, hatched, or two circles; and the circle about what is pushed."""
+        contact = self.scene.contacts[name]
+        first, second = (self.at(address) for address in contact.sides)
+        radii = [(second, contact.touching)]
+        if contact.kind == "point-line":
+            n = np.array(self.placement.pose(contact.sides[0].body).turn(contact.direction))
+            n /= np.hypot(*n)
+            along = 1.5 * _ARC * self.size * np.array([n[1], -n[0]])
+            middle = first + MM * (contact.reach - contact.touching) * n
+            strokes = hatched(np.array([middle - along, middle + along]), self.size, below=True)
+            self.axes.add_collection(LineCollection(strokes, colors="black", linewidths=0.8, zorder=1))
+            self.labels.block(np.concatenate(strokes))
+        else:
+            middle = first
+            outer = contact.reach + (contact.touching if contact.kind == "circle-in-circle" else -contact.touching)
+            radii.append((first, outer))
+        for centre, radius in radii:
+            if MM * radius > 2e-3 * self.size:
+                self.axes.add_patch(Circle(centre, MM * radius, fill=False, color="#555555", linewidth=0.8, zorder=3.8))
+        self.labels.add(name, middle, "#555555", size=8)
 
     def _gravity(self) -> None:
         g = np.array(self.scene.gravity)
