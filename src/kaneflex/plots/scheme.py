@@ -269,7 +269,7 @@ class _Parts:
             radii.append((first, outer))
         for centre, radius in radii:
             if MM * radius > 2e-3 * self.size:
-                self.axes.add_patch(Circle(centre, MM * radius, fill=False, color="#555555", linewidth=0.8, zorder=3.8))
+                self.axes.add_patch(Circle(tuple(centre), MM * radius, fill=False, color="#555555", linewidth=0.8, zorder=3.8))
         self.labels.add(name, middle, "#555555", size=8)
 
     def _gravity(self) -> None:
@@ -304,7 +304,7 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
             found.setdefault(f"spring {target}", (middle, []))[1].append(name)
             continue
         if sensor.kind in CONTACT_KINDS:
-            side = scene.contacts[target].sides[1]
+            side = scene.contacts[str(target)].sides[1]
             found.setdefault(f"contact {target}", (_at(scene, placement, side), []))[1].append(name)
             continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None

@@ -253,8 +253,9 @@ class CoupledMotion(Motion):
                 for k, dof in enumerate(("u", "v", "theta")):
                     rows[f"{name}.{node}.{dof}"] = tuple(part[k] for part in local)
         joints = self.model.interfaces.joint if self.model.interfaces is not None else {}
-        for (link, node), group in (self.model.interfaces.displaced if joints else {}).items():
-            moved = self._moved(link, (self.system.links[link].nodes[node], 0.0))
+        displaced = self.model.interfaces.displaced if self.model.interfaces is not None and joints else {}
+        for (body, node), group in displaced.items():
+            moved = self._moved(body, (self.system.links[body].nodes[node], 0.0))
             for k, axis in enumerate("xy"):
                 rows[f"{joints[group]}.{axis}"] = tuple(part[k] for part in moved)
         for name in self.model.frame.bodies if self.model.frame is not None else ():
