@@ -8,7 +8,6 @@ addresses; arrays go in by theirs, so that a call costs a few microseconds.
 from __future__ import annotations
 
 import ctypes
-import gc
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -73,15 +72,9 @@ def _addresses():
 @cache
 def library() -> dict[Any, Callable[..., Any]]:
     """Every entry as a function of C, by the function of numba's that it is made of; all compiled on the first call."""
-    collects = gc.isenabled()
-    gc.disable()  # a tenth of compiling would be spent on looking through what all of it is still in use
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-            found = _addresses()
-    finally:
-        if collects:
-            gc.enable()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        found = _addresses()
     of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(ENTRIES.items(), found, strict=True):
         kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]

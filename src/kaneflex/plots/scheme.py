@@ -269,7 +269,8 @@ class _Parts:
             radii.append((first, outer))
         for centre, radius in radii:
             if MM * radius > 2e-3 * self.size:
-                self.axes.add_patch(Circle(tuple(centre), MM * radius, fill=False, color="#555555", linewidth=0.8, zorder=3.8))
+                round_it = Circle(tuple(centre), MM * radius, fill=False, color="#555555", linewidth=0.8, zorder=3.8)
+                self.axes.add_patch(round_it)
         self.labels.add(name, middle, "#555555", size=8)
 
     def _gravity(self) -> None:
