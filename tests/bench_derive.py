@@ -68,8 +68,8 @@ COUPLED_HEAD = """
 ## The coupled equations
 
 The open chains under preset `coupled`, with 1 to 6 modes a link beside the static shapes: coordinates of the tree,
-seconds to derive and to compile the coupled module beyond that of the rigid motion and the engine that all scenes
-share, and a run of 1 s: microseconds a step, steps taken and tried in vain.
+seconds to derive and to compile the coupled module beyond that of the rigid motion, in the first row with the engine
+that all scenes share, and a run of 1 s: microseconds a step, steps taken and tried in vain.
 
 | links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | in vain |
 | --- | --- | --- | --- | --- | --- | --- | --- |
