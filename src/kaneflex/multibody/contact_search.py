@@ -19,7 +19,7 @@ from kaneflex.multibody.loops import follow, take
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FOUND_AT, GAP, GAP_RATE, HIGH, LAW, LOW, NODES,
     NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, SEC, SECTION, STAGE_A, TARGET, TOUCH, TRIAL, Y, apart, larger,
-    smaller,
+    of_contacts, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import meet
 
@@ -33,6 +33,7 @@ _FAR_FASTER = 3.0
 """An impact only becomes slower than it began; loads that press it on make it 1.4 times as fast at most."""
 
 
+@of_contacts(None)
 @njit(**OPTIONS)
 def note(m, i):
     """Keep gap, its rate, force and its sign of all contacts as they are now, as those of the step's node i."""
@@ -50,6 +51,7 @@ def note(m, i):
             w[j + 3] = touching.normal_force(law, w, own, begun_at, gap, w[k + GAP_RATE])
 
 
+@of_contacts(True)
 @njit(**OPTIONS)
 def back(m, here):
     """Have everything where a row has it, where a step begins; False: a loop doesn't close."""
@@ -60,6 +62,7 @@ def back(m, here):
     return closes
 
 
+@of_contacts(0.0)
 @njit(**OPTIONS)
 def go_on(m, table, h, here, A, wanted, found):
     """Begin the next step after one in which this was ``found``; how long it may be [s], see ``contacts.change``."""
@@ -87,12 +90,14 @@ def forget(m):
     m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = 0.0
 
 
+@of_contacts(0.0)
 @njit(**OPTIONS)
 def next_trial(m, found):
     """The step to take again [s], 0 where none is."""
     return m.w[m.plan[TOUCH] + TRIAL] if found == AGAIN else 0.0
 
 
+@of_contacts(0.0)
 @njit(**OPTIONS)
 def unturned(m):
     """The longest step [s] in which no body with an open contact turns by more than 1 rad."""
@@ -104,6 +109,7 @@ def unturned(m):
     return 1.0 / fastest
 
 
+@of_contacts(0)
 @njit(**OPTIONS)
 def look(m, table, t, h, here, searched):
     """Look for the first change of a contact in a step that is solved; see PASSED. TRIAL is the step to take instead.

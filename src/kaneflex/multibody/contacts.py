@@ -21,11 +21,11 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.loops import bent, factorise_closed, give, gradient, mend, middle, solve_closed, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COLUMNS, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES,
-    COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, IMPACT_SIZE, IMPACTS, IMPULSE, KEPT, LAST_CHANGE, LAW,
+    ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES,
+    COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT, LAST_CHANGE, LAW,
     LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_X, NORMAL_Y, NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y,
     PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SPEEDS, STIFF, STUCK,
-    TOUCH, TOUCHING, VISCOUS, WORKS, YIELDING, apart, larger, shifted, smaller,
+    TOUCH, TOUCHING, VISCOUS, WORKS, YIELDING, apart, larger, of_contacts, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, meet, move
 
@@ -95,6 +95,7 @@ def along(m, c):
     return out
 
 
+@of_contacts(None)
 @njit(**OPTIONS)
 def let_yield(m, h, here):
     """Have the factors of a step know the contacts that push, by their slopes half way; positions are those there."""
@@ -132,6 +133,7 @@ def product(w, gradient_at, values, count):
     return total
 
 
+@of_contacts(0.0)
 @njit(**OPTIONS)
 def change_of_gaps(m, h, real, pair, one, two, A, B):
     """Largest change of a gap by an iteration's answers for one stage, in errors allowed."""
@@ -146,6 +148,7 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     return largest
 
 
+@of_contacts(None)
 @njit(**OPTIONS)
 def resist_defect(m, step, A, answer):
     """Take what contacts make of a defect, at ACCEL, off the forces at the answer: see ``collocation._error``."""
@@ -159,6 +162,7 @@ def resist_defect(m, step, A, answer):
             A[answer + i] -= size * w[g + i]
 
 
+@of_contacts(0.0)
 @njit(**OPTIONS)
 def error_of_gaps(m, h, A, answer):
     """Largest error of a gap by the defect at ACCEL and the answer to it, as an acceleration in errors allowed."""
@@ -196,6 +200,7 @@ def pushed_on(m, table, h):
         w[k + ALLOWED] = larger(w[k + ALLOWED], w[plan[TOUCH] + PRECISION] * deepest)
 
 
+@of_contacts(False)
 @njit(**OPTIONS)
 def full(m):
     """Whether no more impacts are kept than may end together."""
@@ -305,6 +310,7 @@ def copy_into(A, answer, w, of, count):
         A[answer + i] = w[of + i]
 
 
+@of_contacts(True)
 @njit(**OPTIONS)
 def stand_closed(m, t, A):
     """Contacts of a state by itself: those whose sides overlap are closed, all others open; False at a singular state.

@@ -265,11 +265,15 @@ class Engine:
     def compile(self) -> None:
         """Compile what is not compiled yet, so that it is seen and timed apart from computing."""
         self._handle  # noqa: B018 - which asks for the kernels' addresses
-        library()
+        library(self._touching)
 
     def _call(self, function: Any, *values: Any) -> Any:
         """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
-        return library()[function](self._handle.address, *(_by_address(value) for value in values))
+        return library(self._touching)[function](self._handle.address, *(_by_address(value) for value in values))
+
+    @cached_property
+    def _touching(self) -> bool:
+        return self.count(at.CONTACTS) < self.count(at.ACTS)
 
     @cached_property
     def _handle(self) -> Handle:

@@ -34,7 +34,7 @@ from kaneflex.multibody import (
     tree,
     unfolding,
 )  # fmt: skip
-from kaneflex.multibody.tables import OUTER
+from kaneflex.multibody.tables import CONTACT_MECHANISM, MECHANISM, OUTER
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
@@ -46,35 +46,51 @@ ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
 _C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
 
 
-@intrinsic
-def _entered(typing):
-    """The addresses under which C, and ctypes, would call the entries."""
+def _entered(mechanism):
+    """What gives, in compiled code, the addresses under which C, and ctypes, would call the entries."""
 
-    def read(context, builder, sig, args):
-        found = []
-        for function, entry in ENTRIES.items():
-            made = function.get_compile_result(entry)
-            context.active_code_library.add_linking_library(made.library)
-            kind = context.get_value_type(FunctionType(entry).ftype).pointee
-            wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
-            found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
-        return context.make_tuple(builder, sig.return_type, found)
+    @intrinsic
+    def entered(typing):
+        def read(context, builder, sig, args):
+            found = []
+            for function, entry in ENTRIES.items():
+                of = entry.return_type(mechanism, *entry.args[1:])
+                made = function.get_compile_result(of)
+                context.active_code_library.add_linking_library(made.library)
+                kind = context.get_value_type(FunctionType(of).ftype).pointee
+                wrapper = cgutils.get_or_insert_function(builder.module, kind, made.fndesc.llvm_cfunc_wrapper_name)
+                found.append(builder.ptrtoint(wrapper, context.get_value_type(int64)))
+            return context.make_tuple(builder, sig.return_type, found)
 
-    return UniTuple(int64, len(ENTRIES))(), read
+        return UniTuple(int64, len(ENTRIES))(), read
+
+    return entered
+
+
+_plain, _with_contacts = _entered(MECHANISM), _entered(CONTACT_MECHANISM)
 
 
 @njit(cache=True, **OUTER)
 @_made_of_parts
 def _addresses():
-    return _entered()
+    return _plain()
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_with_contacts():
+    return _with_contacts()
 
 
 @cache
-def library() -> dict[Any, Callable[..., Any]]:
-    """Every entry as a function of C, by the function of numba's that it is made of; all compiled on the first call."""
+def library(touching: bool) -> dict[Any, Callable[..., Any]]:
+    """Every entry as a function of C, by the function of numba's that it is made of; all compiled on the first call.
+
+    ``touching``: for mechanisms with contacts, whose functions the others' library lacks.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        found = _addresses()
+        found = _addresses_with_contacts() if touching else _addresses()
     of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(ENTRIES.items(), found, strict=True):
         kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]

@@ -8,12 +8,13 @@ addresses: no index is looked at twice, and whole numbers, which it never writes
 
 from __future__ import annotations
 
+import inspect
 import operator
 from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import njit, typeof, types
 from numba.core import cgutils
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
@@ -238,12 +239,44 @@ def _part(context, builder, handed, value, name):
 
 
 Z = CPointer(complex128)
-MECHANISM = Handed(
-    "Mechanism", plan=Fixed(1), bodies=Fixed(16), sections=Fixed(3), acts=Fixed(6), w=N, pivots=CPointer(int64),
-    kernels=CPointer(int64), p=N, real=N, pair=Z,
-)  # fmt: skip
+_PARTS = {
+    "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
+    "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
+}  # fmt: skip
+MECHANISM, CONTACT_MECHANISM = Handed("Mechanism", **_PARTS), Handed("Mechanism with contacts", **_PARTS)
 """All that compiled code knows of a mechanism. ``pivots``: the plan once more, to be written; ``kernels``: addresses of
 those of the structure, see :func:`kernel`; ``p``: its module's parameters; ``real``, ``pair``: room for factors."""
+
+
+def of_contacts(otherwise):
+    """A decorator, above numba's: the function is compiled where a mechanism has contacts, and is this number else.
+
+    So whoever has none, as most have, needn't wait for a third more to be compiled.
+    """
+
+    def of(function):
+        def called(typing, m, *rest):
+            if m == CONTACT_MECHANISM:
+                function.compile((m, *rest))
+                found = function.overloads[m, *rest]
+
+                def enter(context, builder, sig, args):
+                    context.active_code_library.add_linking_library(found.library)
+                    return context.call_internal(builder, found.fndesc, sig, args)
+
+                return found.signature, enter
+            kind = typeof(otherwise)
+
+            def stand_in(context, builder, sig, args):
+                return context.get_constant_generic(builder, kind, otherwise)
+
+            return kind(m, *rest), stand_in
+
+        first = inspect.Parameter("typing", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        called.__signature__ = inspect.Signature([first, *inspect.signature(function.py_func).parameters.values()])
+        return intrinsic(called)
+
+    return of
 
 
 class Handle:
