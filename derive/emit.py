@@ -178,6 +178,24 @@ def operation_lines(counts: Mapping[str, tuple[int, int]]) -> list[str]:
     return [head, *(f"    {name:<{width}}  {before:>6} -> {after}" for name, (before, after) in counts.items())]
 
 
+def shared_about(about: str, counts: Mapping[str, tuple[int, int]]) -> str:
+    """What a module says of itself that is printed once for every scene."""
+    return "\n".join([
+        f"Format {FORMAT}, SymPy {version()}; made by: make derive",
+        "",
+        *textwrap.wrap(about.strip(), 118),
+        "",
+        *operation_lines(counts),
+        "",
+        "Kernels check nothing: of an array that is too short they read what lies behind it.",
+    ])  # fmt: skip
+
+
+def offset(begin: str, k: int) -> str:
+    """The text of an index that is k after another one."""
+    return f"{begin} + {k}" if k else begin
+
+
 def version() -> str:
     """SymPy's minor version, which the text of a module depends on."""
     return ".".join(sm.__version__.split(".")[:2])

@@ -18,6 +18,9 @@ from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import build_engine
 from kaneflex.multibody.run import Method, _Run, integrate
 from kaneflex.multibody.system import CoupledSystem
+from kaneflex.plots.sensors import figures
+from kaneflex.plots.style import styled
+from kaneflex.report.presentation import description
 from kaneflex.report.summary import summarise
 from kaneflex.scene.read import read_scene
 
@@ -251,6 +254,20 @@ def test_impacts_are_on_the_solution_in_its_summary_and_its_results(tmp_path):
     assert solution.series["air"].values == pytest.approx(solution.series["height"].values, abs=1e-15)
     half = solution.at(solution.times[::2])
     assert half.series["air"].values == pytest.approx(solution.series["air"].values[::2], abs=1e-12)
+
+
+def test_the_picture_of_a_contact_marks_the_peak_of_every_impact(tmp_path):
+    path = tmp_path / "ball.toml"
+    path.write_text(BOUNCING)
+    solution = simulate(load(read_scene(path)))
+    with styled():
+        figure = dict(figures(solution))["sensors"]
+        labelled = {line.get_label(): line for axes in figure.axes for line in axes.lines}
+    marks = labelled["push: peaks of impacts"]
+    assert marks.get_xdata() == pytest.approx([impact.begin for impact in solution.impacts], rel=1e-9)
+    peaks = np.array([impact.peak for impact in solution.impacts])
+    assert marks.get_ydata() / marks.get_ydata()[0] == pytest.approx(peaks / peaks[0], rel=1e-9)
+    assert "shapes      none: all bodies are rigid" in description(solution.model)
 
 
 def test_a_sensor_names_a_contact(tmp_path):

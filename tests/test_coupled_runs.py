@@ -1,6 +1,7 @@
 """Runs of preset coupled: its integrators against each other, dense output, events, and going on from a state."""
 
 import math
+import pickle
 from itertools import combinations
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.special import ellipk
 
 import kaneflex
 from kaneflex.multibody import tables as at
+from kaneflex.report.presentation import description
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import beginning
@@ -241,6 +243,14 @@ def test_no_moment_at_hinge_and_free_end_of_a_strip(thickness):
     assert max(start, end) < 1e-9 * mid
 
 
+def test_an_engine_goes_to_another_process_without_its_addresses():
+    engine = kaneflex.load(scene("elastic-pendulum", *SHORT)).coupled.engine
+    engine.compile()
+    again = pickle.loads(pickle.dumps(engine))
+    assert "_handle" in vars(engine) and "_handle" not in vars(again)
+    assert again.tables.w.tolist() == engine.tables.w.tolist()
+
+
 def test_a_tolerance_bounds_what_it_is_asked_to():
     """Speeds and reactions as shares of their largest, against a run at a far smaller tolerance."""
     base = ("engine-torque-elastic", "solve.duration=0.01 s", "solve.steps=50")
@@ -256,5 +266,7 @@ def test_a_tolerance_bounds_what_it_is_asked_to():
         assert speed > tolerance and reaction > 100 * tolerance
         assert errors(tolerance, '["speeds"]')[0] < tolerance
         assert max(errors(tolerance, '["speeds", "reactions"]')) < tolerance
+    bounded = kaneflex.load(scene(*base, 'solve.bounded=["speeds"]'))
+    assert "of the longest body, of speeds as much of their largest" in description(bounded)
     with pytest.raises(SceneError, match=r"solve\.bounded = \['speeds'\]: scipy's Radau bounds"):
         kaneflex.load(scene(*base, "solve.integrator=scipy", 'solve.bounded=["speeds"]'))

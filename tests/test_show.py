@@ -213,7 +213,7 @@ def test_everything_is_named_in_the_drawing(name):
     scene = read_scene(name)
     shown = "\n".join(texts(scene))
     plain = " ".join(shown.split())
-    for thing in (*scene.bodies, *scene.joints, *scene.masses, *scene.loads, *scene.sensors):
+    for thing in (*scene.bodies, *scene.joints, *scene.masses, *scene.loads, *scene.contacts, *scene.sensors):
         assert thing in plain, thing
     for drive in scene.drives.values():
         assert drive.kind != "constant speed" or "rpm" in plain

@@ -20,13 +20,12 @@ that it doesn't it is the amplitude itself, several times.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 from numba.types import boolean, float64, int64
 
 from kaneflex.multibody import contact_search, contacts
+from kaneflex.multibody.coefficients import TABLE, basis
 from kaneflex.multibody.loops import (
     close, copy, factorise_closed, follow, give, mend, middle, row_size, settle_now, solve_closed, works_at, worn,
 )  # fmt: skip
@@ -35,7 +34,7 @@ from kaneflex.multibody.tables import (
     ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
     DEMAND, DRIVES, ENTRY, FIRST, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS,
     RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C,
-    STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, Z, Handed, apart, larger, smaller,
+    STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
@@ -43,54 +42,6 @@ DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE = range(7)
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
 independent, where contacts change over and over without time between."""
-
-
-class Table(NamedTuple):
-    """Coefficients of a collocation method: nodes, A, its square, weights b and b A, 1 where the last node is the end.
-
-    ``real``, ``pair``: an eigenvalue of A each; ``into``, ``out``: rows of T^-1 and columns of T that belong to them,
-    (2, 3) complex. Every part is an array, since compiled code has their addresses.
-    """
-
-    nodes: np.ndarray
-    a_1: np.ndarray
-    a_2: np.ndarray
-    b_1: np.ndarray
-    b_2: np.ndarray
-    ends: np.ndarray
-    real: np.ndarray
-    pair: np.ndarray
-    into: np.ndarray
-    out: np.ndarray
-
-
-TABLE = Handed("Table", **dict(zip(Table._fields, [N] * 7 + [Z] * 3, strict=True)))
-
-
-def collocation_table(nodes: np.ndarray) -> Table:
-    """The collocation method with three nodes in (0, 1]."""
-    powers = np.arange(1, 4)
-    inverse = np.linalg.inv(np.vander(nodes, increasing=True))
-    A, b = (nodes[:, None] ** powers / powers) @ inverse, (1 / powers) @ inverse
-    values, T = np.linalg.eig(A)
-    order = [int(abs(values.imag).argmin()), int(values.imag.argmax())]
-    into, out = np.linalg.inv(T)[order], T.T[order]
-    return Table(
-        nodes, A, A @ A, b, b @ A, np.array([float(nodes[2] == 1.0)]), values[order[:1]].real.copy(),
-        values[order[1:]].astype(complex), np.ascontiguousarray(into, complex), np.ascontiguousarray(out, complex),
-    )  # fmt: skip
-
-
-_ROOT = math.sqrt(6.0)
-RADAU = collocation_table(np.array([(4.0 - _ROOT) / 10.0, (4.0 + _ROOT) / 10.0, 1.0]))
-GAUSS = collocation_table(np.array([0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15)]))
-
-
-@njit(**OPTIONS)
-def _basis(c, x, i):
-    """Lagrange's polynomial i of three nodes at x."""
-    j, k = (i + 1) % 3, (i + 2) % 3
-    return (x - c[j]) * (x - c[k]) / ((c[i] - c[j]) * (c[i] - c[k]))
 
 
 @njit(**OPTIONS)
@@ -101,7 +52,7 @@ def _first_guess(m, table, h, length, here):
     n, r = plan[COORDINATES], plan[REACTIONS]
     for i in range(3):
         x = 1.0 + c[i] * h / length if length > 0.0 else 0.0
-        w_0, w_1, w_2 = _basis(c, x, 0), _basis(c, x, 1), _basis(c, x, 2)
+        w_0, w_1, w_2 = basis(c, x, 0), basis(c, x, 1), basis(c, x, 2)
         for k in range(n):
             j, into = plan[LAST_A] + k, plan[STAGE_A] + n * i + k
             w[into] = w_0 * w[j] + w_1 * w[j + n] + w_2 * w[j + 2 * n] if length > 0.0 else here[1 + 2 * n + k]
@@ -249,7 +200,7 @@ def _error(m, table, h, here, A):
     apart()
     plan, w, c = m.plan, m.w, table.nodes
     n, of, at, step = plan[COORDINATES], plan[STAGE_A], plan[ACCEL], h * table.real[0]
-    w_0, w_1, w_2 = _basis(c, 0.0, 0), _basis(c, 0.0, 1), _basis(c, 0.0, 2)
+    w_0, w_1, w_2 = basis(c, 0.0, 0), basis(c, 0.0, 1), basis(c, 0.0, 2)
     for k in range(n):
         w[at + k] = w_0 * w[of + k] + w_1 * w[of + n + k] + w_2 * w[of + 2 * n + k] - here[1 + 2 * n + k]
     answer = plan[COLUMNS] + plan[KEPT] * n
@@ -281,7 +232,7 @@ def _finish(m, table, t, end, here, A):
         for k in range(plan[WORKS]):
             here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
     b_1, b_2 = table.b_1, table.b_2
-    w_0, w_1, w_2 = _basis(table.nodes, 1.0, 0), _basis(table.nodes, 1.0, 1), _basis(table.nodes, 1.0, 2)
+    w_0, w_1, w_2 = basis(table.nodes, 1.0, 0), basis(table.nodes, 1.0, 1), basis(table.nodes, 1.0, 2)
     for k in range(n):
         a, b, d = w[of + k], w[of + n + k], w[of + 2 * n + k]
         v_0 = here[1 + n + k]

@@ -47,6 +47,10 @@ class Engine:
     real: np.ndarray
     pair: np.ndarray
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but addresses, which another process has others of."""
+        return {name: part for name, part in vars(self).items() if name != "_handle"}
+
     def count(self, of: int) -> int:
         """A number of the plan."""
         return int(self.tables.plan[of])

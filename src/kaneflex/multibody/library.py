@@ -21,6 +21,7 @@ from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
 from kaneflex.generated import contact, joints
 from kaneflex.multibody import (
+    coefficients,
     collocation,
     contact_search,
     contacts,
@@ -38,9 +39,9 @@ from kaneflex.multibody.tables import CONTACT_MECHANISM, MECHANISM, OUTER
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
-    collocation.__file__, contact.__file__, contact_search.__file__, contacts.__file__, dense_lu.__file__,
-    inner.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__, reduction.__file__,
-    tables.__file__, tree.__file__, unfolding.__file__,
+    coefficients.__file__, collocation.__file__, contact.__file__, contact_search.__file__, contacts.__file__,
+    dense_lu.__file__, inner.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__,
+    reduction.__file__, tables.__file__, tree.__file__, unfolding.__file__,
 )  # fmt: skip
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
 _C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}

@@ -14,6 +14,7 @@ from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import collocation, impacts
 from kaneflex.multibody import tables as at
+from kaneflex.multibody.coefficients import GAUSS, RADAU
 from kaneflex.multibody.system import BODY, CoupledSystem, Unfolded
 
 _PIECE, _FEW, _QUICK = 100, 10, 0.2
@@ -311,8 +312,10 @@ class _Run:
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
         done, count = self.rows[rows][:, -works:], found.gaps.shape[1]
         lost = done[:, works - count :] - (found.gaps[:, :, 2] - self.stored)
-        self.system.unfold(self.here[None])
-        happened = self.impacts + impacts.lasting(self.touching, self.engine, self.here)
+        happened = self.impacts
+        if self.touching:
+            self.system.unfold(self.here[None])
+            happened += impacts.lasting(self.touching, self.engine, self.here)
         gap, force, begun = (found.gaps[:, :, k] for k in (0, 1, 4))
         contacts = impacts.ContactRecord(self.touching, gap, force, lost, begun, happened)
         return CoupledTrajectory(
@@ -323,7 +326,7 @@ class _Run:
         )  # fmt: skip
 
 
-TABLES = {"radau": at.Handle(*collocation.RADAU), "gauss": at.Handle(*collocation.GAUSS)}
+TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
 
 

@@ -280,15 +280,12 @@ def of_contacts(otherwise):
 
 
 class Handle:
-    """Arrays by their addresses in one table, and the address of that; pickled it finds the addresses anew."""
+    """Arrays by their addresses in one table, and the address of that: of this process alone."""
 
     def __init__(self, *arrays: np.ndarray) -> None:
         self.arrays = arrays
         self._table = np.array([array.ctypes.data for array in arrays], np.int64)
         self.address = self._table.ctypes.data
-
-    def __reduce__(self) -> tuple:
-        return Handle, self.arrays
 
 
 @njit(**OPTIONS)

@@ -22,11 +22,6 @@ from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, 
 @njit(**ENTRY)
 def fold(m, q, v):
     """Coordinates and rates of the tree from those of the bodies: x, y, phi, then shapes, body by body."""
-    _fold(m, q, v)
-
-
-@njit(**OPTIONS)
-def _fold(m, q, v):
     apart()
     plan, w = m.plan, m.w
     k = 0
@@ -122,7 +117,7 @@ def states(m, times, count, q, v, first, held, rows):
     size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
         t = times[row]
-        _fold(m, shifted(q, row * size), shifted(v, row * size))
+        fold(m, shifted(q, row * size), shifted(v, row * size))
         out = shifted(rows, row * row_size(m))
         for c in range(touching):
             m.w[m.plan[CONTACT] + CONTACT_SIZE * c + BEGUN_AT] = out[works_at(m) - touching + c]

@@ -181,7 +181,8 @@ def _options(model: Model) -> dict[str, str]:
         return shown
     if dynamics == "coupled":
         error = f"error in ten periods of a vibration {options.tolerance:g} of the longest body"
-        shown["integrator"] = f"{options.integrator}, {error}"
+        bounded = f", of {' and '.join(options.bounded)} as much of their largest" if options.bounded else ""
+        shown["integrator"] = f"{options.integrator}, {error}{bounded}"
         shown["start"] = _STARTS[options.start]
         if not model.links:
             modal = any(body.modal is not None for body in model.scene.bodies.values())
