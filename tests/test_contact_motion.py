@@ -18,7 +18,7 @@ from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import build_engine
 from kaneflex.multibody.run import Method, _Run, integrate
 from kaneflex.multibody.system import CoupledSystem
-from kaneflex.plots.sensors import figures
+from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
 from kaneflex.report.presentation import description
 from kaneflex.report.summary import summarise
@@ -261,12 +261,15 @@ def test_the_picture_of_a_contact_marks_the_peak_of_every_impact(tmp_path):
     path.write_text(BOUNCING)
     solution = simulate(load(read_scene(path)))
     with styled():
-        figure = dict(figures(solution))["sensors"]
+        figure, followed = sensors.figures(solution)["sensors"], motion.figures(solution)["motion"]
         labelled = {line.get_label(): line for axes in figure.axes for line in axes.lines}
     marks = labelled["push: peaks of impacts"]
     assert marks.get_xdata() == pytest.approx([impact.begin for impact in solution.impacts], rel=1e-9)
     peaks = np.array([impact.peak for impact in solution.impacts])
     assert marks.get_ydata() / marks.get_ydata()[0] == pytest.approx(peaks / peaks[0], rel=1e-9)
+    assert [axes.get_title(loc="left") for axes in followed.axes] == [
+        "Position of ball along its guide", "Velocity of ball", "Acceleration of ball",
+    ]  # fmt: skip
     assert "shapes      none: all bodies are rigid" in description(solution.model)
 
 

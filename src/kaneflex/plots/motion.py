@@ -92,8 +92,11 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
 
 
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """What each drive must apply to hold its speed."""
-    scene, found = shown.solution.model.scene, []
+    """What each drive must apply to hold its speed; nothing where the rigid mechanism only follows the coupled run."""
+    model = shown.solution.model
+    if model.coupled is not None and model.module.FREE:
+        return []
+    scene, found = model.scene, []
     for quantity, unit, slides in (("torque", "N m", False), ("force", "N", True)):
         names = [name for name in scene.drives if scene.slides(name) == slides and f"{name}.drive" in shown.rigid]
         if names:
