@@ -87,7 +87,7 @@ def _moves(solution: Solution) -> bool:
 
 
 def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
-    from kaneflex.plots import displacements, loads, modes, motion, records, sensors
+    from kaneflex.plots import clearances, displacements, loads, modes, motion, records, sensors
 
-    kinds = (loads, motion, modes, displacements, records, sensors) if _moves(solution) else (loads, modes)
+    kinds = (loads, motion, modes, displacements, clearances, records, sensors) if _moves(solution) else (loads, modes)
     return tuple(kind.figures for kind in kinds)

@@ -308,6 +308,10 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
             side = scene.contacts[str(target)].sides[1]
             found.setdefault(f"contact {target}", (_at(scene, placement, side), []))[1].append(name)
             continue
+        if not isinstance(target, str) and target.body in scene.loose:
+            side = scene.loose[target.body].sides[1]
+            found.setdefault(target.body, (_at(scene, placement, side), []))[1].append(name)
+            continue
         joint = target if isinstance(target, str) else target.body if target.body in scene.joints else None
         address = scene.joints[joint].addresses[1] if joint is not None else target
         key = joint if joint is not None else str(target)

@@ -125,9 +125,9 @@ def legend_above(axes: Axes) -> None:
     )  # fmt: skip
 
 
-def legend_beside(axes: Axes) -> None:
-    """A legend to the right of the panel, for names that are long or many."""
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.2, handlelength=1.6)
+def legend_beside(axes: Axes, *entries: list) -> None:
+    """A legend to the right of the panel, for names that are long or many; of other handles and names if given."""
+    axes.legend(*entries, loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.2, handlelength=1.6)
 
 
 def mark_angles(axes: Axes, span: float) -> None:

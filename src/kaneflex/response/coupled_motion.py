@@ -186,6 +186,16 @@ class CoupledMotion(Motion):
         k = record.names.index(name)
         return record.gap[:, k], record.force[:, k]
 
+    def clearance(self, name: str) -> np.ndarray:
+        loose = self.model.scene.loose[name]
+        first, second = (self.joined(side)[0] for side in loose.sides)
+        x, y, angle = second - first
+        if loose.direction is None:
+            return np.array([x, y, angle])
+        along = rotate(np.cos(first[2]), np.sin(first[2]), loose.direction)
+        tilt = np.remainder(angle + np.pi, 2 * np.pi) - np.pi  # bodies may start whole turns apart
+        return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
+
     def spring_tension(self, name: str) -> np.ndarray:
         spring = mechanism_of(self.model.scene).springs[name]
         first, second = (self.moving_place(side.body, side.at) for side in spring.sides)

@@ -84,6 +84,14 @@ class Motion(ABC):
         """Gap [m] and normal force [N] of a contact, (n_times,) each; only bodies that move each other have any."""
         raise LookupError(name)
 
+    def clearance(self, name: str) -> np.ndarray:
+        """How a pin or a block stands in a joint with a clearance, (3, n_times).
+
+        Its place against the other side, x and y in m, and the angle between both [rad]: of a pin in global axes, of a
+        block along its guide, across it to the left, and its tilt.
+        """
+        raise LookupError(name)
+
     def section(self, link: str, x: float) -> Section:
         """Section forces x [m] from a link's start."""
         if link in self.model.links:

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.body_frame import Rates, rotate_back
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
 from kaneflex.scene.quantities import Address
@@ -125,6 +125,8 @@ class _Reader:
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = _address(sensor)
+        if address.body in self.scene.loose:
+            return self._clearance(sensor, address.body)
         if address.body in self.scene.joints:
             return self._joint_coordinate(address.body)
         return self._component(sensor, self._place(address), self._angle(address))
@@ -137,6 +139,15 @@ class _Reader:
             return self._angle(second) - self._angle(first)
         gap = self._place(second) - self._place(first)
         return (self.rigid.frame(first.body).to_global(joint.direction) * gap).sum(axis=0)
+
+    def _clearance(self, sensor: Sensor, name: str) -> np.ndarray:
+        """Of a pin in its bearing or a block in its guide."""
+        x, y, angle = self.motion.clearance(name)
+        loose = self.scene.loose[name]
+        if sensor.axes == "body" and loose.direction is None:
+            turned = self._angle(loose.sides[0])
+            x, y = rotate_back(np.cos(turned), np.sin(turned), (x, y))
+        return {"x": x, "y": y, "angle": angle}[sensor.component]
 
     def _angle(self, address: Address) -> np.ndarray:
         return self.motion.angle(address.body, self.scene.point(address))

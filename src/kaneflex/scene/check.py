@@ -10,7 +10,7 @@ from kaneflex.scene.contact_check import clearance_problems, contact_problems
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
-from kaneflex.scene.quantities import RESERVED_NAMES, RESULT_NAMES, Address
+from kaneflex.scene.quantities import CONTACT_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import (
     CONTACT_KINDS,
@@ -65,6 +65,8 @@ def _names(scene: Scene) -> Iterator[Problem]:
             elif name in (RESULT_NAMES if table == "sensors" else RESERVED_NAMES):
                 reason = RESULT_NAMES.get(name) if table == "sensors" else RESERVED_NAMES[name]
                 yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")
+            elif table == "sensors" and scene.contacts and name in CONTACT_RESULTS:
+                yield Problem(key, None, "the results of contacts have this name", "Choose another name")
     for name in scene.joints:
         if name in scene.bodies:
             yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
@@ -161,6 +163,8 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
 def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     address = sensor.target
     assert isinstance(address, Address)
+    if sensor.kind == "position" and address.body in scene.loose and address.point == "start":
+        return
     if sensor.kind == "position" and address.body in scene.joints and address.point == "start":
         component = "x" if scene.joints[address.body].kind == "prismatic" else "angle"
         if sensor.component != component:

@@ -12,7 +12,7 @@ from kaneflex.support.errors import Problem, SceneError
 
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
-    """Who counts on a joint with a clearance, as the scene is written: it has no coordinate and no force of its own."""
+    """Who counts on a joint with a clearance, as the scene is written: it can't be driven and has no force of its own."""
     loose = {name: joint for name, joint in scene.joints.items() if joint.clearance is not None}
     for name, joint in loose.items():
         for made in contacts_of(name, joint):
@@ -39,8 +39,6 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
     for name, sensor in scene.sensors.items():
         if sensor.kind == "joint_force":
             yield f"sensors.{name}.joint_force", sensor.target, "it has no reaction, but contacts with a contact_force"
-        elif sensor.kind == "position":
-            yield f"sensors.{name}.position", sensor.target.body, "it has no coordinate of its own"
 
 
 def contact_problems(scene: Scene) -> Iterator[Problem]:

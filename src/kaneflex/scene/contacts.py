@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import model_validator
@@ -227,3 +229,40 @@ def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
         )
         for k, (inward, along) in enumerate(corners, start=1)
     }
+
+
+@dataclass(frozen=True)
+class LooseJoint:
+    """A joint with a clearance, as its contacts stand for it in a scene that is read.
+
+    Attributes
+    ----------
+    sides : tuple of Address
+        The bearing's or the guide's, and that of what has room there.
+    clearance : Clearance
+    direction : tuple of float or None
+        Unit vector along a guide, in the axes of its body; None of a pin.
+    contacts : tuple of str
+    """
+
+    sides: tuple[Address, Address]
+    clearance: Clearance
+    direction: tuple[float, float] | None
+    contacts: tuple[str, ...]
+
+    @property
+    def room(self) -> float:
+        """How far the middle of a pin or a block may go before it touches [m]."""
+        return self.clearance.radial or self.clearance.gap
+
+
+def loose_joints(contacts: Mapping[str, Contact]) -> dict[str, LooseJoint]:
+    """Every joint with a clearance by name, of a scene as it moves."""
+    found: dict[str, LooseJoint] = {}
+    for name in dict.fromkeys(contact.joint for contact in contacts.values() if contact.joint is not None):
+        own = {key: contact for key, contact in contacts.items() if contact.joint == name}
+        first = next(iter(own.values()))
+        x, y = first.direction  # of a guide the normal of its right face
+        direction = None if first.kind == "circle-in-circle" else (y, -x)
+        found[name] = LooseJoint(first.sides, first.clearance, direction, tuple(own))
+    return found

@@ -18,6 +18,12 @@ from kaneflex.support.units import Dimension, to_si
 
 RESULT_NAMES = {"time": "the results are over it"}
 """What a sensor can't be called, and why: its name is that of a variable of the results, and stands nowhere else."""
+CONTACT_RESULTS = (
+    *(f"contact_{key}" for key in ("gap", "force", "lost")), "contact", "clearance", "eccentricity", "state",
+    *(f"impact_{key}" for key in ("contact", "begin", "end", "approach", "separation", "impulse", "peak", "lost")),
+    *(f"clearance_{key}" for key in ("x", "y", "angle")), "last_state", "last_rate",
+)  # fmt: skip
+"""What the results of a scene with contacts have beside its sensors: no sensor of one can be called so."""
 RESERVED_NAMES = RESULT_NAMES | {
     **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws are written with it"),
     **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "a word of addresses"),

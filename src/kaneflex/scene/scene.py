@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, PrivateAttr
 
 from kaneflex.scene.bodies import Body
-from kaneflex.scene.contacts import Contact, contacts_of
+from kaneflex.scene.contacts import Contact, LooseJoint, contacts_of, loose_joints
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.events import Event
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
@@ -178,6 +178,11 @@ class Scene(SceneTable):
     def torques(self) -> dict[str, Load]:
         """Loads that turn two bodies against each other at a joint."""
         return {name: load for name, load in self.loads.items() if load.torque_at is not None}
+
+    @property
+    def loose(self) -> dict[str, LooseJoint]:
+        """Joints with a clearance."""
+        return loose_joints(self.contacts)
 
     def slides(self, drive: str) -> bool:
         """Whether a drive's coordinate is that of a guide [m], and no angle [rad]."""

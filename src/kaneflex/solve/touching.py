@@ -55,7 +55,7 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
 
 def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
     """Coordinates and variables: ``contact_gap`` and the like over time and ``contact``, ``impact_begin`` and the like
-    over ``impact``."""
+    over ``impact``; ``clearance_x`` and the like over time and ``clearance``."""
     record = _record(solution)
     if record is None:
         return {}, {}
@@ -77,7 +77,40 @@ def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, E
             unit, meaning = _ABOUT[key]
             values = np.array([getattr(impact, key) for impact in record.impacts])
             variables[f"impact_{key}"] = ("impact", values, {"units": unit, "long_name": meaning})
-    return {"contact": ("contact", np.array(record.names), {"long_name": "contacts"})}, variables
+    coordinates: dict[str, Entry] = {"contact": ("contact", np.array(record.names), {"long_name": "contacts"})}
+    loose = solution.model.scene.loose
+    if loose:
+        coordinates["clearance"] = ("clearance", np.array(list(loose)), {"long_name": "joints with a clearance"})
+        variables |= _in_clearances(solution)
+    return coordinates, variables
+
+
+def eccentricity(solution: Solution, name: str) -> np.ndarray:
+    """Of a pin or a block in its clearance, (n_times,): 0 in the middle, 1 where it touches, more by how deep it is.
+
+    That of a block is that of the corner which is nearest to its face.
+    """
+    loose = solution.model.scene.loose[name]
+    gaps = np.array([solution.motion.contact(key)[0] for key in loose.contacts])
+    return 1.0 - gaps.min(axis=0) / loose.room
+
+
+def _in_clearances(solution: Solution) -> dict[str, Entry]:
+    """Where pins and blocks are in their clearances."""
+    both, names = ("time", "clearance"), list(solution.model.scene.loose)
+    places = np.array([solution.motion.clearance(name) for name in names])
+    about = {
+        "clearance_x": ("m", "place of a pin in its bearing along x, global; of a block along its guide"),
+        "clearance_y": ("m", "place of a pin in its bearing along y, global; of a block across its guide"),
+        "clearance_angle": ("rad", "angle of a pin's body against its bearing's; tilt of a block in its guide"),
+    }
+    found: dict[str, Entry] = {
+        key: (both, places[:, k].T, {"units": unit, "long_name": meaning})
+        for k, (key, (unit, meaning)) in enumerate(about.items())
+    }
+    ratio = np.array([eccentricity(solution, name) for name in names]).T
+    meaning = "eccentricity: 0 in the middle of a clearance, 1 where its sides touch"
+    return found | {"eccentricity": (both, ratio, {"units": "1", "long_name": meaning})}
 
 
 def _record(solution: Solution) -> ContactRecord | None:

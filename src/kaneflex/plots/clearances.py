@@ -1,0 +1,162 @@
+"""Joints with a clearance: the path of a journal in its clearance circle, a block between the faces of its guide.
+
+The path of a pin's middle as in Flores, Ambrosio, Claro & Lankarani 2008, *Kinematics and Dynamics of Multibody Systems
+with Imperfect Joints*, ch. 3; a block's place and tilt have a rhombus as it has a circle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.transforms import ScaledTranslation
+
+from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable
+from kaneflex.plots.view import View, view
+from kaneflex.solve.touching import eccentricity
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.impacts import Impact
+    from kaneflex.scene.contacts import LooseJoint
+    from kaneflex.solve.solution import Solution
+
+_CORNERS = ("right, behind", "right, before", "left, behind", "left, before")
+"""Of a block, seen along its guide, in the order of their contacts."""
+_DASHES = ((0, ()), (0, (5, 2.5)), (0, ()), (0, (5, 2.5)))
+"""Of a block's corners: the two of a face often go together."""
+_LEAST = 0.01
+"""Share of the most tilt there is room for below which the axis of a tilt is not stretched."""
+_TOUCHED = "#FBE3D3"
+"""Behind the curves while something touches."""
+
+
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``clearance_JOINT`` for every joint with a clearance, of a run by equations that know it."""
+    if getattr(solution.trajectory, "contacts", None) is None:
+        return {}
+    shown = view(solution)
+    return {
+        f"clearance_{name}": (_journal if loose.direction is None else _block)(shown, name, loose)
+        for name, loose in solution.model.scene.loose.items()
+    }
+
+
+def _journal(shown: View, name: str, loose: LooseJoint) -> Figure:
+    """The path of a pin's middle; its eccentricity and the force over time."""
+    factor, unit = readable("m", np.array([loose.room]))
+    title = f"Clearance of {name}: {factor * loose.room:.4g} {unit} in radius{shown.note}"
+    figure, path, over = _page(title, 2)
+    place, touching = shown.motion.clearance(name)[:2], _touching(shown, loose.contacts)
+    path.add_patch(Circle((0, 0), factor * loose.room, fill=False, label="clearance circle"))
+    _path(path, shown, loose.contacts, factor * place, "of the pin's middle")
+    reach = factor * max(1.06 * loose.room, 1.06 * float(np.abs(place).max()))
+    path.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
+    path.set_title("Path in the bearing, global axes")
+    ratio = eccentricity(shown.solution, name)[shown.instants]
+    over[0].plot(shown.x, ratio, color=PALETTE[0], linewidth=0.9, label="eccentricity")
+    over[0].axhline(1.0, color="black", linestyle="--", linewidth=0.8, label="the sides touch")
+    _name(over[0], "Eccentricity over the clearance", "eccentricity [1]")
+    _forces(over[1], shown, {name: "force"})
+    _finish(over, shown, touching)
+    return figure
+
+
+def _block(shown: View, name: str, loose: LooseJoint) -> Figure:
+    """A block's place over its tilt; over time the gaps of its corners, its place, its tilt and the forces."""
+    factor, unit = readable("m", np.array([loose.room]))
+    title = f"Clearance of {name}: {factor * loose.room:.4g} {unit} to either face{shown.note}"
+    figure, path, over = _page(title, 4)
+    corners = dict(zip(loose.contacts, _CORNERS, strict=True))
+    _, place, tilt = shown.motion.clearance(name)
+    most = loose.room / (0.5 * loose.clearance.length)
+    turned, degrees = readable("rad", np.array([most]))
+    rhombus = np.array([(most * turned, 0), (0, loose.room * factor), (-most * turned, 0), (0, -loose.room * factor)])
+    path.add_patch(Polygon(rhombus, fill=False, label="all there is room for"))
+    _path(path, shown, loose.contacts, np.array([turned * tilt, factor * place]), "of the block")
+    path.set(xlabel=f"tilt [{degrees}]", ylabel=f"place across the guide [{unit}]")
+    path.set_title("Place across the guide over the tilt")
+    for (key, corner), colour, dashes in zip(corners.items(), PALETTE, _DASHES, strict=False):
+        gap = factor * shown.motion.contact(key)[0]
+        over[0].plot(shown.x, gap, color=colour, linestyle=dashes, linewidth=1.1, label=corner)
+    _name(over[0], "Gaps at the corners", f"gap [{unit}]")
+    over[1].plot(shown.x, factor * place, linewidth=0.9)
+    _name(over[1], "Place across the guide, to the left positive", f"place [{unit}]")
+    over[2].plot(shown.x, turned * tilt, linewidth=0.9)
+    _name(over[2], "Tilt", f"tilt [{degrees}]")
+    least, (low, high) = _LEAST * turned * most, over[2].get_ylim()
+    over[2].set_ylim(min(low, -least), max(high, least))
+    _forces(over[3], shown, corners)
+    _finish(over, shown, _touching(shown, loose.contacts))
+    return figure
+
+
+def _page(title: str, rows: int) -> tuple[Figure, Axes, list[Axes]]:
+    """A panel for the path on the left, and others over time on the right."""
+    figure = new_figure(12.6, max(5.4, 0.8 + 1.7 * rows), title)
+    grid = figure.add_gridspec(rows, 2, width_ratios=(1.0, 1.15))
+    over = [figure.add_subplot(grid[0, 1])]
+    over += [figure.add_subplot(grid[row, 1], sharex=over[0]) for row in range(1, rows)]
+    return figure, figure.add_subplot(grid[:, 0]), over
+
+
+def _path(axes: Axes, shown: View, contacts: tuple[str, ...], path: np.ndarray, of: str) -> None:
+    """Free and in contact, and where impacts begin; two rows of coordinates."""
+    axes.plot(*path, color=GREY, linewidth=0.7, label=f"path {of}")
+    axes.plot(*np.where(_touching(shown, contacts), path, np.nan), color=PALETTE[0], linewidth=1.4, label="in contact")
+    begins = [each.begin for key in contacts for each in _impacts(shown, key)]
+    where = [np.interp(begins, shown.times, row) for row in path]
+    axes.plot(*where, "v", color=PALETTE[1], markersize=4, label=f"impacts ({len(begins)})")
+    below = axes.transAxes + ScaledTranslation(0, -0.5, axes.figure.dpi_scale_trans)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=below, ncols=2)
+
+
+def _forces(axes: Axes, shown: View, contacts: Mapping[str, str]) -> None:
+    """Forces of contacts by what they are called, each with the peaks of its impacts."""
+    impacts = {key: _impacts(shown, key) for key in contacts}
+    forces = {key: shown.motion.contact(key)[1] for key in contacts}
+    peaks = {key: np.array([each.peak for each in own]) for key, own in impacts.items()}
+    factor, unit = readable("N", *forces.values(), *peaks.values())
+    for (key, called), colour, dashes in zip(contacts.items(), PALETTE, _DASHES, strict=False):
+        axes.plot(shown.x, factor * forces[key], color=colour, linestyle=dashes, linewidth=0.9, label=called)
+        at = np.interp([each.begin for each in impacts[key]], shown.times, shown.x)
+        axes.plot(at, factor * peaks[key], "v", color=colour, markersize=3.5)
+    axes.plot([], [], "v", color="black", markersize=3.5, label="peaks of impacts")
+    _name(axes, "Contact forces", f"force [{unit}]")
+
+
+def _name(axes: Axes, title: str, label: str) -> None:
+    axes.set_title(title)
+    axes.set_ylabel(label)
+    axes.margins(x=0)
+
+
+def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:
+    """Legends, and a shade behind the panels over time where something touches."""
+    for axes in over:
+        axes.fill_between(
+            shown.x, 0, 1, where=touching, transform=axes.get_xaxis_transform(), color=_TOUCHED, linewidth=0, zorder=0
+        )
+        handles, labels = axes.get_legend_handles_labels()
+        if axes is over[0]:
+            handles, labels = [*handles, Patch(color=_TOUCHED)], [*labels, "in contact"]
+        if labels:
+            legend_beside(axes, handles, labels)
+        axes.tick_params(labelbottom=axes is over[-1])
+    shown.label_x(over[-1])
+
+
+def _touching(shown: View, contacts: tuple[str, ...]) -> np.ndarray:
+    """Whether any of these contacts is closed, (n_times,)."""
+    record = shown.solution.trajectory.contacts
+    columns = [record.names.index(key) for key in contacts]
+    return (record.begun[shown.instants][:, columns] > 0).any(axis=1)
+
+
+def _impacts(shown: View, contact: str) -> list[Impact]:
+    """Those of a contact that begin in the time that is shown."""
+    first, last = shown.times[0], shown.times[-1]
+    return [each for each in shown.solution.impacts if each.contact == contact and first <= each.begin <= last]
