@@ -80,7 +80,8 @@ def drawn(scene: Scene, seed: int) -> Renaming:
     of["masses"] = names([*of["bodies"].values(), *words], scene.masses, "m")
     of["loads"] = names(words, scene.loads, "f")
     of["contacts"] = names([f"{word}_stop" for word in _BODIES], scene.contacts, "contact")
-    of["contacts"] |= {name: of["joints"][name] for name in scene.contacts if name in of["joints"]}
+    made = {name: contact.joint for name, contact in scene.contacts.items() if contact.joint is not None}
+    of["contacts"] |= {name: of["joints"][joint] + name[len(joint) :] for name, joint in made.items()}
     of |= {"springs": names(_SPRINGS, scene.springs, "spring"), "events": names(words, scene.events, "event")}
     of["sensors"] = names(words, scene.sensors, "sensor")
     points = {}

@@ -160,9 +160,8 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
             "drives.wrist: wrist has a clearance: nothing there can be driven. Leave the clearance out, or this.",
         ),
         (
-            'position = "bore"', 'position = "wrist"',
-            "sensors.x.position = 'wrist': wrist has a clearance: it has no coordinate of its own. Leave the "
-            "clearance out, or this.",
+            'force = {joint_force = "pin"', 'eccentricity = {joint_force = "pin"',
+            "sensors.eccentricity: the results of contacts have this name. Choose another name.",
         ),
         (
             'joint_force = "pin"', 'joint_force = "wrist"',
@@ -264,8 +263,6 @@ def test_what_is_wrong_is_named_with_its_cure(tmp_path, old, new, message):
 def test_a_block_is_refused_where_it_can_not_be(tmp_path):
     assert refused(tmp_path, (BORE, BLOCK)) == [
         "drives.bore: bore has a clearance: nothing there can be driven. Leave the clearance out, or this.",
-        "sensors.x.position = 'bore': bore has a clearance: it has no coordinate of its own. "
-        "Leave the clearance out, or this.",
     ]
     materials = BLOCK.replace(WRIST, 'contact = {materials = ["steel", "steel"], restitution = 0.9}')
     assert refused(tmp_path, (BORE, materials)) == [

@@ -13,7 +13,9 @@ from kaneflex.derive import generate
 from kaneflex.derive.names import numbered
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module
-from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.scene import read_scene, shipped_scenes, with_settings
+
+SHORTER = {"engine-rig-clearance": ("solve.duration=0.1 s", "solve.steps=1000")}
 
 
 def quiet(stage):
@@ -36,7 +38,7 @@ def test_what_is_derived_knows_no_names(name):
 
 @pytest.mark.parametrize("name", sorted(shipped_scenes()))
 def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
-    scene, plain = read_scene(name), run(name)
+    scene, plain = with_settings(read_scene(name), SHORTER.get(name, ())), run(name, *SHORTER.get(name, ()))
     new = renaming.drawn(scene, 4)
     other = renaming.renamed(scene, new)
     modules = find_module(scene, quiet)[0], None

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.animation import PillowWriter
 
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import outline, rigid_outline, scenery
+from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import View, angle_name, view
 
@@ -37,8 +37,7 @@ def animate(solution: Solution, path: Path) -> Path:
     width, height = frame_axes(axes, [still, moved], fixed)
     figure.set_size_inches(6.0, min(6.0, 5.2 * height / width + 1.1))
     draw_scenery(axes, fixed)
-    grounded = {name: model.scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
-    draw_guides(axes, fixed, grounded, still)
+    draw_guides(axes, fixed, grounded(model.scene), still)
     ghost = draw_outline(axes, still, 0, ghost=True)
     solid = draw_outline(axes, moved, 0)
     caption = axes.set_title(_caption(shown, 0))

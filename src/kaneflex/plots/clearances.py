@@ -17,7 +17,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from kaneflex.plots.style import GREY, PALETTE, legend_beside, new_figure, readable
 from kaneflex.plots.view import View, view
-from kaneflex.solve.touching import eccentricity
+from kaneflex.solve.touching import eccentricity, record_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.impacts import Impact
@@ -36,7 +36,7 @@ _TOUCHED = "#FBE3D3"
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``clearance_JOINT`` for every joint with a clearance, of a run by equations that know it."""
-    if getattr(solution.trajectory, "contacts", None) is None:
+    if record_of(solution) is None:
         return {}
     shown = view(solution)
     return {
@@ -72,7 +72,7 @@ def _block(shown: View, name: str, loose: LooseJoint) -> Figure:
     figure, path, over = _page(title, 4)
     corners = dict(zip(loose.contacts, _CORNERS, strict=True))
     _, place, tilt = shown.motion.clearance(name)
-    most = loose.room / (0.5 * loose.clearance.length)
+    most = loose.room / (0.5 * loose.length)
     turned, degrees = readable("rad", np.array([most]))
     rhombus = np.array([(most * turned, 0), (0, loose.room * factor), (-most * turned, 0), (0, -loose.room * factor)])
     path.add_patch(Polygon(rhombus, fill=False, label="all there is room for"))
@@ -151,7 +151,8 @@ def _finish(over: list[Axes], shown: View, touching: np.ndarray) -> None:
 
 def _touching(shown: View, contacts: tuple[str, ...]) -> np.ndarray:
     """Whether any of these contacts is closed, (n_times,)."""
-    record = shown.solution.trajectory.contacts
+    record = record_of(shown.solution)
+    assert record is not None
     columns = [record.names.index(key) for key in contacts]
     return (record.begun[shown.instants][:, columns] > 0).any(axis=1)
 

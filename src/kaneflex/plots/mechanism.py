@@ -13,7 +13,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
-from kaneflex.scene.parts import Joint
+from kaneflex.scene.quantities import Address
 
 _SWEEP = 180
 """Instants of the run from which the travel along guides and the frame of the picture are found."""
@@ -85,14 +85,12 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
     lower, upper = swept.min(axis=0), swept.max(axis=0)
     size = float(np.hypot(*(upper - lower))) or 1.0
     guides = {}
-    for name, joint in scene.joints.items():
-        if joint.kind == "prismatic":
-            carrier, rider = joint.addresses
-            points = _rigid_point(rigid, rider.body, scene.point(rider))
-            if carrier.body != "ground":
-                points = _to_body(rigid, carrier.body, points)
-            margin = (_BOX[0] if len(points) > 1 else _STANDING) * size
-            guides[name] = _travel(points, np.array(joint.direction), margin)
+    for name, (carrier, rider, direction) in guides_of(scene).items():
+        points = _rigid_point(rigid, rider.body, scene.point(rider))
+        if carrier.body != "ground":
+            points = _to_body(rigid, carrier.body, points)
+        margin = (_BOX[0] if len(points) > 1 else _STANDING) * size
+        guides[name] = _travel(points, np.array(direction), margin)
     pivots = [
         scene.point(address)
         for joint in scene.joints.values()
@@ -100,6 +98,18 @@ def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
         if joint.kind != "prismatic" and address.body == "ground"
     ]
     return Scenery(np.array(pivots).reshape(-1, 2), guides, size, lower, upper)
+
+
+def guides_of(scene: Scene) -> dict[str, tuple[Address, Address, Place]]:
+    """The side that carries each guide, the side that rides on it, and its direction; those with a clearance, too."""
+    sides = {name: (joint.addresses, joint.direction) for name, joint in scene.joints.items()}
+    sides |= {name: (joint.sides, joint.direction) for name, joint in scene.loose.items()}
+    return {name: (*pair, direction) for name, (pair, direction) in sides.items() if direction is not None}
+
+
+def grounded(scene: Scene) -> dict[str, bool]:
+    """Whether the ground carries each guide."""
+    return {name: carrier.body == "ground" for name, (carrier, *_) in guides_of(scene).items()}
 
 
 def _travel(points: np.ndarray, direction: np.ndarray, margin: float) -> np.ndarray:
@@ -132,11 +142,11 @@ class _Pose:
         bars = {name: bar for name in self.scene.bodies if (bar := self._bar(name)).size}
         boxes, pins = {}, {}
         for name, joint in self.scene.joints.items():
-            if joint.kind == "prismatic":
-                boxes[name] = self._box(joint)
-            elif joint.kind == "revolute":
+            if joint.kind == "revolute":
                 address = max(joint.addresses, key=lambda side: side.body in self.axes)
                 pins[name] = self._point(address.body, self.scene.point(address))
+        for name, guide in guides_of(self.scene).items():
+            boxes[name] = self._box(*guide)
         return Outline(links, bars, boxes, pins)
 
     def _axis(self, name: str) -> np.ndarray:
@@ -169,16 +179,16 @@ class _Pose:
         if name not in self.axes:
             hub, *rest = (self._point(name, at) for at in _used_points(self.scene, name))
             path = [part for tip in rest for part in (hub, tip, hub)]
-        for joint, ends in self.fixed.guides.items():
-            if self.scene.joints[joint].addresses[0].body == name:
+        for joint, (carrier, *_) in guides_of(self.scene).items():
+            if carrier.body == name:
+                ends = self.fixed.guides[joint]
                 path += [self._point(name, tuple(end)) for end in ends]
         return np.stack(path, axis=1) if path else np.zeros((0, 0, 2))
 
-    def _box(self, joint: Joint) -> np.ndarray:
+    def _box(self, carrier: Address, rider: Address, direction: Place) -> np.ndarray:
         """Corners of a guided body about its joint, along its guide, (n_times, 5, 2)."""
-        carrier, rider = joint.addresses
         centre = self._point(rider.body, self.scene.point(rider))
-        t = BodyFrame(self.rigid, carrier.body).to_global(joint.direction)
+        t = BodyFrame(self.rigid, carrier.body).to_global(direction)
         t, n = t.T, normal(t).T
         size = self.fixed.size * (1.0 if carrier.body == "ground" else _CARRIED)
         corners = size * np.array(_BOX) * [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]
@@ -187,7 +197,8 @@ class _Pose:
 
 def _used_points(scene: Scene, body: str) -> list[Place]:
     """Points of a body that joints use, and its ends, in its axes; each place once, the first joint's first."""
-    used = [scene.point(side) for joint in scene.joints.values() for side in joint.addresses if side.body == body]
+    sides = [joint.addresses for joint in scene.joints.values()] + [joint.sides for joint in scene.loose.values()]
+    used = [scene.point(side) for pair in sides for side in pair if side.body == body]
     if body != "ground" and scene.bodies[body].length is not None:
         used += [(0.0, 0.0), (scene.bodies[body].length, 0.0)]
     return list(dict.fromkeys(used)) or [(0.0, 0.0)]

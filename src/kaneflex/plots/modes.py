@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from kaneflex.multibody.building import reference_modes
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
-from kaneflex.plots.mechanism import Outline, outline, rigid_outline, scenery
+from kaneflex.plots.mechanism import Outline, grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
 from kaneflex.plots.view import angle_name
 from kaneflex.response.elastic_motion import ElasticMotion
@@ -38,12 +38,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
     rigid = model.motion.at(np.full(count, model.reference_time))
     still = rigid_outline(model.scene, rigid, fixed)
     positive, negative = (_deflected(model, rigid, fixed, sign * shapes, still) for sign in (1.0, -1.0))
-    grounded = {name: model.scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
     figure, panels = _panels(count, fixed.size, (still, positive, negative), fixed)
     figure.suptitle(_title(solution))
     for k, axes in enumerate(panels):
         draw_scenery(axes, fixed)
-        draw_guides(axes, fixed, grounded, still)
+        draw_guides(axes, fixed, grounded(model.scene), still)
         draw_outline(axes, still, k, ghost=True)
         draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
         draw_outline(axes, positive, k)

@@ -1,6 +1,7 @@
 """What a test bench records: accelerations, stroke and forces over time with the forces' reversals, and spectra.
 
-Paper Figs. 30, 31. Drawn where accelerometers are read over a horizon that is not one cycle.
+Paper Figs. 30, 31. Drawn where accelerations are read over a horizon that is not one cycle; where contacts knock, the
+zones in which they do are shaded.
 """
 
 from __future__ import annotations
@@ -13,10 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.multibody.building import reference_modes
+from kaneflex.plots.sensors import in_clearance
 from kaneflex.plots.style import GREY, PALETTE, legend_above, legend_beside, new_figure, plot_curves, readable
 from kaneflex.plots.view import View, view
+from kaneflex.solve.coupled_linearisation import modes_at_rest
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.model import Model
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 
@@ -24,20 +28,46 @@ _FLOOR = 1e-4
 """A spectrum is drawn up to the last frequency whose amplitude exceeds this share of the largest."""
 _RANGE = 1e-6
 """Amplitudes below this share of the largest are left out."""
+_STIFF = 1e-6
+"""Share of the highest natural frequency below which one is rounding's."""
+_DECADES = 3000
+"""A spectrum of more lines has a logarithmic axis of frequencies."""
 _NATURAL = 6
+_PAUSE = 0.1
+"""Share of a turn, or of a run without turning drive, without an impact that ends a zone of them."""
+_ZONE = "#FBE3D3"
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``records`` and ``spectra``."""
     sensors = solution.model.scene.sensors
-    accelerometers = [name for name, sensor in sensors.items() if _is_accelerometer(sensor)]
-    if solution.model.options.cycles or not accelerometers or len(solution.times) < 16:
+    felt: dict[str, str] = {name: sensor.reading for name, sensor in sensors.items() if _is_acceleration(sensor)}
+    if solution.model.options.cycles or not felt or len(solution.times) < 16:
         return {}
-    return {"records": _records(solution, accelerometers), "spectra": _spectra(solution, accelerometers)}
+    names = sorted(felt, key=lambda name: felt[name])  # accelerometers first
+    return {"records": _records(solution, felt), "spectra": _spectra(solution, names)}
 
 
-def _is_accelerometer(sensor: Sensor) -> bool:
-    return sensor.kind == "acceleration" and sensor.reading == "accelerometer" and sensor.component != "angle"
+def _is_acceleration(sensor: Sensor) -> bool:
+    return sensor.kind == "acceleration" and sensor.component != "angle"
+
+
+def impact_zones(solution: Solution) -> list[tuple[float, float]]:
+    """Begin and end [s] of every spell of impacts, from the first of them to where the last closes for good or opens.
+
+    A pause of a tenth of a turn of the fastest drive, or of the run where none turns, parts two of them.
+    """
+    times, speeds = solution.times, [abs(drive.speed or 0.0) for drive in solution.model.scene.drives.values()]
+    turn = 2 * math.pi / max(speeds) if any(speeds) else float(np.ptp(times))
+    zones: list[tuple[float, float]] = []
+    for impact in sorted(solution.impacts, key=lambda impact: impact.begin):
+        short = impact.end - impact.begin < _PAUSE * turn
+        end = impact.end if short else impact.begin
+        if zones and impact.begin - zones[-1][1] < _PAUSE * turn:
+            zones[-1] = zones[-1][0], max(end, zones[-1][1])
+        else:
+            zones.append((impact.begin, end))
+    return zones
 
 
 def reversals(times: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -83,10 +113,14 @@ def spectrum(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.arange(len(amplitudes)) / (times[-1] - times[0]), amplitudes
 
 
-def _records(solution: Solution, accelerometers: list[str]) -> Figure:
+def _records(solution: Solution, felt: dict[str, str]) -> Figure:
     shown = view(solution)
-    kinds = [("Accelerometers (a \u2212 g)", "acceleration", "m/s^2", accelerometers, False), *_others(solution)]
-    kinds = [kind for kind in kinds if kind[3]]
+    readings = {"accelerometer": "Accelerometers (a \u2212 g)", "kinematic": "Accelerations"}
+    kinds = [
+        (title, "acceleration", "m/s^2", [name for name, reading in felt.items() if reading == wanted], False)
+        for wanted, title in readings.items()
+    ]
+    kinds = [kind for kind in (*kinds, *_others(solution)) if kind[3]]
     figure = new_figure(8.4, 0.7 + 1.9 * len(kinds), f"Records over time{shown.note}")
     panels = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (title, quantity, unit, names, forces) in zip(panels, kinds, strict=True):
@@ -94,6 +128,7 @@ def _records(solution: Solution, accelerometers: list[str]) -> Figure:
         plot_curves(axes, shown.x, curves, unit, title, quantity)
         if forces:
             _mark_reversals(axes, shown, curves, title)
+        _mark_zones(axes, shown)
         legend_beside(axes)
     shown.label_x(panels[-1])
     return figure
@@ -103,19 +138,32 @@ def _others(solution: Solution) -> list[tuple[str, str, str, list[str], bool]]:
     """Stroke, axial forces and guide forces, as far as sensors read them."""
     scene = solution.model.scene
 
-    def named(kind: str, unit: str, guided: bool = False) -> list[str]:
+    def named(kind: str, unit: str, guided: bool = False, loose: bool = False) -> list[str]:
         return [
             name
             for name, sensor in scene.sensors.items()
-            if sensor.kind == kind and sensor.unit == unit
+            if sensor.kind == kind and sensor.unit == unit and loose == in_clearance(scene, sensor)
             and (not guided or scene.joints[sensor.joint_force].kind == "prismatic")
         ]  # fmt: skip
 
     return [
         ("Position", "position", "m", named("position", "m"), False),
+        ("Place in a clearance", "place", "m", named("position", "m", loose=True), False),
         ("Axial force, tension positive", "force", "N", named("axial_force", "N"), True),
         ("Force on the guide", "force", "N", named("joint_force", "N", guided=True), True),
+        ("Contact forces", "force", "N", named("contact_force", "N"), False),
     ]
+
+
+def _mark_zones(axes: Axes, shown: View) -> None:
+    """A shade over every zone of impacts, and in the legend how many there are; none where it knocks all the time."""
+    zones = [zone for zone in impact_zones(shown.solution) if zone[1] >= shown.times[0] and zone[0] <= shown.times[-1]]
+    if sum(end - begin for begin, end in zones) > 0.5 * np.ptp(shown.times):
+        return
+    for k, zone in enumerate(zones):
+        first, last = np.interp(zone, shown.times, shown.x)
+        label = f"impact zones ({len(zones)})" if k == 0 else None
+        axes.axvspan(first, last, facecolor=_ZONE, edgecolor=_ZONE, linewidth=1.0, zorder=0, label=label)
 
 
 def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]], title: str) -> None:
@@ -133,17 +181,18 @@ def _mark_reversals(axes: Axes, shown: View, curves: list[tuple[str, np.ndarray]
     axes.set_title(title if any(counts) else f"{title}: no reversal")
 
 
-def _spectra(solution: Solution, accelerometers: list[str]) -> Figure:
+def _spectra(solution: Solution, accelerations: list[str]) -> Figure:
     times = solution.times
     resolution = 1.0 / (times[-1] - times[0])
     sensors = solution.model.scene.sensors
-    names = accelerometers + [name for name, sensor in sensors.items() if sensor.kind == "axial_force"]
+    names = accelerations + [name for name, sensor in sensors.items() if sensor.kind == "axial_force"]
     spectra = {name: spectrum(times, solution.series[name].values) for name in names}
     title = f"Amplitude spectra, resolution 1/T = {resolution:.3g} Hz (Hann window)"
     figure = new_figure(7.4, 0.7 + 1.8 * len(names), title)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     reach = max(_last_above(*spectra[name]) for name in names)
-    scale, unit = readable("Hz", np.array([reach]))
+    over_decades = reach > _DECADES * resolution  # slow motion and quick vibrations in one picture
+    scale, unit = (1.0, "Hz") if over_decades else readable("Hz", np.array([reach]))
     lines = _marked(solution, reach)
     for axes, name in zip(panels, names, strict=True):
         frequencies, amplitudes = spectra[name]
@@ -157,7 +206,11 @@ def _spectra(solution: Solution, accelerometers: list[str]) -> Figure:
         axes.set_title(name)
     if lines:
         legend_above(panels[0])
-    panels[-1].set_xlim(0, scale * reach)
+    if over_decades:
+        panels[-1].set_xscale("log")
+        panels[-1].set_xlim(scale * resolution, scale * reach)
+    else:
+        panels[-1].set_xlim(0, scale * reach)
     panels[-1].set_xlabel(f"frequency [{unit}]")
     return figure
 
@@ -165,21 +218,29 @@ def _spectra(solution: Solution, accelerometers: list[str]) -> Figure:
 def _marked(solution: Solution, reach: float) -> list[tuple[float, str, str | None]]:
     """Frequencies [Hz] to compare with, below ``reach``: drives', natural ones; the first of a kind has a label."""
     model = solution.model
-    speeds = {abs(drive.speed) for drive in model.scene.drives.values()} - {0.0}
-    natural = reference_modes(model, min(_NATURAL, model.equations.size))[0] if model.frame is not None else []
-    natural = np.array(natural) / (2 * math.pi)
+    scene = model.scene
+    speeds = {abs(drive.speed or 0.0) for drive in scene.drives.values()} - {0.0}
+    natural = _natural(model)[:_NATURAL] / (2 * math.pi)
     sampling = (len(solution.times) - 1) / np.ptp(solution.times)
     # What is above half the sampling rate shows folded back; only exact modes keep their frequency there.
     high = natural[natural > 0.5 * sampling] if model.options.dynamics == "frozen" else np.zeros(0)
     kinds = (
         (np.array(sorted(speeds)) / (2 * math.pi), ":", "drive"),
-        (natural, "--", "natural, at the reference angle"),
+        (natural, "--", "natural, where nothing touches" if scene.contacts else "natural, at the reference angle"),
         (np.abs(high - np.round(high / sampling) * sampling), "-.", "natural, folded back by sampling"),
     )
     marked = []
     for values, style, what in kinds:
         marked += [(value, style, what if k == 0 else None) for k, value in enumerate(values[values <= reach])]
     return marked
+
+
+def _natural(model: Model) -> np.ndarray:
+    """Natural frequencies [rad/s] but those of joints that turn freely."""
+    if model.coupled is not None and model.module.FREE:
+        found = modes_at_rest(model)[1]
+        return found[found > _STIFF * found.max(initial=0.0)]
+    return np.array(reference_modes(model, min(_NATURAL, model.equations.size))[0] if model.frame is not None else [])
 
 
 def _last_above(frequencies: np.ndarray, amplitudes: np.ndarray) -> float:

@@ -18,7 +18,7 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes, hatched
 from kaneflex.plots.labels import Labels
-from kaneflex.plots.mechanism import Outline, Scenery, rigid_outline, rigid_scenery
+from kaneflex.plots.mechanism import Outline, Scenery, grounded, rigid_outline, rigid_scenery
 from kaneflex.plots.style import PALETTE, new_figure, styled
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
@@ -61,8 +61,7 @@ def scheme(scene: Scene, placement: Placement) -> Figure:
     _arrange(figure, axes, shape, title, _listed(sensors))
     axes.set_title(_configuration(scene, placement))
     draw_scenery(axes, fixed)
-    grounded = {name: scene.joints[name].addresses[0].body == "ground" for name in fixed.guides}
-    draw_guides(axes, fixed, grounded, drawn)
+    draw_guides(axes, fixed, grounded(scene), drawn)
     for (kind, name), line in draw_outline(axes, drawn, 0, colour=ELASTIC).lines.items():
         if kind == "links":
             line.set_marker("none")  # marks stand for nodes here
@@ -135,8 +134,12 @@ class _Parts:
             self._distributed_load(name)
         for name in self.scene.springs:
             self._spring(name)
-        for name in self.scene.contacts:
-            self._contact(name)
+        for name, contact in self.scene.contacts.items():
+            if not contact.corner:
+                self._contact(name)
+        for name, loose in self.scene.loose.items():
+            if loose.direction is not None:
+                self.labels.add(name, self.at(loose.sides[1]), "#555555", size=8)
         for name, load in self.scene.torques.items():
             self._turning(load.torque_at, LOAD, name, radius=1.5 * _ARC)
         if self.scene.gravity != (0.0, 0.0):

@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 
 from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable, shade
 from kaneflex.plots.view import View, view
+from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
+    from kaneflex.scene import Scene
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 
@@ -48,14 +50,23 @@ def figures(solution: Solution) -> dict[str, Figure]:
 def _groups(solution: Solution) -> dict[str, list[str]]:
     """Title of each panel -> its sensors, at most as many as there are colours."""
     groups: dict[str, list[str]] = {}
-    for name, sensor in solution.model.scene.sensors.items():
-        groups.setdefault(_title(sensor), []).append(name)
+    scene = solution.model.scene
+    for name, sensor in scene.sensors.items():
+        title = _title(sensor)
+        if in_clearance(scene, sensor):
+            title = "Angle in a clearance" if sensor.component == "angle" else "Place in a clearance"
+        groups.setdefault(title, []).append(name)
     most = len(PALETTE)
     return {
         title + (f" ({first // most + 1})" if len(names) > most else ""): names[first : first + most]
         for title, names in groups.items()
         for first in range(0, len(names), most)
     }
+
+
+def in_clearance(scene: Scene, sensor: Sensor) -> bool:
+    """Whether a sensor says where a pin or a block is in its clearance."""
+    return isinstance(sensor.position, Address) and sensor.position.body in scene.loose
 
 
 def _title(sensor: Sensor) -> str:

@@ -21,6 +21,8 @@ _MOST_TURNS = 8
 """Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""
 _TURNS_SHOWN = 3
 _MOST_POINTS = 3000
+_IMPACT = 0.02
+"""Share of what is drawn that an impact lasts at most; longer ones are seen anyhow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +107,20 @@ def view(solution: Solution) -> View:
         instants = instants[solution.times[instants] >= first]
     # more points than pixels would only make vector pictures large
     stride = max(1, -(-len(instants) // _MOST_POINTS))
-    return View(solution, instants[::stride], shown)
+    return View(solution, _with_impacts(solution, instants, instants[::stride]), shown)
+
+
+def _with_impacts(solution: Solution, instants: np.ndarray, thinned: np.ndarray) -> np.ndarray:
+    """The thinned instants and all those of impacts, whose peaks would be lost, as far as they aren't too many."""
+    times = solution.times[instants]
+    longest = _IMPACT * float(np.ptp(times))
+    spans = [(each.begin, each.end) for each in solution.impacts if each.end - each.begin < longest]
+    if not spans:
+        return thinned
+    first, last = np.searchsorted(times, np.transpose(spans))
+    inside = np.concatenate([instants[a:b] for a, b in zip(first, last, strict=True)])
+    kept = np.union1d(thinned, inside)
+    return kept if len(kept) <= 2 * _MOST_POINTS else thinned
 
 
 def angle_name(solution: Solution, drive: str) -> str:

@@ -12,7 +12,7 @@ from kaneflex.support.errors import Problem, SceneError
 
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
-    """Who counts on a joint with a clearance, as the scene is written: it can't be driven and has no force of its own."""
+    """Who counts on a joint with a clearance, as the scene is written: it has no drive and no force."""
     loose = {name: joint for name, joint in scene.joints.items() if joint.clearance is not None}
     for name, joint in loose.items():
         for made in contacts_of(name, joint):

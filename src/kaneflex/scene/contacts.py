@@ -253,14 +253,20 @@ class LooseJoint:
     @property
     def room(self) -> float:
         """How far the middle of a pin or a block may go before it touches [m]."""
-        return self.clearance.radial or self.clearance.gap
+        return self.clearance.radial or self.clearance.gap or 0.0
+
+    @property
+    def length(self) -> float:
+        """Of a block along its guide [m]."""
+        return self.clearance.length or 0.0
 
 
 def loose_joints(contacts: Mapping[str, Contact]) -> dict[str, LooseJoint]:
     """Every joint with a clearance by name, of a scene as it moves."""
     found: dict[str, LooseJoint] = {}
-    for name in dict.fromkeys(contact.joint for contact in contacts.values() if contact.joint is not None):
-        own = {key: contact for key, contact in contacts.items() if contact.joint == name}
+    made = {key: contact for key, contact in contacts.items() if isinstance(contact, ClearanceContact)}
+    for name in dict.fromkeys(contact.joint for contact in made.values()):
+        own = {key: contact for key, contact in made.items() if contact.joint == name}
         first = next(iter(own.values()))
         x, y = first.direction  # of a guide the normal of its right face
         direction = None if first.kind == "circle-in-circle" else (y, -x)

@@ -49,9 +49,10 @@ class Sensor(SceneTable):
     axes (the default; global for a position) or `global` ones. A displacement is relative to the body's rigid
     `frame`, to the `chord` through its displaced ends or to its `start`. An acceleration reads as an
     accelerometer would (a - g) in body axes, or `kinematic` (a), the default in global axes. A position may
-    name a joint: its coordinate, or of one with a clearance how its second side stands in it. axial_force (tension positive), bending_moment, shear_force, strain (at the
-    height `fibre` above the axis). joint_force: the force (component angle: moment) of a joint on `body`, by
-    default the joint's second one. drive_torque: what a drive must apply; drive_force: that of a guide's drive.
+    name a joint: its coordinate, or where its second side is in its clearance. axial_force (tension positive),
+    bending_moment, shear_force, strain (at the height `fibre` above the axis). joint_force: the force (component
+    angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: what a drive must apply;
+    drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
     turning. contact_force: the normal force of a contact; contact_gap: how far its sides are apart, below zero where
     they are in each other.

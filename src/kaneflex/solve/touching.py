@@ -39,7 +39,7 @@ class ContactSummary(PlainTable):
 
 def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
     """Every contact by name; none of a run by equations without them."""
-    record = _record(solution)
+    record = record_of(solution)
     found = {}
     for k, name in enumerate(() if record is None else record.names):
         impacts = record.of(name)
@@ -56,7 +56,7 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
 def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
     """Coordinates and variables: ``contact_gap`` and the like over time and ``contact``, ``impact_begin`` and the like
     over ``impact``; ``clearance_x`` and the like over time and ``clearance``."""
-    record = _record(solution)
+    record = record_of(solution)
     if record is None:
         return {}, {}
     both = ("time", "contact")
@@ -113,6 +113,7 @@ def _in_clearances(solution: Solution) -> dict[str, Entry]:
     return found | {"eccentricity": (both, ratio, {"units": "1", "long_name": meaning})}
 
 
-def _record(solution: Solution) -> ContactRecord | None:
+def record_of(solution: Solution) -> ContactRecord | None:
+    """What the contacts of a run did; None of one without, by equations without them, or that stopped at its start."""
     record = getattr(solution.trajectory, "contacts", None)
     return record if record is not None and record.names and len(record.gap) else None

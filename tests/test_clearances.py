@@ -1,0 +1,182 @@
+"""Joints with a clearance: where pins and blocks stand in them, pictures of that, and the paper's rig as it slaps."""
+
+import math
+
+import matplotlib
+import numpy as np
+import pytest
+from runs import run
+
+from kaneflex.plots import clearances, records
+from kaneflex.plots.records import impact_zones, spectrum
+from kaneflex.plots.style import styled
+from kaneflex.plots.view import view
+from kaneflex.scene.quantities import CONTACT_RESULTS
+
+LOOSE = """
+schema = 1
+like = "slider-crank-clearance"
+[sensors]
+own_x = {position = "wrist", axes = "body"}
+own_y = {position = "wrist", component = "y", axes = "body"}
+swing = {position = "wrist", component = "angle"}
+rod_end_x = {position = "rod.end", component = "x"}
+rod_end_y = {position = "rod.end", component = "y"}
+rod_end_angle = {position = "rod.end", component = "angle"}
+[solve]
+duration = "8 ms"
+"""
+RIG = ("engine-rig-clearance", "solve.duration=1.5 s", "solve.steps=15000")
+TURN = 60 / 42.36
+READ = "Accelerometers (a \u2212 g)"
+
+
+@pytest.fixture(scope="module")
+def loose(tmp_path_factory):
+    path = tmp_path_factory.mktemp("loose") / "scene.toml"
+    path.write_text(LOOSE)
+    return run(str(path))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return run(*RIG)
+
+
+def values(solution, *names):
+    return [solution.series[name].values for name in names]
+
+
+def test_a_pin_is_where_its_bodies_have_it(loose):
+    x, y, slide = values(loose, "pin_x", "pin_y", "slide")
+    end_x, end_y, angle = values(loose, "rod_end_x", "rod_end_y", "rod_end_angle")
+    assert x == pytest.approx(slide - end_x, abs=1e-15)
+    assert y == pytest.approx(-end_y, abs=1e-15)
+    assert np.hypot(x, y) == pytest.approx(2e-4 - loose.trajectory.contacts.gap[:, 0], abs=1e-15)
+    own_x, own_y, swing = values(loose, "own_x", "own_y", "swing")
+    assert swing == pytest.approx(-angle, abs=1e-12)
+    assert own_x + 1j * own_y == pytest.approx((x + 1j * y) * np.exp(-1j * angle), abs=1e-15)
+    assert np.abs(np.sin(angle)).max() > 0.4  # so that the axes are not the same
+
+
+def test_results_have_where_pins_and_blocks_are(loose, rig):
+    found = loose.dataset
+    assert found.clearance.values.tolist() == ["wrist"]
+    ratio = np.hypot(*values(loose, "pin_x", "pin_y")) / 2e-4
+    assert found.eccentricity.values[:, 0] == pytest.approx(ratio, abs=1e-11)
+    assert found.eccentricity.max() > 1.0 > found.eccentricity[0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert found.clearance_y.values[:, 0] == pytest.approx(values(loose, "pin_y")[0], abs=0)
+    block = rig.dataset
+    across, tilt, place = values(rig, "piston_across", "piston_tilt", "piston_position")
+    assert block.clearance_angle.values[:, 0] == pytest.approx(tilt, abs=0)
+    assert block.clearance_x.values[:, 0] == pytest.approx(place - 0.005 * np.cos(tilt), abs=1e-12)  # of its middle
+    assert set(block.variables) - set(rig.series) - set(block.coords) < set(CONTACT_RESULTS) > set(block.coords) - {
+        "time", "drive_angle_main", "drive_angle_pin", "drive_angle_wrist",
+    }  # fmt: skip
+    for k, (side, end) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)]):  # of a rectangle of 60 by 72 mm
+        corner = across + end * 0.03 * np.sin(tilt) + side * 0.036 * np.cos(tilt)
+        assert block.contact_gap.values[:, k] == pytest.approx(0.036 + 5e-5 - side * corner, abs=1e-14)
+    assert block.eccentricity.values[:, 0] == pytest.approx(1 - block.contact_gap.values.min(axis=1) / 5e-5, abs=1e-9)
+    assert np.abs(tilt).max() > 1e-4
+
+
+def test_the_rig_knocks_after_each_dead_centre_as_long_as_a_free_piston_takes_across():
+    """m x'' = F' t across 2 x 50 um, F' = (m_p + m_r/2)(g + a) omega_rod, m = m_p + m_r/3: the rod turns on its pin."""
+    settings = ("bodies.piston.centre=[1e-9, 0]", "bodies.piston.points.middle=[1e-9, 0]", "solve.duration=1.48 s")
+    found = run("engine-rig-clearance", *settings, "solve.steps=1480", "solve.tolerance=1e-8")
+    omega, r, l = 2 * math.pi / TURN, 0.04, 0.137
+    assert np.abs(found.series["piston_tilt"].values).max() < 1e-8  # everything acts at its middle
+    for k, (begin, end) in enumerate(impact_zones(found)[1:]):
+        accelerated = -r * omega**2 * (1 + r / l) if k else r * omega**2 * (1 - r / l)  # of the piston, upwards
+        rate = (0.214 + 0.153 / 2) * (9.81 + accelerated) * omega * r / l
+        across = (6 * (0.214 + 0.153 / 3) * 1e-4 / rate) ** (1 / 3)
+        assert begin - (k + 1) * TURN / 2 == pytest.approx(across, rel=0.04)
+        assert end - begin < 0.04
+
+
+def test_the_rig_reads_two_zones_of_impacts_in_a_turn(rig):
+    """The rest is the sinusoid of a tight rig: gravity across the rod that swings."""
+    times, zones = rig.times, impact_zones(rig)
+    assert [360 * begin / TURN for begin, _ in zones] == pytest.approx([7.0, 188.4, 368.9], abs=0.1)
+    assert [360 * end / TURN for _, end in zones] == pytest.approx([12.2, 195.4, 376.3], abs=0.1)
+    (read,) = values(rig, "rod_mid_acceleration_y")
+    inside = np.any([(times >= begin) & (times < end + 0.015) for begin, end in zones], axis=0)
+    quiet = ~inside & (times > 0.05)
+    tight = run("engine-rig", "solve.preset=rigid", "solve.duration=1.5 s", "solve.steps=15000")
+    (tight,) = values(tight, "rod_mid_acceleration_y")
+    flying = np.any([(times >= k * TURN / 2) & (times < begin) for k, (begin, _) in enumerate(zones)], axis=0)
+    assert np.abs(read - tight)[quiet & ~flying].max() < 0.02 < 0.2 < np.abs(read - tight)[flying].max()
+    assert np.abs(read)[quiet].max() == pytest.approx(2.5, abs=0.1)
+    assert np.abs(read).max() == pytest.approx(15.5, abs=0.2)
+    frequencies, amplitudes = spectrum(times, read)
+    ringing = (frequencies > 2500) & (frequencies < 4000)
+    assert frequencies[ringing][amplitudes[ringing].argmax()] == pytest.approx(3236, rel=0.03)
+
+
+@pytest.fixture(scope="module")
+def drawn(loose, rig):
+    with styled():
+        return {**clearances.figures(loose), **clearances.figures(rig), **records.figures(rig)}
+
+
+def panels(figure):
+    return {axes.get_title(loc="left"): axes for axes in figure.axes}
+
+
+def lines(axes):
+    return {line.get_label(): line for line in axes.lines}
+
+
+def test_the_journal_is_drawn_in_its_circle(loose, drawn):
+    assert drawn["clearance_wrist"].get_suptitle() == "Clearance of wrist: 0.2 mm in radius"
+    axes = panels(drawn["clearance_wrist"])
+    path = axes["Path in the bearing, global axes"]
+    assert path.patches[0].radius == pytest.approx(0.2)
+    drawn_path, touching = (np.array(lines(path)[key].get_data()) for key in ("path of the pin's middle", "in contact"))
+    assert drawn_path == pytest.approx(1e3 * np.array(values(loose, "pin_x", "pin_y"))[:, view(loose).instants])
+    closed = loose.trajectory.contacts.gap[view(loose).instants, 0] < 0
+    assert (np.isfinite(touching[0]) == closed).mean() > 0.99  # one that has let go may be in its bearing still
+    begins = np.hypot(*lines(path)[f"impacts ({len(loose.impacts)})"].get_data())
+    assert begins == pytest.approx(np.full(len(loose.impacts), 0.2), abs=2e-3)
+    force = lines(axes["Contact forces"])
+    peak = max(impact.peak for impact in loose.impacts)
+    markers = [line for line in axes["Contact forces"].lines if line.get_marker() == "v"]
+    assert 1e3 * max(markers[0].get_ydata()) == pytest.approx(peak) and "force" in force
+
+
+def test_a_block_is_drawn_between_its_faces(rig, drawn):
+    axes = panels(drawn["clearance_bore"])
+    path = axes["Place across the guide over the tilt"]
+    rhombus = path.patches[0].get_xy()
+    assert np.abs(rhombus).max(axis=0) == pytest.approx([1e3 * math.degrees(5e-5 / 0.03), 0.05])
+    tilt, place = lines(path)["path of the block"].get_data()
+    inside = np.abs(tilt) / np.abs(rhombus).max(axis=0)[0] + np.abs(place) / 0.05
+    assert 1.0 < inside.max() < 1.06  # but for how deep it is in its bore
+    gaps = [line.get_ydata() for line in axes["Gaps at the corners"].lines]
+    assert np.max(gaps, axis=1) == pytest.approx(np.full(4, 0.1), abs=3e-3)
+
+
+def test_records_shade_the_zones_of_impacts(rig, drawn):
+    axes = panels(drawn["records"])
+    assert list(axes) == [
+        READ, "Accelerations", "Position", "Place in a clearance", "Axial force, tension positive",
+        "Contact forces",
+    ]  # fmt: skip
+    for panel in axes.values():
+        names = [text.get_text() for text in panel.get_legend().get_texts()]
+        assert names[-1] == "impact zones (3)"
+        assert isinstance(panel.patches[0], matplotlib.patches.Rectangle)
+        begins = [patch.get_x() for patch in panel.patches]
+        assert begins == pytest.approx([zone[0] for zone in impact_zones(rig)], abs=1e-3)
+    # thinned instants keep the peaks of impacts
+    (read,) = values(rig, "rod_mid_acceleration_y")
+    assert np.abs(lines(axes[READ])["rod_mid_acceleration_y"].get_ydata()).max() == np.abs(read).max()
+
+
+def test_spectra_of_all_accelerations_know_a_loose_mechanisms_frequencies(drawn):
+    axes = panels(drawn["spectra"])
+    assert list(axes)[:4] == ["rod_mid_acceleration_x", "rod_mid_acceleration_y", "piston_acceleration", "piston_knock"]
+    last = drawn["spectra"].axes[-1]
+    assert last.get_xscale() == "log" and last.get_xlabel() == "frequency [Hz]"
+    marked = [line.get_xdata()[0] for line in axes["piston_knock"].lines[1:]]
+    assert marked == pytest.approx([0.706, 3235.9, 4550.1], rel=1e-3)
