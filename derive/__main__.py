@@ -10,7 +10,7 @@ from kaneflex.derive.body import body_text
 from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
-from kaneflex.derive.emit import tables_text
+from kaneflex.derive.emit import laws_text, tables_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
 from kaneflex.mechanism.floating_frames import shape_counts
@@ -32,7 +32,7 @@ SCENES = {{
 def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = {f"{name}.py": text for name, text in element_texts().items()}
-    texts |= {"tables.py": tables_text(), "body.py": body_text(), "joints.py": joints_text()}
+    texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"] = contact_text()
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}

@@ -17,7 +17,7 @@ import sympy as sm
 
 from kaneflex.derive import emit
 from kaneflex.derive.generate import all_terms, beam_of, element_tables, operations_table, table_paths
-from kaneflex.derive.laws import law_expression
+from kaneflex.derive.laws import Switches, law_expression
 from kaneflex.derive.links import forced_points
 from kaneflex.derive.lookups import T, table
 from kaneflex.derive.mechanism import SymbolicMechanism, read_structure
@@ -81,10 +81,11 @@ def generate_coupled(
     number = mechanism.names.number
     shapes = {number["body", name]: count for name, count in counts.items()}
     topology = Topology(mechanism, {name: (*shapes.get(name, ()), 0, 0, 0)[:3] for name in mechanism.bodies})
-    programs = [courses(mechanism), magnitudes(mechanism)]
+    switches = Switches()
+    programs = [courses(mechanism), magnitudes(mechanism, switches)]
     read = {symbol for raw in programs for symbol in raw.inputs}
     parameters = {path: entry for path, entry in mechanism.parameters.items() if entry[0] in read}
-    kernels = [(_kernel(raw, mechanism, parameters), raw) for raw in programs]
+    kernels = [(_kernel(raw, mechanism, parameters, switches), raw) for raw in programs]
     progress("module text")
     counted = emit.operations(kernels)
     beam = beam_of(description) if counts else ""
@@ -96,7 +97,7 @@ def generate_coupled(
         about=_about(structure),
         imports="\n".join(["import math\n", "from numba import njit\n", *imports]),
         constants=f'FORMAT = {FORMAT}\nSTRUCTURE = "{structure}"',
-        tables="\n".join(_tables(topology, parameters, beam, counted)),
+        tables="\n".join(_tables(topology, parameters, beam, counted, mechanism.names.told(switches.of))),
         kernels="\n\n".join([
             *emit.print_kernels((kernel for kernel, _ in kernels), mechanism.names),
             *_dispatchers(topology.kinds),
@@ -112,28 +113,54 @@ def courses(mechanism: SymbolicMechanism) -> Program:
     return _program("courses", mechanism, [], steps, [v for d in found for v in (d.angle, d.speed, d.acceleration)])
 
 
-def magnitudes(mechanism: SymbolicMechanism) -> Program:
-    """Size of every load, by the time and the drives' coordinates and speeds."""
-    states = {name: _state(name) for name in mechanism.drives}
-    inputs = [symbol for state in states.values() for symbol in state]
+def magnitudes(mechanism: SymbolicMechanism, switches: Switches) -> Program:
+    """Size of every load, by the time and the joints' coordinates and speeds; then what switches them, with its rates.
+
+    A law whose value or slope jumps stays on the side of each of its ``switches`` that it is told.
+    """
+    states = {name: _state(name) for name in (*mechanism.drives, *mechanism.observed)}
     steps = Steps(symbol for symbol, _ in mechanism.parameters.values())
-    return _program(
-        "magnitudes", mechanism, inputs, steps, [_size(mechanism, load, states) for load in mechanism.loads.values()]
-    )
+    values = [_size(mechanism, load, states, switches) for load in mechanism.loads.values()]
+    for argument in switches.sides:
+        values += [argument, _rate(argument, states)]
+    return _program("magnitudes", mechanism, _inputs(mechanism, switches), steps, values)
 
 
-def _state(drive: str) -> tuple[sm.Symbol, sm.Symbol]:
-    return sm.Symbol(f"{drive}_coordinate"), sm.Symbol(f"{drive}_rate")
+def _inputs(mechanism: SymbolicMechanism, switches: Switches) -> list[sm.Symbol]:
+    """What x has: coordinates and speeds, then accelerations, then sides, in the order of their numbers."""
+    names = (*mechanism.drives, *mechanism.observed)
+    states = [symbol for name in names for symbol in _state(name)]
+    return [*states, *(_acceleration(name) for name in names), *switches.sides.values()]
 
 
-def _size(mechanism: SymbolicMechanism, load: Load, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]]) -> sm.Expr:
+def _state(joint: str) -> tuple[sm.Symbol, sm.Symbol]:
+    return sm.Symbol(f"{joint}_coordinate"), sm.Symbol(f"{joint}_rate")
+
+
+def _acceleration(joint: str) -> sm.Symbol:
+    return sm.Symbol(f"{joint}_acceleration")
+
+
+def _rate(argument: sm.Expr, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]]) -> sm.Expr:
+    """d/dt of what depends on t, coordinates and speeds."""
+    found = argument.diff(T)
+    for name, (coordinate, speed) in states.items():
+        found += argument.diff(coordinate) * speed + argument.diff(speed) * _acceleration(name)
+    return found
+
+
+def _size(
+    mechanism: SymbolicMechanism, load: Load, states: Mapping[str, tuple[sm.Symbol, sm.Symbol]], switches: Switches
+) -> sm.Expr:
     path = f"loads.{load.name}"
     if load.kind == "constant":
         return mechanism.symbol(f"{path}.value")
     if load.kind == "table":
         x = states[load.against][0] if load.against in states else T
         return table(x - mechanism.symbol(f"{path}.offset"), mechanism.symbol(f"{path}.table"))
-    return law_expression(load.law, law_names(mechanism, states), mechanism.names.text(f"{path}.law"))
+    switches.load = load.name
+    names, key = law_names(mechanism, states), mechanism.names.text(f"{path}.law")
+    return law_expression(load.law, names, key, switches.functions)
 
 
 def _program(
@@ -151,15 +178,23 @@ def _program(
 _DOCS = {
     "courses": "Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each.",
     "magnitudes": "Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES.",
+    "switched": """Size of every load at t [s], then of SWITCHES what changes them where it passes zero, with its rate.
+
+    x: coordinate and speed of every drive, then joint, in the order of DRIVES and OBSERVED; their accelerations; which
+    side of zero the loads count as of each of SWITCHES: 1 above, -1 below, 0 where it stays at zero.""",
 }
 _ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
 
 
-def _kernel(raw: Program, mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]]) -> emit.Kernel:
-    states = (symbol for name in mechanism.drives for symbol in _state(name))
-    reads = [(symbol, f"x[i + {k}]") for k, symbol in enumerate(states)] if raw.name == "magnitudes" else []
+def _kernel(
+    raw: Program, mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]], switches: Switches
+) -> emit.Kernel:
+    states = _inputs(mechanism, switches) if raw.name == "magnitudes" else []
+    reads = [(symbol, f"x[i + {k}]") for k, symbol in enumerate(states)]
     reads += [(symbol, f"p[{k}]") for k, (symbol, _) in enumerate(parameters.values())]
-    return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), _DOCS[raw.name], zeros=True)
+    told = raw.name == "magnitudes" and (mechanism.observed or switches.sides)
+    doc = _DOCS["switched" if told else raw.name]
+    return emit.Kernel(share(raw), _ARGUMENTS[raw.name], tuple(reads), doc, zeros=True)
 
 
 def _import_element(beam: str) -> str:
@@ -205,7 +240,9 @@ def _about(structure: str) -> str:
     return "\n".join(lines)
 
 
-def _tables(topology: Topology, parameters, beam: str, counted: Mapping[str, tuple[int, int]]) -> list[str]:
+def _tables(
+    topology: Topology, parameters, beam: str, counted: Mapping[str, tuple[int, int]], switched: Collection[str]
+) -> list[str]:
     mechanism, told = topology.mechanism, topology.mechanism.names.told
     drives = {name: drive.kind for name, drive in mechanism.drives.items()}
     joints = {
@@ -219,7 +256,9 @@ def _tables(topology: Topology, parameters, beam: str, counted: Mapping[str, tup
         emit.literal("JOINTS", told(joints), "kind, first and second point, kind of the drive"),
         _row("TABLES", told(table_paths(mechanism)), "what has a table in p, which begins where <path>.table says"),
         _row("DRIVES", told(drives), "kinds; all but the free ones are in courses"),
+        *([_row("OBSERVED", told(mechanism.observed), "joints that laws know beside them")] * bool(mechanism.observed)),
         _row("LOADS", told(list(mechanism.loads)), "in the order of magnitudes"),
+        *([_row("SWITCHES", switched, "loads that change where magnitudes' next pass zero")] * bool(switched)),
         _row("SPRINGS", told(list(mechanism.springs)), "between points and at joints"),
         _row("SCALARS", told(topology.jumps), "of the links beside LINK_SCALARS: name, unit, meaning"),
         *([] if beam else element_tables(())),

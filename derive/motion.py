@@ -7,6 +7,7 @@ block by block. What comes out are the motion's scalars: those of every elastic 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -249,18 +250,29 @@ def _loads(mechanism: SymbolicMechanism, drives: dict[str, Drive], steps: Steps)
             value = table(x - mechanism.symbol(f"loads.{name}.offset"), mechanism.symbol(f"loads.{name}.table"))
         else:
             names = law_names(mechanism, {d: (drive.angle, drive.speed) for d, drive in drives.items()})
+            check_known(load.law, mechanism, mechanism.names.text(f"loads.{name}.law"))
             value = law_expression(load.law, names, mechanism.names.text(f"loads.{name}.law"))
         magnitude[name] = steps.assign(sm.Symbol(name), value)
     return magnitude
 
 
 def law_names(mechanism: SymbolicMechanism, courses: Mapping[str, tuple[sm.Expr, sm.Expr]]) -> dict[str, sm.Expr]:
-    """What a load's law may use: t, and every drive's coordinate and speed by the scene's name of its joint."""
+    """What a law of a load may use: t, and coordinates and speeds of joints by the names of the scene."""
     names = {"t": T}
     for number, (coordinate, speed) in courses.items():
         drive = mechanism.names.of[number]
         names |= {drive: coordinate, f"{drive}_speed": speed}
     return names
+
+
+def check_known(law: str, mechanism: SymbolicMechanism, key: str) -> None:
+    """Raise SceneError for a law in a coordinate that no drive prescribes: the rigid motion is not solved for it."""
+    from kaneflex.support.errors import SceneError
+
+    for joint in map(mechanism.names.of.__getitem__, mechanism.observed):
+        if re.search(rf"\b{joint}(_speed)?\b", law):
+            reason = f"it knows {joint}, and only preset coupled knows coordinates of joints without a drive"
+            raise SceneError(key, law, reason, "Take preset coupled, or give the joint a drive")
 
 
 class Rates:

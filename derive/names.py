@@ -117,6 +117,8 @@ def numbered(structure: Mapping[str, Any]) -> tuple[dict[str, Any], Names]:
         for table, entries in structure.items()
         if table in _KINDS or table in _NUMBERED_AS
     }
+    if "observed" in structure:
+        tables["observed"] = [number["joints"][name] for name in structure["observed"]]
     tables["points"] = {address(text): given for text, given in structure["points"].items()}
     names = {code: name for table in number.values() for name, code in table.items()}
     names |= {code: text.partition(".")[2] for text, code in points.items()}

@@ -159,7 +159,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 
 def test_every_complete_scene_runs(solved):
-    assert set(solved) == {"cantilever", "arm", "frame", "shaft", "knock", "slow-engine"}
+    assert set(solved) == {"cantilever", "arm", "frame", "shaft", "band-brake", "belt", "knock", "slow-engine"}
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
         assert all(np.isfinite(series.values).all() for series in solution.series.values()), name
@@ -191,6 +191,18 @@ def test_the_pin_knocks_and_an_elastic_rod_lowers_its_peaks(solved):
     assert len(knocking.impacts) > 20 and 1.5 < peaks[1] / peaks[0] < 4
     assert knocking.series["room"].values.max() <= 0.2e-3 * (1 + 1e-9)
     assert knocking.trajectory.energy.drift < 1e-6 and rigid.trajectory.energy.drift < 1e-6
+
+
+def test_the_brake_stops_its_drum_and_the_belt_drives_its_mill(solved):
+    """J w/T after the brake closes; a belt that is stiff beside the rest has both pulleys turn as one."""
+    times, speed = solved["band-brake"].times, solved["band-brake"].series["speed"].values
+    stops = 0.2 + 0.4 * 10 * np.pi / (0.15 * 40 * (np.exp(0.3 * 3.5) - 1))
+    assert speed == pytest.approx(10 * np.pi * np.clip((stops - times) / (stops - 0.2), 0, 1), abs=1e-10)
+    times, speed = solved["belt"].times, solved["belt"].series["speed"].values
+    drag = 0.1 + 6 / 150 * 2.4**2
+    assert speed[200:] == pytest.approx(
+        6 * 2.4 / drag * (1 - np.exp(-times[200:] * drag / (0.2 + 0.01 * 2.4**2))), rel=1e-2
+    )
 
 
 def test_the_slow_engine_has_no_gas_and_eight_elements(solved):

@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 import sympy as sm
+from scipy.interpolate import BPoly
 
 from kaneflex.derive.laws import law_expression
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.scene.laws import FUNCTIONS, parse_law
+from kaneflex.scene.laws import ON_ARRAYS, parse_law
 from kaneflex.support.errors import Fault, SceneError
 
 NAMES = ("t", "main", "main_speed")
+smoothstep = BPoly.from_derivatives([0.0, 1.0], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])  # 0 before, 1 after
 BEYOND = "beyond 1e+60, where products of a few numbers are not finite"
-NUMERIC = {name: {"abs": np.abs}.get(name) or getattr(np, name) for name in FUNCTIONS}
 
 
 @pytest.mark.parametrize(("text", "function"), [
@@ -34,13 +35,18 @@ NUMERIC = {name: {"abs": np.abs}.get(name) or getattr(np, name) for name in FUNC
     ("(-8)**(6/2)*t", lambda t: -512 * t),
     ("tan(pi/4)/(2 - 1)*t", lambda t: t),
     ("exp(-5000) + 0**0*t", lambda t: t),
+    ("sign(t - 0.4) + sign(-2) + sign(0*t)", lambda t: np.sign(t - 0.4) - 1),
+    ("min(t, 0.5) + max(2, 1)*max(main, 1)", lambda t: np.where(t < 0.5, t, 0.5) + 2 * np.where(3 * t > 1, 3 * t, 1)),
+    ("atan2(t - 0.5, -1) + 0*atan2(0*t, 0*t)", lambda t: np.arctan2(t - 0.5, -1)),
+    ("step(t - 0.55) + step(0*t)", lambda t: np.where(t > 0.55, 1.5, 0.5)),
+    ("step(t, 0.2, 3, 0.6, 7)", lambda t: 3 + 4 * smoothstep(np.clip((t - 0.2) / 0.4, 0, 1))),
     ("t/(0.3 - 0.2999)", lambda t: 1e4 * t),
     ("sqrt(1 - 0.5**2)*t", lambda t: math.sqrt(0.75) * t),
 ])  # fmt: skip
 def test_a_law_is_the_function_that_was_written(text, function):
     t = np.linspace(0.1, 1.0, 7)
     values = {"t": t, "main": 3 * t, "main_speed": 3.0, "pi": math.pi}
-    assert parse_law(text, NAMES).to(NUMERIC, values, float) == pytest.approx(function(t), rel=1e-12)
+    assert parse_law(text, NAMES).to(ON_ARRAYS, values, float) == pytest.approx(function(t), rel=1e-12)
 
 
 def test_equal_laws_have_one_text():
@@ -52,7 +58,13 @@ def test_equal_laws_have_one_text():
     ("open('x')", "a law cannot call 'open'"),
     ("eval('1')", "a law cannot call 'eval'"),
     ("t.__class__()", "a law cannot call 't.__class__'"),
-    ("max(t)", "a law cannot call 'max'"),
+    ("max(t)", "max takes two arguments"),
+    ("step(t, 0, 1)", "step takes one argument, or five"),
+    ("step(t, 2, 0, 1 + 1, 5)", "step(t, 2, 0, 1 + 1, 5) begins where it ends"),
+    ("floor(t)", "a law cannot call 'floor'"),
+    ("1/sign(0.1 + 0.2 - 0.3)", "1 / sign(0.1 + 0.2 - 0.3) divides by zero"),  # which side it is can't be told
+    ("1/atan2(0, 1)", "1 / atan2(0, 1) divides by zero"),
+    ("1/(step(-1) + min(0, 3))", "1 / (step(-1) + min(0, 3)) divides by zero"),
     ("sin(t, 2)", "sin takes one argument"),
     ("sin(x=t)", "sin takes one argument"),
     ("sin", "unknown name 'sin'"),
@@ -149,11 +161,14 @@ def test_a_law_may_pass_beyond_what_its_parts_can_hold():
     assert law.on_arrays({"t": np.array([0.0, 0.5, 1.0])}) == pytest.approx([0.0, 0.5, 1.0], abs=1e-15)
 
 
-@pytest.mark.parametrize("law", ["abs(t)", "t + abs(sin(2*pi*t) + pi)/2"])
+@pytest.mark.parametrize("law", [
+    "abs(t)", "t + abs(sin(2*pi*t) + pi)/2", "sign(t)", "step(t - 0.1)", "max(t, 0.1)", "min(t, 0.1)", "atan2(t, -1)",
+])  # fmt: skip
 def test_a_drive_whose_speed_would_jump_is_refused(law):
     with pytest.raises(SceneError, match=r"^drives\.elbow\.law = .*has kinks, where the speed would jump"):
         with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={law}"])
-    assert with_settings(read_scene("two-link-arm"), ["drives.elbow.law=abs(-3)*cos(2*pi*t)"]).drives["elbow"].law
+    good = "abs(-3)*cos(2*pi*t) + step(t, 0, 0, 0.5, 1) + max(1, 2)*t"
+    assert with_settings(read_scene("two-link-arm"), [f"drives.elbow.law={good}"]).drives["elbow"].law
 
 
 @pytest.mark.parametrize("law", ["1/(t - t)", "(1e50*t)**9"])

@@ -65,7 +65,9 @@ def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:
     masses, drives, loads = each("masses", reader.mass), each("drives", reader.drive), each("loads", reader.load)
     acting = each("springs", reader.spring), each("contacts", reader.contact)
     gravity = tuple(numbers(f"gravity.{'xy'[k]}", "m/s^2", structure["gravity"][k]) for k in range(2))
-    return Mechanism(bodies, joints, masses, drives, loads, *acting, gravity, structure["frame"], structure["viscous"])
+    kinds = structure["frame"], structure["viscous"]
+    observed = tuple(structure.get("observed", ()))
+    return Mechanism(bodies, joints, masses, drives, loads, *acting, observed, gravity, *kinds)
 
 
 class _Reader:

@@ -218,6 +218,8 @@ class Mechanism:
 
     Attributes
     ----------
+    observed : tuple of str
+        Joints without a drive whose coordinates or speeds the laws of loads know.
     gravity : tuple
         Acceleration [m/s^2], global.
     frame : bool
@@ -233,6 +235,7 @@ class Mechanism:
     loads: Mapping[str, Load]
     springs: Mapping[str, Spring]
     contacts: Mapping[str, Contact]
+    observed: tuple[str, ...]
     gravity: Vector
     frame: bool
     viscous: bool

@@ -13,15 +13,15 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.contacts import (
-    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, at, change, no_force, pushed_on, tolerance,
+    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, at, change, near, no_force, pushed_on, switches,
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, take
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FOUND_AT, GAP, GAP_RATE, HIGH, LAW, LOW, NODES,
-    NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, SEC, SECTION, STAGE_A, TARGET, TOUCH, TRIAL, Y, apart, larger,
-    of_contacts, smaller,
+    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FOUND_AT, GAP, GAP_RATE, HIGH, LARGEST, LAW, LOW,
+    NODES, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, SEC, SECTION, STAGE_A, SWITCH, TARGET, TOUCH, TRIAL, WHAT, Y,
+    apart, larger, of_contacts, smaller,
 )  # fmt: skip
-from kaneflex.multibody.tree import meet
+from kaneflex.multibody.tree import load_sizes, meet
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
 """What is found in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end doesn't
@@ -43,7 +43,9 @@ def note(m, i):
         k, act = at(m, c), plan[CONTACTS] + c
         j = k + NODES + 4 * i
         w[j], w[j + 1], w[j + 2], w[j + 3] = w[k + GAP], w[k + GAP_RATE], w[k + PUSH_NOW], 1.0
-        if w[k + BEGUN_AT] != 0.0:
+        if switches(m, c):
+            w[k + LARGEST] = larger(w[k + LARGEST], abs(w[k + GAP]))
+        elif w[k + BEGUN_AT] != 0.0:
             # Where the depth is zero so is a force, but for its sign.
             gap = smaller(w[k + GAP], -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION])
             begun_at = abs(w[k + BEGUN_AT])
@@ -58,7 +60,7 @@ def back(m, here):
     apart()
     take(m, here)
     closes = follow(m, here[0])
-    begin(m)
+    begin(m, here[0])
     return closes
 
 
@@ -71,17 +73,26 @@ def go_on(m, table, h, here, A, wanted, found):
         pushed_on(m, table, h)
     if found != PASSED:
         wanted = change(m, here, A, wanted)
-    begin(m)
+    begin(m, here[0])
     return wanted
 
 
 @njit(**OPTIONS)
-def begin(m):
+def begin(m, t):
     """Note where a step begins: where everything is."""
     apart()
-    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
-        meet(m, act)
+    meet_all(m, t)
     note(m, 0)
+
+
+@njit(**OPTIONS)
+def meet_all(m, t):
+    """Fill in all contacts where everything is, and what switches laws."""
+    last = m.plan[ACTS] - 1
+    if m.acts[last, WHAT] == SWITCH:
+        load_sizes(m, t)
+    for act in range(m.plan[CONTACTS], last + 1):
+        meet(m, act)
 
 
 @njit(**OPTIONS)
@@ -172,7 +183,7 @@ def _first_change(m, table, t, h, here, c, last):
         x_a, x_b = _shares(table, i, last)
         wide, a, b = x_b - x_a, j + 4 * i, j + 4 * (i + 1)
         p_0, m_0, p_1, m_1 = w[a], w[a + 1] * h, w[b], w[b + 1] * h
-        if begun_at == 0.0:
+        if begun_at == 0.0 or switches(m, c):
             if p_1 <= 0.0 and (m_1 < 0.0 or p_0 > 0.0 or m_0 < 0.0):
                 return x_a + wide * _falls(p_0, m_0 * wide, p_1, m_1 * wide), CLOSES
             if p_1 > 0.0:
@@ -203,7 +214,7 @@ def _due(m, t, c, how, last):
     w = m.w
     j = at(m, c) + NODES + 4 * last
     if how == CLOSES or how == OPENS:
-        return abs(w[j]) <= tolerance(m, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
+        return abs(w[j]) <= near(m, c, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
     return abs(w[j + 3]) <= no_force(m, c)
 
 
@@ -252,8 +263,7 @@ def between(m, table, t, h, here, x):
         w[plan[Y] + k], w[plan[RATE] + k], w[plan[ACCEL] + k] = here[1 + k] + h * y, v_0 + h * v, a
     if not follow(m, t + x * h):
         return False
-    for act in range(plan[CONTACTS], plan[ACTS]):
-        meet(m, act)
+    meet_all(m, t + x * h)
     return True
 
 
@@ -266,7 +276,7 @@ def _dips(m, table, t, h, here, c, i, last):
     j = k + NODES + 4 * i
     p_0, m_0, p_1, m_1 = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h
     begin_x, g_0, r_0 = x_a, p_0, m_0
-    tiny = tolerance(m, 0.0, 0.0)
+    tiny = near(m, c, 0.0, 0.0)
     for _ in range(20):
         wide = x_b - x_a
         s = _lowest(p_0, m_0 * wide, p_1, m_1 * wide)

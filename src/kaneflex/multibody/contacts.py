@@ -21,13 +21,14 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.multibody.loops import bent, factorise_closed, give, gradient, mend, middle, solve_closed, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES,
-    COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT, LAST_CHANGE, LAW,
-    LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_X, NORMAL_Y, NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y,
-    PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SPEEDS, STIFF, STUCK,
-    TOUCH, TOUCHING, VISCOUS, WORKS, YIELDING, apart, larger, of_contacts, shifted, smaller,
+    ABOVE, ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BELOW, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE,
+    COORDINATES, COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT,
+    LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_X, NORMAL_Y, NUMBERS_AT, OPTIONS, PEAK,
+    PIVOTS, PLACE_X, PLACE_Y, PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROOM, ROW_AT, ROW_SIZE, SEC,
+    SECTION, SHARED, SINCE, SIZE, SPEEDS, SPRINGS, STAYS, STIFF, STUCK, SWITCH, TOUCH, TOUCHING, VISCOUS, WHAT, WORKS,
+    YIELDING, apart, larger, of_contacts, shifted, smaller,
 )  # fmt: skip
-from kaneflex.multibody.tree import deform, meet, move
+from kaneflex.multibody.tree import deform, load_sizes, meet, move
 
 CLOSES, LETS_GO, PUSHES, OPENS, HARDENS = range(1, 6)
 """How a contact changes."""
@@ -37,6 +38,8 @@ EPS = 2.3e-16
 """Of numbers."""
 _LEAST = 1e-12
 """In sizes of the mechanism, the depth of the slowest impact that has a law."""
+_AT_REST = 1e-8
+"""Share of the rates on either side of zero up to which a switch that stays there isn't moved."""
 _FIRST_STEP = 0.03
 """Of the time in which an impact would come to its depth at its approach speed."""
 _MOST_AT_ONCE = 1000
@@ -53,6 +56,20 @@ def at(m, c):
 def tolerance(m, t, rate):
     """How far from zero a gap counts as zero [m]."""
     return _ROUNDING * m.w[m.plan[TOUCH] + EXTENT] + 4.0 * EPS * abs(t * rate)
+
+
+@njit(**OPTIONS)
+def switches(m, c):
+    """Whether it is no contact, but switches laws."""
+    return m.acts[m.plan[CONTACTS] + c, WHAT] == SWITCH
+
+
+@njit(**OPTIONS)
+def near(m, c, t, rate):
+    """How far from zero the gap of a contact counts as zero, or what switches laws."""
+    if switches(m, c):
+        return _ROUNDING * m.w[at(m, c) + LARGEST] + 4.0 * EPS * abs(t * rate)
+    return tolerance(m, t, rate)
 
 
 @njit(**OPTIONS)
@@ -183,7 +200,7 @@ def pushed_on(m, table, h):
     plan, w, x = m.plan, m.w, table.nodes
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k = at(m, c)
-        if w[k + BEGUN_AT] == 0.0:
+        if w[k + BEGUN_AT] == 0.0 or switches(m, c):
             continue
         j = k + NODES + 4
         f_0, f_1, f_2 = w[j + 2], w[j + 6], w[j + 10]
@@ -208,6 +225,25 @@ def full(m):
 
 
 @njit(**OPTIONS)
+def also_due(m, t):
+    """Mark what changes where everything is beside what is due; how many contacts close, whether all were open."""
+    apart()
+    plan, w, closing, still = m.plan, m.w, 0, True
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        k = meet(m, plan[CONTACTS] + c)
+        how, gap, rate, switch = w[k + DUE], w[k + GAP], w[k + GAP_RATE], switches(m, c)
+        is_open, zero = switch or w[k + BEGUN_AT] == 0.0, near(m, c, t, rate)
+        still = still and is_open
+        if how == 0.0 and is_open and gap <= zero and rate < 0.0:
+            how = CLOSES
+        elif how == 0.0 and not is_open and gap >= -zero and rate > 0.0:
+            how = OPENS
+        w[k + DUE] = how
+        closing += how == CLOSES and not switch
+    return closing, still
+
+
+@njit(**OPTIONS)
 def change(m, here, A, wanted):
     """Have contacts change where everything is, with all others that are as far; the next step [s].
 
@@ -220,19 +256,7 @@ def change(m, here, A, wanted):
     if w[shared + STUCK] > _MOST_AT_ONCE:
         return 0.0
     count = plan[ACTS] - plan[CONTACTS]
-    closing = 0
-    still = True
-    for c in range(count):
-        k = meet(m, plan[CONTACTS] + c)
-        how, begun_at, gap, rate = w[k + DUE], w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
-        still = still and begun_at == 0.0
-        near = tolerance(m, t, rate)
-        if how == 0.0 and begun_at == 0.0 and gap <= near and rate < 0.0:
-            how = CLOSES
-        elif how == 0.0 and begun_at != 0.0 and gap >= -near and rate > 0.0:
-            how = OPENS
-        w[k + DUE] = how
-        closing += how == CLOSES
+    closing, still = also_due(m, t)
     if still:
         w[shared + FLIGHT] = wanted
     if closing:
@@ -242,9 +266,12 @@ def change(m, here, A, wanted):
             bent(m)
         if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
             return -1.0
-    still = True
+    still, sides = True, 0
     for c in range(count):
         k = at(m, c)
+        if switches(m, c):
+            sides += w[k + DUE] != 0.0
+            continue
         how, lost = w[k + DUE], here[works_at(m) + plan[WORKS] - count + c]
         if how == CLOSES:
             wanted = smaller(wanted, _FIRST_STEP * _close(m, c, t, A, lost))
@@ -262,10 +289,60 @@ def change(m, here, A, wanted):
         still = still and w[k + BEGUN_AT] == 0.0
     if still:
         wanted = larger(wanted, w[shared + FLIGHT])
+    if sides:
+        wanted = smaller(wanted, pass_zero(m, t, A))
+        if wanted <= 0.0:
+            return wanted
     if not mend(m, t, A, 0.0, 2):
         return -1.0
     give(m, t, here)
     return wanted
+
+
+@njit(**OPTIONS)
+def pass_zero(m, t, A):
+    """Have laws change whose switches are due; a long time [s], 0 where one would hold at zero, -1: singular.
+
+    On the other side of zero it goes on from there. Where both sides lead back, it stays at zero if nothing moves it
+    there by itself: what holds against a load is friction, and no law of it.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count = plan[ACTS] - plan[CONTACTS]
+    for c in range(count):
+        k = at(m, c)
+        if switches(m, c) and w[k + DUE] != 0.0:
+            side, w[k + PEAK] = w[k + BEGUN_AT], w[k + GAP_RATE]
+            j = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[plan[CONTACTS] + c, ROW_AT]
+            w[k + ROOM] = larger(w[k + ROOM], 2.0 * abs(w[j]) + _ROUNDING * w[k + LARGEST])
+            if side == STAYS:
+                w[k + BEGUN_AT] = ABOVE if w[j] > 0.0 or (w[j] == 0.0 and w[j + 1] > 0.0) else BELOW
+            else:
+                w[k + BEGUN_AT] = BELOW if side == ABOVE else ABOVE
+    if not mend(m, t, A, 0.0, 2):
+        return -1.0
+    back = 0
+    for c in range(count):
+        k = at(m, c)
+        if switches(m, c) and w[k + DUE] != 0.0:
+            meet(m, plan[CONTACTS] + c)
+            if w[k + GAP_RATE] < 0.0:
+                back += 1
+                w[k + PEAK] = abs(w[k + PEAK]) + abs(w[k + GAP_RATE])
+                w[k + BEGUN_AT] = STAYS
+            else:
+                w[k + DUE] = 0.0
+    if back and not mend(m, t, A, 0.0, 2):
+        return -1.0
+    for c in range(count):
+        k = at(m, c)
+        if switches(m, c) and w[k + DUE] != 0.0:
+            meet(m, plan[CONTACTS] + c)
+            w[k + DUE] = 0.0
+            if abs(w[k + GAP_RATE]) > _AT_REST * w[k + PEAK]:
+                w[plan[TOUCH] + HELD] = 1.0 + m.acts[plan[CONTACTS] + c, ROW_AT]
+                return 0.0
+    return 1e300
 
 
 @njit(**OPTIONS)
@@ -315,13 +392,16 @@ def copy_into(A, answer, w, of, count):
 def stand_closed(m, t, A):
     """Contacts of a state by itself: those whose sides overlap are closed, all others open; False at a singular state.
 
-    One that is to be closed and is not counts as begun at the speed that would bring it as deep as it is.
+    One that is to be closed and is not counts as begun at the speed that would bring it as deep as it is. Laws are on
+    the side of zero on which their arguments are, or come to be.
     """
     apart()
     plan, w, changing = m.plan, m.w, 0
+    if not take_place(m, t, A):
+        return False
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k = meet(m, plan[CONTACTS] + c)
-        w[k + DUE] = (w[k + GAP] < -tolerance(m, t, 0.0)) != (w[k + BEGUN_AT] != 0.0)
+        w[k + DUE] = not switches(m, c) and (w[k + GAP] < -tolerance(m, t, 0.0)) != (w[k + BEGUN_AT] != 0.0)
         changing += w[k + DUE] != 0.0
     if changing == 0:
         return True
@@ -335,3 +415,42 @@ def stand_closed(m, t, A):
             w[k + BEGUN_AT] = 0.0
         w[k + DUE] = 0.0
     return mend(m, t, A, 0.0, 2)
+
+
+@njit(**OPTIONS)
+def take_place(m, t, A):
+    """Have laws on the side of zero on which their switches are, or come to be; False at a singular state.
+
+    An argument may hang on others' sides, so that what was changed is looked at again.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    count, turn, changed = plan[ACTS] - plan[CONTACTS], 0, True
+    while changed and turn <= count:
+        turn, changed = turn + 1, False
+        load_sizes(m, t)
+        for c in range(count):
+            k = at(m, c)
+            if switches(m, c):
+                j = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[plan[CONTACTS] + c, ROW_AT]
+                side = STAYS
+                if abs(w[j]) > larger(near(m, c, t, w[j + 1]), w[k + ROOM]):
+                    side = ABOVE if w[j] > 0.0 else BELOW
+                changed = changed or side != w[k + BEGUN_AT]
+                w[k + BEGUN_AT] = side
+    if turn == 1:
+        return True
+    if not mend(m, t, A, 0.0, 2):
+        return False
+    moving = 0
+    for c in range(count):
+        k = at(m, c)
+        w[k + DUE] = 0.0
+        if switches(m, c) and w[k + BEGUN_AT] == STAYS:
+            meet(m, plan[CONTACTS] + c)
+            w[k + DUE] = w[k + GAP_RATE] != 0.0
+            moving += w[k + DUE] != 0.0
+    held = w[plan[TOUCH] + HELD]
+    found = pass_zero(m, t, A) if moving else 1.0
+    w[plan[TOUCH] + HELD] = held
+    return found >= 0.0

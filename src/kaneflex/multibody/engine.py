@@ -184,7 +184,7 @@ class Engine:
 
     @property
     def contacts(self) -> np.ndarray:
-        """A view of the contacts' numbers, (contacts, CONTACT_SIZE)."""
+        """A view of the contacts' numbers, and of what switches laws after them, (contacts, CONTACT_SIZE)."""
         count = self.count(at.ACTS) - self.count(at.CONTACTS)
         return self.numbers(at.CONTACT, at.CONTACT_SIZE * count).reshape(-1, at.CONTACT_SIZE)
 
@@ -299,7 +299,9 @@ def _by_address(value: Any) -> Any:
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
     """The engine of a mechanism, with its structure's module and the module's parameters; at rest, no loop closed."""
-    tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, module.KINDS, blocks, mechanism.size)
+    switches = len(getattr(module, "SWITCHES", ()))
+    sizes = module.BODIES, module.KINDS, blocks, mechanism.size, switches
+    tables, layout, (real, pair) = build_tables(mechanism, *sizes)
     kernels = tuple(getattr(module, name) for name in at.KERNEL_NAMES)
     return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))
 

@@ -61,9 +61,9 @@ class ContactRecord:
         Normal forces [N] that push the sides apart.
     lost : ndarray (n_times, n_contacts)
         Energy [J] that each has lost since the start.
-    begun : ndarray (n_times, n_contacts)
+    begun : ndarray (n_times, n_contacts + n_switches)
         0 where a contact is open, the speed of approach [m/s] of its law where it is closed, below zero where it has
-        let go.
+        let go; then of what switches laws on which side of zero it is.
     impacts : tuple of Impact
         In the order of their ends; those that last come last.
     """
@@ -92,8 +92,8 @@ def over(names: tuple[str, ...], taken: np.ndarray) -> tuple[Impact, ...]:
 
 def lasting(names: tuple[str, ...], engine: Engine, here: np.ndarray) -> tuple[Impact, ...]:
     """The impacts that go on where a run stands: at a row of it, whose motion the engine has."""
-    found, works = [], here[len(here) - len(names) :]
-    for name, work, numbers in zip(names, works, engine.contacts, strict=True):
+    found, works = [], here[len(here) - len(engine.contacts) :]
+    for name, work, numbers in zip(names, works, engine.contacts, strict=False):
         if numbers[at.BEGUN_AT]:
             lost = float(work - numbers[at.LOST_BEFORE] - numbers[at.ELASTIC])
             parts = numbers[[at.APPROACH, at.IMPULSE, at.PEAK]].tolist()

@@ -152,13 +152,9 @@ class RigidTwin:
         return found
 
     def _loads(self, times: np.ndarray, drives: np.ndarray) -> np.ndarray:
-        """Sizes of all loads, (n_times, loads)."""
-        out = np.zeros((len(times), len(self.mechanism.loads)))
-        magnitudes, own = self.system.engine.kernels[at.MAGNITUDES], self.system.engine.p
-        states = np.ascontiguousarray(np.delete(drives, np.s_[2::3], axis=1))
-        for t, state, row in zip(times, states, out, strict=True):
-            magnitudes(float(t), state, 0, own, row, 0)
-        return out
+        """Sizes of all loads, (n_times, loads); joints without a drive stand at zero, as their places aren't known."""
+        unknown = np.zeros((len(times), 3 * len(self.mechanism.observed)))
+        return self.system.load_sizes(times, np.column_stack([drives, unknown]))
 
     def _placed(self, drives: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """q, v, a of the bodies where the drives are, their loops followed from where they stood last."""
@@ -263,7 +259,7 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     """The rigid mechanism of a scene, from where its bodies stand at first."""
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
-    placed = replace(mechanism, drives=drives, loads={}, springs={}, contacts={})
+    placed = replace(mechanism, drives=drives, loads={}, springs={}, contacts={}, observed=())
     kernels = {name: getattr(rigid_kernels, name) for name in ("KINDS", *at.KERNEL_NAMES)}
     module = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
     stand = np.zeros(1 + 3 * len(drives))

@@ -161,7 +161,7 @@ class _Run:
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times), len(self.here)))
         self.rows[0] = self.here
-        self.stored = system.unfold(self.here[None]).gaps[0, :, 2]
+        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2]
         self.longest = float(times[1] - times[0])
         self.step = first_step(engine.motion[2], self.scale, self.longest)
 
@@ -179,7 +179,7 @@ class _Run:
             if not scipy:  # which starts anew, and can be interrupted anywhere
                 most = max(1, min(2 * most, int((self.tried - tried) * _QUICK / seconds)))
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
-                outcome, words = _ENDED[ended]
+                outcome, words = self._held() or _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
             misfit = self._misfit()
             if misfit:
@@ -191,6 +191,17 @@ class _Run:
             if stop is not None and self.filled > before and stop(self.trajectory(filled)):
                 break
         return Outcome.COMPLETED, Outcome.COMPLETED.value
+
+    def _held(self) -> tuple[Outcome, str] | None:
+        """How it is said that a law would have to hold what changes it at zero; None where none does."""
+        held = int(self.engine.numbers(at.TOUCH, at.SHARED)[at.HELD])
+        if not held:
+            return None
+        return Outcome.CASCADE, (
+            f"after {{at}} the law of loads.{self.system.module.SWITCHES[held - 1]} jumps back and forth: on "
+            "both sides of its jump it leads back to it, as a brake that holds does. Friction of a joint holds, a law "
+            "doesn't"
+        )  # fmt: skip
 
     def _misfit(self) -> str:
         """What to say where joints that hold something twice no longer agree; nothing where they do."""
@@ -311,13 +322,14 @@ class _Run:
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
         done, count = self.rows[rows][:, -works:], found.gaps.shape[1]
-        lost = done[:, works - count :] - (found.gaps[:, :, 2] - self.stored)
+        gaps = found.gaps[:, : len(self.touching)]  # what switches laws stands behind them
+        lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, 2] - self.stored)
         happened = self.impacts
         if self.touching:
             self.system.unfold(self.here[None])
             happened += impacts.lasting(self.touching, self.engine, self.here)
-        gap, force, begun = (found.gaps[:, :, k] for k in (0, 1, 4))
-        contacts = impacts.ContactRecord(self.touching, gap, force, lost, begun, happened)
+        begun = found.gaps[:, :, 4]
+        contacts = impacts.ContactRecord(self.touching, gaps[:, :, 0], gaps[:, :, 1], lost, begun, happened)
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,
             *balance(found, done[:, 0] + lost.sum(axis=1), done[:, 1 : works - count].sum(axis=1)),
@@ -360,8 +372,8 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     contacts = trajectory.contacts
     if contacts is not None:
         lost = np.array([np.interp(times, knots, part) for part in contacts.lost.T]).reshape(-1, len(times)).T
-        gap, force, begun = (found.gaps[:, :, k] for k in (0, 1, 4))
-        contacts = replace(contacts, gap=gap, force=force, lost=lost, begun=begun)
+        gap, force = (found.gaps[:, : len(contacts.names), k] for k in (0, 1))
+        contacts = replace(contacts, gap=gap, force=force, lost=lost, begun=found.gaps[:, :, 4])
     return replace(
         trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
         power=power, contacts=contacts,

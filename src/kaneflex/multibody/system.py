@@ -138,7 +138,7 @@ class CoupledSystem:
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
-        touching, given = found[3][:, len(found[3].T) - 5 * len(self.mechanism.contacts) :], 1 + self.engine.inputs
+        touching, given = found[3][:, len(found[3].T) - 5 * len(self.engine.contacts) :], 1 + self.engine.inputs
         exerted = found[3][:, self._exerted]
         exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
         gaps = touching.reshape(len(rows), -1, 5)
@@ -165,7 +165,7 @@ class CoupledSystem:
         record; without it they are open.
         """
         columns = [self.shape_columns[k] for k in still.tolist()]
-        begun = np.zeros((len(times), len(self.mechanism.contacts))) if begun is None else begun
+        begun = np.zeros((len(times), len(self.engine.contacts))) if begun is None else begun
         return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns, begun))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray | None = None) -> Unfolded:
@@ -174,13 +174,29 @@ class CoupledSystem:
         ``begun``: see :meth:`held`; of contacts whose sides overlap. Raises ArithmeticError at a singular state.
         """
         self.compile()
-        begun = np.zeros((len(times), len(self.mechanism.contacts))) if begun is None else begun
+        begun = np.zeros((len(times), len(self.engine.contacts))) if begun is None else begun
         return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order], begun))
 
     def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
         if rows is None:
             raise ArithmeticError("the constraints of a state determine neither accelerations nor reactions")
         return self.unfold(rows)
+
+    def load_sizes(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Sizes of all loads [N, N m or N/m], (n_times, loads).
+
+        ``states`` (n_times, 3 joints) has coordinate, speed and acceleration of every joint that laws know: the
+        drives', then the others'.
+        """
+        loads, sides = len(self.mechanism.loads), len(getattr(self.module, "SWITCHES", ()))
+        none = np.zeros((len(times), sides))
+        moved = np.column_stack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3], none])
+        out = np.zeros((len(times), loads + 2 * sides))
+        for t, x, row in zip(times, np.ascontiguousarray(moved), out, strict=True):
+            for _ in range(sides + 1):  # what switches a law may hang on the sides of others
+                self.engine.kernels[at.MAGNITUDES](float(t), x, 0, self.engine.p, row, 0)
+                x[len(x) - sides :] = np.sign(row[loads::2])
+        return out[:, :loads]
 
     @cached_property
     def shape_columns(self) -> dict[int, int]:
@@ -212,8 +228,9 @@ class CoupledSystem:
 @dataclass(frozen=True, eq=False)
 class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
-    powers (dissipation, loads, drives); of every contact its gap [m], force [N], stored energy [J], loss [W] and
-    BEGUN_AT [m/s]. Dissipated power is all of it, the powers' is that without contacts."""
+    powers (dissipation, loads, drives); of every contact, and then of what switches laws, its gap [m], force [N],
+    stored energy [J], loss [W] and BEGUN_AT [m/s]. Dissipated power is all of it, the powers' is that without
+    contacts."""
 
     q: np.ndarray
     v: np.ndarray

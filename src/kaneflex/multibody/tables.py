@@ -59,6 +59,11 @@ FORCE_ALONG, FOLLOWER, TORQUE = range(3)
 """Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
 STRAIGHT, TORSIONAL = range(2)
 """Kinds of springs."""
+SWITCH = -1
+"""Kind of what stands among the contacts and touches nothing: an argument of loads' laws, which change where it passes
+zero. Its sections are the ground's, its number among its like is in ROW_AT."""
+ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
+"""BEGUN_AT of a switch: the side of zero on which the laws are, or whether it stays at zero."""
 (
     GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, PUSH_NOW, ELASTIC, LOSING,
     BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE, NODES,
@@ -67,10 +72,13 @@ STRAIGHT, TORSIONAL = range(2)
 it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its gap;
 k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
 impulse, peak force and what was lost before; how it changes at the end of this step; then a step's nodes."""
-PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, SHARED = range(11)
+PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, SHARED = range(12)
 """Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
 [m], the step [s] before they closed; a change that is looked for: steps before and after it, the one to try, its
-contact and kind; when the last one was, and how many at one instant; then every contact's gradient."""
+contact and kind; when the last one was, and how many at one instant; one more than the number of the switch that its
+load's law would hold at zero; then every contact's gradient."""
+ROOM, LARGEST = STIFF, ALLOWED
+"""Of a switch: how far from zero it may be where it stays there, and the largest distance that it had."""
 IMPACT_SIZE, MOST_IMPACTS = 8, 64
 """Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
 energy lost; after how many Python is to take them. Their count is before them."""

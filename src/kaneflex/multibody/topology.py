@@ -72,7 +72,7 @@ class _Numbers:
 
 def build_tables(
     mechanism: Mechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks,
-    measure: float,
+    measure: float, switches: int = 0,
 ) -> tuple[at.Tables, Layout, tuple[int, int]]:  # fmt: skip
     """The tables of a mechanism, nothing in motion and no loop closed yet.
 
@@ -84,6 +84,8 @@ def build_tables(
         The pairs of counts that there are.
     measure : float
         What counts as one in lengths [m].
+    switches : int
+        Where loads' laws change as something passes zero.
 
     Returns
     -------
@@ -96,14 +98,14 @@ def build_tables(
     numbers = _Numbers()
     found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
     bodies, sections, coordinates, hold, row, square, jacobian = found
-    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers)
+    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers, switches)
     plan = np.zeros(at.PLAN, np.int64)
     n, reactions = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
-    touching = len(mechanism.contacts)
+    touching = len(mechanism.contacts) + switches
     works = 1 + len(mechanism.loads) + len(prescribed) + touching
     plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
     plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
-    for what, count in _lengths(plan, mechanism, len(index), square, jacobian).items():
+    for what, count in _lengths(plan, mechanism, len(index), square, jacobian, switches).items():
         plan[what] = numbers.room(count)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
@@ -124,15 +126,18 @@ def build_tables(
     return at.Tables(plan, bodies, sections, acts, w), layout, (size, size)
 
 
-def _lengths(plan: np.ndarray, mechanism: Mechanism, sections: int, square: int, jacobian: int) -> dict[int, int]:
+def _lengths(
+    plan: np.ndarray, mechanism: Mechanism, sections: int, square: int, jacobian: int, switches: int
+) -> dict[int, int]:
     """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
-    touching, loads = len(mechanism.contacts), len(mechanism.loads)
+    touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
+    joints = len(mechanism.drives) + len(mechanism.observed)
     courses = sum(not drive.free for drive in mechanism.drives.values())
     return {
         at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
         at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * (reactions + touching),
-        at.COURSE: 3 * courses, at.X: 2 * len(mechanism.drives), at.SIZE: loads,
+        at.COURSE: 3 * courses, at.X: 3 * joints + switches, at.SIZE: loads + 2 * switches,
         at.INPUT: loads + courses,
         at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
         at.JOINTS: 3 * bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
@@ -324,9 +329,12 @@ def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
 
 def _acts(
     mechanism: Mechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
-    prescribed: Sequence[str], numbers: _Numbers,
+    prescribed: Sequence[str], numbers: _Numbers, switches: int,
 ) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
-    """Cuts, drives, loads, springs and contacts; where each kind of them begins, and the end; the cuts' joints."""
+    """Cuts, drives, loads, springs and contacts; where each kind of them begins, and the end; the cuts' joints.
+
+    Joints that laws know stand after the drives, what switches laws after the contacts.
+    """
     taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
     found: list[tuple[int, ...]] = []
     ends, names, row = [0], [], 0
@@ -346,7 +354,7 @@ def _acts(
             names.append(joint.name)
             row += ROWS[kind]
     ends.append(len(found))
-    for name in mechanism.drives:
+    for name in (*mechanism.drives, *mechanism.observed):
         joint = mechanism.joints[name]
         place = int(bodies[taken[name], at.FIRST]) if name in taken else -1
         kind = at.SLIDE if joint.slides else at.TURN
@@ -371,5 +379,6 @@ def _acts(
         what, law = contacts.KINDS.index(contact.kind), contacts.LAWS.index(contact.law)
         sections = (index[_key(side)] for side in contact.sides)
         found.append((what, *sections, law, k, numbers.put(contacts.numbers_of(contact))))
+    found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
     ends.append(len(found))
     return np.array(found, np.int64).reshape(-1, 6), ends, names

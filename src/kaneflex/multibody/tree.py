@@ -14,12 +14,13 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BEGUN_AT, BLOCK, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COURSE, COURSE_AT, COURSE_OF, COURSES,
-    CUT, CUTS, DEFORM, DEMAND, DRIVES, ELASTIC, FIRST, FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GAP, GAP_RATE, GRAVITY,
-    INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING, MAGNITUDES, MODAL, NORMAL_X,
-    NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X, PLACE_Y, POINT, PRISMATIC, PUSH_NOW,
-    PUSHED, RATE, REACTIONS, REVOLUTE, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE, SPEEDS, SPRING,
-    SPRING_SIZE, SPRINGS, SUMS, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart, kernel, shifted,
+    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSES, COURSE_AT,
+    COURSE_OF, CUT, CUTS, DEFORM, DEMAND, DRIVES, ELASTIC, FIRST, FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GAP,
+    GAP_RATE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING, MAGNITUDES, MODAL,
+    NORMAL_X, NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X, PLACE_Y, POINT, PRISMATIC,
+    PUSHED, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROOM, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIZE,
+    SPEEDS, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y, apart,
+    kernel, of_contacts, shifted,
 )  # fmt: skip
 
 
@@ -204,25 +205,61 @@ def cut_rows(m):
 
 @njit(**OPTIONS)
 def load_sizes(m, t):
-    """Coordinates of the drives with their rates, and the sizes of the loads, which may depend on them."""
+    """Coordinates of the joints that laws know with their rates, and the sizes of the loads, which depend on them."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     sec = shifted(w, plan[SECTION])
     for n in range(plan[DRIVES], plan[LOADS]):
         k, i = plan[X] + 2 * (n - plan[DRIVES]), acts[n, COURSE_AT]
+        second_rate = plan[X] + 2 * (plan[LOADS] - plan[DRIVES]) + n - plan[DRIVES]
         first, second, j, row = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT], plan[SUMS]
         if i >= 0:
-            w[k], w[k + 1] = w[plan[Y] + i], w[plan[RATE] + i]
+            w[k], w[k + 1], w[second_rate] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
             continue
         if acts[n, WHAT] == TURN:
             laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, row)
         else:
             laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, row)
-        w[k], w[k + 1] = w[row], w[row + 1]
+        w[k], w[k + 1], w[second_rate] = w[row], w[row + 1], w[row + 2]
     if plan[LOADS] < plan[SPRINGS]:
+        take_sides(m)
         kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
         for k in range(plan[SPRINGS] - plan[LOADS]):
             w[plan[SIZE] + k] += w[plan[INPUT] + k]
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def take_sides(m):
+    """Have the laws of loads on the sides of zero on which what switches them counts."""
+    apart()
+    plan, w = m.plan, m.w
+    first = plan[X] + 3 * (plan[LOADS] - plan[DRIVES])
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        if m.acts[n, WHAT] == SWITCH:
+            side = w[plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]) + BEGUN_AT]
+            w[first + m.acts[n, ROW_AT]] = 1.0 if side == ABOVE else (-1.0 if side == BELOW else 0.0)
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def meet_switch(m, n, k):
+    """Fill in a switch: as a gap that falls through zero where its loads' laws are to change.
+
+    The gap is how far it is from zero on its side; of one that stays there how much room it has left.
+    """
+    plan, w = m.plan, m.w
+    j, side = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[n, ROW_AT], w[k + BEGUN_AT]
+    value, rate = w[j], w[j + 1]
+    if rate - rate != 0.0:  # no number, as where an argument has none on one side
+        rate = 0.0
+    if side == BELOW:
+        value, rate = -value, -rate
+    elif side == STAYS:
+        rate = -rate if value > 0.0 else rate
+        value = w[k + ROOM] - abs(value)
+    w[k + GAP], w[k + GAP_RATE] = value, rate
+    w[k + NORMAL_X] = w[k + NORMAL_Y] = 0.0
 
 
 @njit(**OPTIONS)
@@ -299,8 +336,11 @@ def meet(m, n):
     """
     plan, w, sec = m.plan, m.w, m.plan[SECTION]
     k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]
-    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
     w[k + PUSH_NOW] = w[k + ELASTIC] = w[k + LOSING] = 0.0
+    if m.acts[n, WHAT] == SWITCH:
+        meet_switch(m, n, k)
+        return k
+    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
     begun_at, gap, rate = w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
     if begun_at != 0.0:
         if begun_at > 0.0:

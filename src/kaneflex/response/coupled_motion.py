@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.mechanism import springs
-from kaneflex.mechanism.body_frame import Rates, rotate
+from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
@@ -75,6 +75,29 @@ class CoupledMotion(Motion):
     def floating(self) -> FloatingScalars:
         """The floating frames as a rigid motion."""
         return FloatingScalars(self.rigid.motion, self.rigid.times, np.zeros((len(self.times), 0)), self)
+
+    @cached_property
+    def load_sizes(self) -> dict[str, np.ndarray]:
+        """Sizes of the loads where laws know joints without a drive, which the rigid motion says nothing of."""
+        mechanism = self.system.mechanism
+        if not mechanism.observed:
+            return {}
+        joints = (*mechanism.drives, *mechanism.observed)
+        states = np.column_stack([part for name in joints for part in self.coordinate(name)])
+        return dict(zip(mechanism.loads, self.system.load_sizes(self.times, states).T, strict=True))
+
+    def coordinate(self, joint: str) -> Rates:
+        """Coordinate of a joint between the deformed bodies [rad, or m along its guide], with its rates."""
+        kind, direction = self.model.scene.joints[joint].kind, self.model.scene.joints[joint].direction
+        first, second = (self.joined(address) for address in self.model.scene.joints[joint].addresses)
+        gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
+        if kind != "prismatic":
+            return gap[2], gap_rate[2], gap_accel[2]
+        angle, omega, epsilon = (part[2] for part in first)
+        t = rotate(np.cos(angle), np.sin(angle), direction)
+        gap, gap_rate, gap_accel = (part[:2] for part in (gap, gap_rate, gap_accel))
+        seen = gap, velocity(-omega, gap, gap_rate), acceleration(-omega, -epsilon, gap, gap_rate, gap_accel)
+        return tuple((t * part).sum(axis=0) for part in seen)
 
     @cached_property
     def quiet(self) -> CoupledMotion:
@@ -313,7 +336,8 @@ class FloatingScalars(RigidMotion):
         if link == "link" and key in ("a_x", "a_y"):
             felt = self.frame(body).acceleration((0.0, 0.0)) - np.array(self.coupled.model.scene.gravity)[:, None]
             return self.frame(body).to_body(felt)["xy".index(key[-1])]
-        return self.coupled.rigid[name] + self.coupled.shift.get(name, 0.0)
+        size = self.coupled.load_sizes[name] if name in self.coupled.load_sizes else self.coupled.rigid[name]
+        return size + self.coupled.shift.get(name, 0.0)
 
     def _spring(self, name: str, key: str) -> np.ndarray:
         """Torque of a torsional spring, or a component of the force on its second point."""

@@ -8,7 +8,7 @@ from kaneflex.scene.contacts import Contact, contacts_of
 from kaneflex.scene.load_check import address_problems
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene
-from kaneflex.support.errors import Problem, SceneError
+from kaneflex.support.errors import Fault, Problem, SceneError
 
 
 def clearance_problems(scene: Scene) -> Iterator[Problem]:
@@ -34,11 +34,22 @@ def _counting_on(scene: Scene) -> Iterator[tuple[str, str, str]]:
         yield f"drives.{name}", name, "nothing there can be driven"
     for name, load in scene.torques.items():
         yield f"loads.{name}.torque_at", load.torque_at, "it moves as well as turns"
+    for name in scene.loads:
+        yield from ((f"loads.{name}.law", joint, "it has no coordinate of its own") for joint in _in_law(scene, name))
     for name, spring in scene.springs.items():
         yield f"springs.{name}.torsional_at", spring.torsional_at, "it has no angle of its own"
     for name, sensor in scene.sensors.items():
         if sensor.kind == "joint_force":
             yield f"sensors.{name}.joint_force", sensor.target, "it has no reaction, but contacts with a contact_force"
+
+
+def _in_law(scene: Scene, load: str) -> tuple[str, ...]:
+    """Joints whose coordinates or speeds stand in the law of a load, if it is one."""
+    try:
+        law = scene.law(load)
+    except Fault:
+        return ()  # named where the load is checked
+    return tuple(name for name in scene.joints if law is not None and law.uses_any([name]))
 
 
 def contact_problems(scene: Scene) -> Iterator[Problem]:

@@ -24,13 +24,17 @@ def check_drive_law(scene: Scene, drive: Drive) -> None:
 
 
 def check_load_law(scene: Scene, load: Load) -> None:
-    """Raise Fault unless a load's law is one and has values wherever its drives' motion is known before the run.
+    """Raise Fault unless a load's law is one and has values wherever its joints' motion is known before the run.
 
     A law of a free joint's motion is tried where the joint starts; what depends on the speed of a spin-up, a law or a
     table is sampled with the derived motion (`kaneflex.solve.loading.check_finite`).
     """
     law = parse_law(load.law, scene.law_names())
-    free = any(law.uses(name) or law.uses(f"{name}_speed") for name, drive in scene.drives.items() if drive.free)
+    for name in scene.joints:
+        if f"{name}_speed" in scene.joints and law.uses(f"{name}_speed"):
+            reason = f"{name}_speed is a joint, and the speed of joint {name}"
+            raise Fault(reason, "Give the joint another name")
+    free = law.uses_any([name for name, drive in scene.drives.items() if drive.free])
     if scene.horizon is None and not free:
         return
     times = np.zeros(1) if free else sample_times(scene.horizon)

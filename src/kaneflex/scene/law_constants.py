@@ -53,11 +53,14 @@ def _value(node: ast.expr) -> _Number | None:
             if a is None or b is None:
                 return None
             found = _binary(node, a, b)
-        case ast.Call(func=func, args=[argument]):
-            x = _value(argument)
-            if x is None:
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            values = [_value(argument) for argument in arguments]
+            if name == "step" and len(values) > 1:
+                _check_course(node, values[1], values[3])
+            known = [value for value in values if value is not None]
+            if len(known) < len(values):
                 return None
-            found = _call(node, func.id, x)
+            found = _call(node, name, *known)
     if not abs(found.value) <= LARGEST:
         raise Fault(f"{_short(node)} is beyond {LARGEST:g}, where products of a few numbers are not finite", _CURE)
     return found
@@ -110,9 +113,17 @@ def _power(node: ast.BinOp, a: _Number, b: _Number) -> _Number:
     return _Number(value, abs(value) * min(relative + _UNIT, 1.0))
 
 
-def _call(node: ast.Call, name: str, x: _Number) -> _Number:
+def _check_course(node: ast.Call, begin: _Number | None, end: _Number | None) -> None:
+    """A smooth step leads from one place to another, which two constants are or not."""
+    if begin is not None and end is not None and abs(end.value - begin.value) <= end.error + begin.error:
+        raise Fault(f"{ast.unparse(node)} begins where it ends", "Write step(x) for a sharp step, where x passes zero")
+
+
+def _call(node: ast.Call, name: str, x: _Number, *more: _Number) -> _Number:
     """A function's value; its error is that of its argument times its slope."""
     v, e = x
+    if name in ("sign", "step", "min", "max", "atan2"):
+        return _switched(name, x, *more)
     if name in ("log", "sqrt") and v < 0 and not x.is_zero:
         raise Fault(f"{ast.unparse(node)} is not real", _CURE)
     if (name == "log" and x.is_zero) or (name == "tan" and abs(math.cos(v)) <= e):
@@ -135,6 +146,29 @@ def _call(node: ast.Call, name: str, x: _Number) -> _Number:
         case _:  # sin, cos, tanh: slopes up to one
             value, error = getattr(math, name)(v), e
     return _Number(value, error + _UNIT * abs(value))
+
+
+def _switched(name: str, x: _Number, *more: _Number) -> _Number:
+    """A value that jumps, or is one of two: where it can't be told which, the error is as large as the jump."""
+    v, e = x
+    if name == "sign" or not more:
+        side = 0.0 if x.is_zero else math.copysign(1.0, v)
+        found, error = side, float(x.is_zero and e > 0.0)
+        return _Number(found, error) if name == "sign" else _Number(0.5 + 0.5 * found, 0.5 * error)
+    if name == "atan2":
+        across = more[0]
+        size = math.hypot(v, across.value)
+        cut = across.value < 0.0 and 0.0 < e and x.is_zero
+        error = math.tau if cut or size <= e + across.error else (e + across.error) / size
+        return _Number(math.atan2(v, across.value), error if e + across.error > 0.0 else 0.0)
+    if len(more) > 1:
+        x_0, h_0, x_1, h_1 = more
+        s = min(max((v - x_0.value) / (x_1.value - x_0.value), 0.0), 1.0)
+        value = h_0.value + (h_1.value - h_0.value) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        slope = 2.0 * abs((h_1.value - h_0.value) / (x_1.value - x_0.value))  # 15/8 at most
+        return _Number(value, h_0.error + h_1.error + slope * (e + x_0.error + x_1.error) + _UNIT * abs(value))
+    pick = min if name == "min" else max
+    return _Number(pick(v, more[0].value), max(e, more[0].error))
 
 
 _LARGEST_EXPONENT = 700.0

@@ -18,7 +18,14 @@ import numpy as np
 from kaneflex.scene.law_constants import check_constants
 from kaneflex.support.errors import Fault, nearest
 
-FUNCTIONS = ("abs", "cos", "exp", "log", "sin", "sqrt", "tan", "tanh")
+FUNCTIONS: dict[str, tuple[int, ...]] = {
+    "abs": (1,), "atan2": (2,), "cos": (1,), "exp": (1,), "log": (1,), "max": (2,), "min": (2,), "sign": (1,),
+    "sin": (1,), "sqrt": (1,), "step": (1, 5), "tan": (1,), "tanh": (1,),
+}  # fmt: skip
+"""What a law can call -> how many arguments that takes."""
+_KINKED = {"abs": 1, "max": 2, "min": 2}
+_JUMPING = {"atan2": 2, "sign": 1, "step": 1}
+"""Functions whose slopes, and whose values, jump -> with how many arguments they do."""
 
 _BINARY = {
     ast.Add: operator.add,
@@ -35,6 +42,10 @@ _DEEPEST = 100
 """Operations within each other, each term of a sum or a product within the next, so that no walk runs out of stack."""
 _MOST_NESTED = 24
 """Functions and powers within each other: a drive's law is differentiated twice, and each brings a factor."""
+_COUNTS = {(1,): "one argument", (2,): "two arguments", (1, 5): "one argument, or five"}
+_EXAMPLES = {name: f"{name}(t)" for name in FUNCTIONS} | {
+    "atan2": "atan2(y, x)", "max": "max(0, t)", "min": "min(1, t)", "step": "step(t, 0.1, 0, 0.2, 50)",
+}  # fmt: skip
 _AS_A_TABLE = "Give such a course as a table"
 _SAMPLES = 720
 """Intervals of a run at whose ends a law must have a value before anything is derived."""
@@ -65,7 +76,7 @@ class Law:
                 case ast.BinOp():
                     return _BINARY[type(node.op)](build(node.left), build(node.right))
                 case ast.Call():
-                    return functions[node.func.id](build(node.args[0]))
+                    return functions[node.func.id](*map(build, node.args))
             raise AssertionError(f"parse_law let through {ast.dump(node)}")
 
         return build(self.tree)
@@ -73,7 +84,7 @@ class Law:
     def on_arrays(self, names: Mapping[str, Any]) -> np.ndarray:
         """The law's values for floats or ndarrays (n,) of the names that it uses; not finite where it has none."""
         with np.errstate(all="ignore"):
-            values = self.to(_ON_ARRAYS, {**names, "pi": np.pi}, np.float64)
+            values = self.to(ON_ARRAYS, {**names, "pi": np.pi}, np.float64)
         return values + np.zeros(np.shape(names["t"]))
 
     def check_values(self, names: Mapping[str, Any]) -> None:
@@ -87,11 +98,23 @@ class Law:
         """Whether the name stands in the law."""
         return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(self.tree))
 
+    def uses_any(self, joints: Collection[str]) -> bool:
+        """Whether a joint's coordinate or speed stands in the law."""
+        return any(self.uses(name) or self.uses(f"{name}_speed") for name in joints)
+
     def kinks(self) -> str | None:
-        """Text of the first `abs` of something that varies, if there is one: its slope jumps there."""
+        """Text of the first part whose value or slope jumps as its arguments vary, like `abs(t)`, if there is one."""
+        return self._first(_KINKED | _JUMPING)
+
+    def jumps(self) -> str | None:
+        """The same of parts whose value jumps, like `sign(t)`."""
+        return self._first(_JUMPING)
+
+    def _first(self, functions: Mapping[str, int]) -> str | None:
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call) and node.func.id == "abs" and _varies(node.args[0]):
-                return ast.unparse(node)
+            if isinstance(node, ast.Call) and functions.get(node.func.id) == len(node.args):
+                if any(map(_varies, node.args)):
+                    return ast.unparse(node)
         return None
 
 
@@ -99,7 +122,22 @@ def _varies(node: ast.expr) -> bool:
     return any(isinstance(inner, ast.Name) and inner.id not in (*FUNCTIONS, "pi") for inner in ast.walk(node))
 
 
-_ON_ARRAYS = {name: getattr(np, name) for name in FUNCTIONS}
+def step(x: Any, *course: Any) -> Any:
+    """0 below zero, 1 above, 1/2 at it; or from h_0 at x_0 to h_1 at x_1 with course = (x_0, h_0, x_1, h_1)."""
+    if not course:
+        return np.heaviside(x, 0.5)
+    x_0, h_0, x_1, h_1 = course
+    return h_0 + (h_1 - h_0) * smooth(np.clip((x - x_0) / (x_1 - x_0), 0.0, 1.0))
+
+
+def smooth(s: Any) -> Any:
+    """From 0 to 1 with no slope and no curvature at either end: 10 s^3 - 15 s^4 + 6 s^5."""
+    return s**3 * (10 - 15 * s + 6 * s**2)
+
+
+ON_ARRAYS = {name: getattr(np, name) for name in FUNCTIONS if hasattr(np, name)}
+ON_ARRAYS |= {"atan2": np.arctan2, "max": np.maximum, "min": np.minimum, "step": step}
+"""The functions of floats and ndarrays."""
 
 
 def sample_times(horizon: float) -> np.ndarray:
@@ -164,13 +202,15 @@ def _check(node: ast.expr, names: Collection[str]) -> None:
         case ast.BinOp(op=op, left=left, right=right) if type(op) in _BINARY:
             _check(left, names)
             _check(right, names)
-        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
-            _check(argument, names)
+        case ast.Call(func=ast.Name(id=name), keywords=[]) if len(node.args) in FUNCTIONS.get(name, ()):
+            for argument in node.args:
+                _check(argument, names)
         case ast.Call():
             called = ast.unparse(node.func)
-            known = isinstance(node.func, ast.Name) and called in FUNCTIONS
-            reason = f"{called} takes one argument" if known else f"a law cannot call {called!r}"
-            raise Fault(reason, f"It can call {', '.join(FUNCTIONS)}, each with one argument")
+            cure = f"It can call {', '.join(FUNCTIONS)}"
+            if not isinstance(node.func, ast.Name) or called not in FUNCTIONS:
+                raise Fault(f"a law cannot call {called!r}", cure)
+            raise Fault(f"{called} takes {_COUNTS[FUNCTIONS[called]]}", f"Write like {_EXAMPLES[called]!r}")
         case _:
             cure = "Use numbers, names, + - * / ** and " + ", ".join(FUNCTIONS)
             raise Fault(f"{ast.unparse(node)!r} is not arithmetic", cure)

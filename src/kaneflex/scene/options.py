@@ -169,6 +169,7 @@ def resolve_options(scene: Scene) -> Options:
     if dynamics == "coupled":
         _check_coupled(scene)
     _check_contacts(scene, dynamics)
+    _check_laws(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon
@@ -294,6 +295,29 @@ def _check_contacts(scene: Scene, dynamics: str) -> None:
     if scene.solve.start in ("quasistatic", "periodic"):
         reason = "the motion need not repeat, and its equilibrium is not that of free bodies"
         refuse_contacts(scene, "solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
+
+
+def _check_laws(scene: Scene, dynamics: str) -> None:
+    """Laws of loads in what only preset coupled computes, or that only its error control takes."""
+    free = next((name for name, drive in scene.drives.items() if drive.free), None)
+    for name, load in scene.loads.items():
+        law, key = scene.law(name), f"loads.{name}.law"
+        if law is None:
+            continue
+        strange = next((joint for joint in scene.observed if law.uses_any([joint])), None)
+        jump, preset = law.jumps(), scene.solve.preset
+        if strange is not None and dynamics != "coupled":
+            reason = f"under preset {preset} laws know the joints that have a drive: {strange} has none"
+            raise SceneError(key, load.law, reason, "Take preset coupled, or give the joint a drive")
+        if jump is not None and free is not None and dynamics != "coupled":
+            reason = f"{jump} jumps, which preset {preset} would step over as it integrates {free}"
+            raise SceneError(key, load.law, reason, f"Take preset coupled, or a smooth law: {_SMOOTH}")
+        if jump is not None and scene.solve.integrator == "scipy" and dynamics == "coupled":
+            reason = f"{jump} jumps, which scipy's Radau would step over"
+            raise SceneError(key, load.law, reason, "Take integrator radau or gauss, which end a step there")
+
+
+_SMOOTH = "tanh(x / small) for sign(x), step(x, x_0, h_0, x_1, h_1) for step(x)"
 
 
 def _check(options: Options) -> None:

@@ -12,6 +12,7 @@ from kaneflex.scene.bodies import Body
 from kaneflex.scene.contacts import Contact, LooseJoint, contacts_of, loose_joints
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.events import Event
+from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
@@ -214,8 +215,21 @@ class Scene(SceneTable):
         return any(body.pose is not None for body in self.bodies.values())
 
     def law_names(self) -> tuple[str, ...]:
-        """Names that a law may use beside pi: t, each drive's angle (rad; of a guide m) and speed (rad/s; m/s)."""
-        return ("t", *self.drives, *(f"{name}_speed" for name in self.drives))
+        """Names that a law may use beside pi: t, each joint's angle (rad; of a guide m) and speed (rad/s; m/s)."""
+        joints = dict.fromkeys((*self.drives, *(name for name, joint in self.joints.items() if joint.kind != "weld")))
+        return ("t", *joints, *(f"{name}_speed" for name in joints))
+
+    def law(self, load: str) -> Law | None:
+        """The law of a load that has one."""
+        text = self.loads[load].law
+        return None if text is None else parse_law(text, self.law_names())
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """Joints without a drive whose coordinates or speeds stand in laws of loads."""
+        laws = [law for law in map(self.law, self.loads) if law is not None]
+        free = (name for name in self.joints if name not in self.drives)
+        return tuple(name for name in free if any(law.uses_any([name]) for law in laws))
 
     def structure(self) -> dict[str, Any]:
         """What the equations depend on, as plain data (see `kaneflex.scene.structure`)."""

@@ -29,7 +29,8 @@ def structure(scene: Scene) -> dict[str, Any]:
     """
     tables = {"springs": _spring, "contacts": _contact}
     acting = {key: {name: of(scene, name) for name in getattr(scene, key)} for key, of in tables.items()}
-    return {key: table for key, table in acting.items() if table} | {
+    observed = {"observed": list(scene.observed)} if scene.observed else {}
+    return {key: table for key, table in acting.items() if table} | observed | {
         "bodies": {name: _body(scene, name) for name in scene.bodies},
         "points": _points(scene),
         "joints": {name: _joint(scene, name) for name in scene.joints},
@@ -123,7 +124,7 @@ def _load(scene: Scene, name: str) -> dict[str, Any]:
     if load.kind == "table":
         return entry | {"kind": "table", "against": load.against}
     if load.kind == "law":
-        return entry | {"kind": "law", "law": parse_law(load.law, scene.law_names()).text}
+        return entry | {"kind": "law", "law": scene.law(name).text}
     return entry | {"kind": "constant"}
 
 

@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
@@ -86,7 +85,7 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
     free = model.module.FREE  # its order, which need not be the scene's
     if free and len(trajectory.times) > 3:
         bare = CoupledMotion(model, model.motion.at(trajectory.times), trajectory)
-        courses = [_coordinate(bare, name) for name in free]
+        courses = [bare.coordinate(name) for name in free]
         states = np.array([[course[0] for course in courses], [course[1] for course in courses]])
         accelerations = np.array([course[2] for course in courses])
         states = states.reshape(2 * len(free), -1)
@@ -109,20 +108,6 @@ def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledT
     return CoupledTrajectory(np.full(count, t), q, none, none, multipliers, energy, zero, zero, *ended)
 
 
-def _coordinate(motion: CoupledMotion, drive: str) -> Rates:
-    """Coordinate of a drive between the deformed bodies [rad, or m along its guide], with its rates."""
-    joint = motion.model.scene.joints[drive]
-    first, second = (motion.joined(address) for address in joint.addresses)
-    gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))
-    if joint.kind != "prismatic":
-        return gap[2], gap_rate[2], gap_accel[2]
-    angle, omega, epsilon = (part[2] for part in first)
-    t = rotate(np.cos(angle), np.sin(angle), joint.direction)
-    gap, gap_rate, gap_accel = (part[:2] for part in (gap, gap_rate, gap_accel))
-    seen = gap, velocity(-omega, gap, gap_rate), acceleration(-omega, -epsilon, gap, gap_rate, gap_accel)
-    return tuple((t * part).sum(axis=0) for part in seen)
-
-
 def longest(scene: Scene) -> float:
     """The size of the mechanism: its longest body, else the farthest point of the ground [m]."""
     lengths = [body.length for body in scene.bodies.values() if body.length]
@@ -130,11 +115,15 @@ def longest(scene: Scene) -> float:
 
 
 def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
-    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe."""
+    """q with whole turns added to the bodies' angles, so that drives, welds and guides have the turn they prescribe.
+
+    Joints that laws know besides begin within half a turn of zero.
+    """
     q, counted = q.copy(), {"ground"}
     angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
     turns |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at not in (None, *turns)}
+    turns |= {name: 0.0 for name in scene.observed if name not in turns and scene.joints[name].kind == "revolute"}
     pins = [name for name in scene.drives if scene.joints[name].kind == "revolute"]
     turns |= {name: float(rigid[f"{name}.angle"][0]) for name in pins}
     while len(counted) < len(angle):

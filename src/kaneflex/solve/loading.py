@@ -128,10 +128,10 @@ def _timed(model: Model, started: float, derived: float, compiled: float) -> Mod
 def by_numbers(scene: Scene) -> bool:
     """Whether the rigid mechanism beside the coupled one is placed by numbers, not by a module of its own.
 
-    Where nothing deforms there is nothing to compare with it; and where joints hold something twice, or no elastic
-    stage can follow the rigid one, no module can be derived.
+    Where nothing deforms there is nothing to compare with it; and where joints hold something twice, no elastic stage
+    can follow the rigid one, or laws know joints without a drive, no module can be derived.
     """
-    if not any(body.elastic or body.modal is not None for body in scene.bodies.values()):
+    if scene.observed or not any(body.elastic or body.modal is not None for body in scene.bodies.values()):
         return True
     if check_determined(mechanism_of(scene), twice=True):
         return True
@@ -269,6 +269,9 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     rigid = motion.at(times)
     free_bodies = options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values())
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
+    laws = {name: scene.law(name) for name in scene.loads} if scene.observed else {}
+    elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
+    known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed
     if all(np.isfinite(rigid[name]).all() for name in known):
         return
     for name in sorted(known, key=lambda name: name not in scene.loads):

@@ -81,7 +81,7 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
         prescribed = sum(kind != "free" for kind in module.DRIVES.values())
         return found | {
             "courses": numbers | {"out": (3 * prescribed,)},
-            "magnitudes": numbers | {"x": (2 * len(module.DRIVES),), "out": (len(module.LOADS),)},
+            "magnitudes": numbers | _of_laws(module),
         }
     scalars, free = len(module.SCALARS), len(module.FREE)
     return found | {
@@ -89,6 +89,13 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
         "tabulate": numbers | {"times": (-1,), "out": (-1, scalars)},
         "inverse": numbers | {"y": (3 * free,), "out": (free,)},
     }
+
+
+def _of_laws(module: ModuleType) -> dict[str, Shape]:
+    """Shapes of what a coupled module's magnitudes read of joints, and of what they store."""
+    switches = len(getattr(module, "SWITCHES", ()))
+    joints, loads = len(module.DRIVES) + len(getattr(module, "OBSERVED", ())), len(module.LOADS)
+    return {"x": (3 * joints + switches if switches else 2 * joints,), "out": (loads + 2 * switches,)}
 
 
 def _wrapped(name: str, module: ModuleType, shapes: Mapping[str, Shape]) -> Callable[..., None]:

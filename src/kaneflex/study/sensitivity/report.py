@@ -188,6 +188,15 @@ def check_differentiable(scene: Scene, continued: bool) -> None:
     refuse_contacts(
         scene, "sensitivities", None, "the instants of the impacts would move with the parameter", "Leave it out"
     )
+    for name in scene.loads:
+        law, coupled = scene.law(name), options.dynamics == "coupled"
+        turning = None if law is None else law.kinks() if coupled else law.jumps()
+        if turning is not None:
+            raise SceneError(
+                f"loads.{name}.law", scene.loads[name].law,
+                f"the instants at which {turning} {'turns' if coupled else 'jumps'} would move with the parameter",
+                "Write a law without, like sqrt(x**2 + small**2) for abs(x)",
+            )  # fmt: skip
     if options.integrator == "scipy":
         raise SceneError(
             "solve.integrator", "scipy", "what it does within a step has no derivative here",

@@ -1,0 +1,201 @@
+"""Laws of loads that jump or have kinks, in the time, in drives and in other joints: against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from kaneflex import SceneError, load, simulate
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.study.sensitivity.report import check_differentiable
+
+J = 0.02
+WHEEL = """
+schema = 1
+description = "A wheel on its hub"
+[bodies]
+wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}
+[joints]
+hub = {revolute = ["ground", "wheel"]}
+[drives]
+hub = {free = true, initial_speed = "10 rad/s"}
+[loads]
+torque = {torque_at = "hub", law = "0"}
+[sensors]
+angle = {position = "hub", component = "angle"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 8
+"""
+METHODS = pytest.mark.parametrize("integrator", ["gauss", "radau"])
+
+
+def moved(tmp_path, law, *settings, text=WHEEL):
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    scene = with_settings(read_scene(path), [f"loads.torque.law={law}", *settings])
+    return simulate(load(scene))
+
+
+def motion(solution):
+    """Times, angles and speeds of the wheel."""
+    assert solution.outcome is Outcome.COMPLETED, solution.trajectory.message
+    return solution.times, solution.trajectory.q[:, 2], solution.trajectory.v[:, 2]
+
+
+@METHODS
+def test_a_jump_in_time_is_located(tmp_path, integrator):
+    """Steps as long as the stored instants allow, one of them over the jump: nothing of it is lost."""
+    t, angle, speed = motion(moved(tmp_path, "3*step(t - 0.3137)", f"solve.integrator={integrator}"))
+    since = np.clip(t - 0.3137, 0, None)
+    assert angle == pytest.approx(10 * t + 1.5 / J * since**2, abs=1e-12)
+    assert speed == pytest.approx(10 + 3 / J * since, abs=1e-11)
+
+
+@METHODS
+def test_a_jump_at_a_place_is_located(tmp_path, integrator):
+    """Torque from 1 rad on, where the wheel is at 0.1 s."""
+    t, angle, _ = motion(moved(tmp_path, "3*step(hub - 1)", f"solve.integrator={integrator}"))
+    assert angle == pytest.approx(10 * t + 1.5 / J * np.clip(t - 0.1, 0, None) ** 2, abs=1e-12)
+
+
+@METHODS
+def test_a_brake_stops_a_wheel_that_nothing_else_moves(tmp_path, integrator):
+    """Torque T stops it after J w/T = 0.4 s and J w^2/(2 T) = 2 rad, and there it stays."""
+    t, angle, speed = motion(moved(tmp_path, "-0.5*sign(hub_speed)", f"solve.integrator={integrator}", "solve.steps=7"))
+    left = np.clip(0.4 - t, 0, None)
+    assert angle == pytest.approx(2 - 0.25 / J * left**2, abs=1e-12)
+    assert speed == pytest.approx(0.5 / J * left, abs=1e-11)
+
+
+def test_a_brake_gives_way_to_a_larger_torque(tmp_path):
+    """Turning back at -10 rad/s it is stopped by both, then moved by their difference."""
+    t, angle, _ = motion(moved(tmp_path, "0.8 - 0.5*sign(hub_speed)", "drives.hub.initial_speed=-10 rad/s"))
+    stop = 10 * J / 1.3
+    before, after = np.minimum(t, stop), np.clip(t - stop, 0, None)
+    assert angle == pytest.approx(-10 * before + 0.65 / J * before**2 + 0.15 / J * after**2, abs=1e-12)
+
+
+@pytest.mark.parametrize("settings", [(), ("drives.hub.initial_speed=0",)])
+def test_a_brake_that_would_have_to_hold_is_named(tmp_path, settings):
+    """Against a smaller torque its sign would have to be a number between -1 and 1: that is friction, no law."""
+    solution = moved(tmp_path, "0.2 - 0.5*sign(hub_speed)", *settings)
+    assert solution.outcome is Outcome.CASCADE
+    assert "the law of loads.torque jumps back and forth" in solution.trajectory.message
+    assert solution.times[-1] <= (10 * J / 0.3 if not settings else 0.0)
+
+
+def test_a_wheel_at_rest_stays_at_rest_under_its_brake(tmp_path):
+    _, angle, speed = motion(moved(tmp_path, "-0.5*sign(hub_speed)", "drives.hub.initial_speed=0"))
+    assert not angle.any() and not speed.any()
+
+
+@METHODS
+def test_a_torque_of_one_size_swings_with_its_period(tmp_path, integrator):
+    """J x'' = -T sign(x) from speed v at 0: half a swing lasts 2 J v/T."""
+    settings = f"solve.integrator={integrator}", "solve.duration=4 s", "solve.steps=50"
+    t, angle, _ = motion(moved(tmp_path, "-2*sign(hub)", *settings))
+    half = 2 * J * 10 / 2
+    phase, side = t % half, 1 - 2 * (t // half % 2)
+    assert angle == pytest.approx(side * (10 * phase - phase**2 / J), abs=1e-10)
+
+
+def test_a_spring_with_two_stiffnesses_swings_with_half_a_period_of_each(tmp_path):
+    """A kink at rest: -k x for x > 0, -4 k x below."""
+    k = 0.5
+    law = f"-{k}*max(hub, 0) - 4*{k}*min(0, hub)"
+    t, angle, _ = motion(moved(tmp_path, law, "solve.duration=5 s", "solve.steps=40", "solve.tolerance=1e-10"))
+    omega = math.sqrt(k / J)
+    cycle = 1.5 * math.pi / omega
+    phase = t % cycle
+    up, down = 10 / omega * np.sin(omega * phase), -5 / omega * np.sin(2 * (omega * phase - math.pi))
+    assert angle == pytest.approx(np.where(omega * phase < math.pi, up, down), abs=1e-7)
+
+
+def test_pulses_that_are_shorter_than_any_step_are_not_stepped_over(tmp_path):
+    """1 N m wherever the sine is above 0.999: 5 pulses of a share of their period, none where an instant is stored."""
+    t, _, speed = motion(moved(tmp_path, "step(sin(2*pi*5*t) - 0.999)", "solve.steps=5", "drives.hub.initial_speed=0"))
+    width = (math.pi - 2 * math.asin(0.999)) / (10 * math.pi)
+    assert speed == pytest.approx(5 * t * width / J, rel=1e-9, abs=1e-15)
+
+
+def test_an_angle_has_a_jump_where_it_is_cut(tmp_path):
+    """A torque against the angle within half a turn of zero: over whole turns it takes nothing from the wheel."""
+    solution = moved(tmp_path, "-0.05*atan2(sin(hub), cos(hub))", "solve.tolerance=1e-10", "solve.duration=3 s")
+    _, angle, speed = motion(solution)
+    within = np.arctan2(np.sin(angle), np.cos(angle))
+    assert angle[-1] > 4 * math.pi
+    assert J * speed**2 + 0.05 * within**2 == pytest.approx(np.full(len(angle), 100 * J), rel=1e-8)
+
+
+@pytest.mark.parametrize("law", ["atan2(0*t, 0*hub)", "abs(0*t)", "max(hub, hub)", "sign(min(0*hub, abs(t)))"])
+def test_what_stays_at_a_jump_has_its_value_there(tmp_path, law):
+    t, angle, _ = motion(moved(tmp_path, law.replace("max(hub, hub)", "max(hub, hub) - hub")))
+    assert angle == pytest.approx(10 * t, abs=1e-12)
+
+
+def test_a_smooth_step_rises_between_its_places(tmp_path):
+    """The work of a torque that rises from 0 at 0.2 s to 2 at 0.6 s: half of it by then, as the step is odd."""
+    t, _, speed = motion(moved(tmp_path, "step(t, 0.2, 0, 0.6, 2)", "solve.steps=10"))
+    assert speed[t >= 0.6] == pytest.approx(10 + (0.4 + 2 * (t[t >= 0.6] - 0.6)) / J, rel=1e-9)
+
+
+def test_jumps_without_an_error_control_are_refused(tmp_path):
+    for settings, reason in (
+        (("solve.preset=rigid",), "jumps, which preset rigid would step over as it integrates hub"),
+        (("solve.integrator=scipy",), "jumps, which scipy's Radau would step over"),
+    ):
+        with pytest.raises(SceneError, match=reason):
+            moved(tmp_path, "-0.5*sign(hub_speed)", *settings)
+    assert moved(tmp_path, "min(hub, 3)", "solve.preset=rigid", "solve.steps=100").outcome is Outcome.COMPLETED
+
+
+def test_a_law_that_turns_is_not_differentiated(tmp_path):
+    moved(tmp_path, "0*t")
+    scene = with_settings(read_scene(tmp_path / "scene.toml"), ["loads.torque.law=max(0, hub)"])
+    with pytest.raises(SceneError, match=r"the instants at which max\(0, hub\) turns would move with the parameter"):
+        check_differentiable(scene, False)
+
+
+def test_a_joint_with_no_drive_is_refused_where_only_drives_are_known():
+    base = read_scene("four-bar-motor")
+    with pytest.raises(SceneError, match="laws know the joints that have a drive: second has none"):
+        load(with_settings(base, ["loads.motor.law=1 - second", "solve.preset=linear"]))
+    with pytest.raises(SceneError, match="unknown name 'third'"):
+        with_settings(base, ["loads.motor.law=1 - third"])
+
+
+def test_an_elastic_belt_rings_between_its_pulleys(tmp_path):
+    """k (r_1 a - r_2 b) pulls both: a = A cos(w t), w^2 = k (r_1^2/J_1 + r_2^2/J_2), beside what turns on."""
+    stretch = "2e4*(0.05*hub - 0.12*mill)"
+    text = WHEEL.replace("[loads]", f"""mill = {{free = true}}
+[loads]
+mill = {{torque_at = "mill", law = "0.12*{stretch}"}}""").replace("[joints]", """mill = {mass = 9, inertia = 0.2}
+[joints]
+mill = {revolute = ["ground", "big"]}""").replace("mill = {mass", "big = {mass")
+    solution = moved(tmp_path, f"-0.05*{stretch}", "solve.tolerance=1e-10", text=text)
+    k_1, k_2, v = 2e4 * 0.05**2 / J, 2e4 * 0.12**2 / 0.2, 10.0
+    omega = math.sqrt(k_1 + k_2)
+    assert motion(solution)[1] == pytest.approx(
+        v * k_2 / omega**2 * solution.times + v * k_1 / omega**3 * np.sin(omega * solution.times), abs=1e-8
+    )
+
+
+FOUR_BAR = ("solve.preset=coupled", "solve.duration=0.3 s", "solve.steps=60", "solve.tolerance=1e-10")
+
+
+@pytest.mark.parametrize(("joint", "settings"), [("second", ()), ("rocker", ("bodies.coupler.beam=none",))])
+def test_laws_know_joints_without_a_drive(tmp_path, joint, settings):
+    """A torque by law in a joint's angle and speed is a torsional spring with its damper."""
+    base = with_settings(read_scene("four-bar-motor"), [*FOUR_BAR])
+    kept = {name: f"loads.{name}=none" for name in base.loads}
+    spring = f"springs={{twist={{torsional_at='{joint}', stiffness=3, damping=0.02, angle=0.4}}}}"
+    law = f"loads={{twist={{torque_at='{joint}', law='-3*({joint} - 0.4) - 0.02*{joint}_speed'}}}}"
+    found = [simulate(load(with_settings(base, [*kept.values(), given]))) for given in (spring, law)]
+    assert [each.outcome for each in found] == [Outcome.COMPLETED] * 2
+    for name, series in found[0].series.items():
+        if not name.endswith("_rigid"):
+            size = abs(series.values).max()
+            assert found[1].series[name].values == pytest.approx(series.values, abs=1e-6 * size), name
