@@ -26,6 +26,7 @@ HEADING_OF = {
     "Mass": "Masses",
     "Shape": "Sections",
     "Segment": "Segments",
+    "Free": "Free bodies",
     "Pose": "Poses",  # table of the scene file -> the heading under which its keys stand
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
     "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
@@ -159,7 +160,9 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 
 def test_every_complete_scene_runs(solved):
-    assert set(solved) == {"cantilever", "arm", "frame", "shaft", "band-brake", "belt", "knock", "slow-engine"}
+    assert set(solved) == {
+        "cantilever", "arm", "flying", "frame", "shaft", "band-brake", "belt", "knock", "slow-engine",
+    }  # fmt: skip
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
         assert all(np.isfinite(series.values).all() for series in solution.series.values()), name

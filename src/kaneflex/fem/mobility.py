@@ -32,6 +32,8 @@ class Freedom:
         What each joint takes away.
     prescribed, free : tuple of str
         Joints whose motion a drive prescribes, and those that follow the forces.
+    floating : tuple of str
+        Bodies that move freely in the plane, each with three degrees of freedom.
     still : bool
         Whether this is a structure whose bodies stand in given poses.
     """
@@ -40,6 +42,7 @@ class Freedom:
     constraints: Mapping[str, int]
     prescribed: tuple[str, ...]
     free: tuple[str, ...]
+    floating: tuple[str, ...]
     still: bool
 
     @property
@@ -49,8 +52,8 @@ class Freedom:
 
     @property
     def left(self) -> int:
-        """What neither a prescribed nor a free joint accounts for; below zero where constraints are redundant."""
-        return self.mobility - len(self.prescribed) - len(self.free)
+        """What neither drives, free joints nor free bodies account for; below zero where constraints are redundant."""
+        return self.mobility - len(self.prescribed) - len(self.free) - 3 * len(self.floating)
 
     @property
     def verdict(self) -> str:
@@ -61,7 +64,7 @@ class Freedom:
             return f"{self.left} too many: drive or join something more, or leave a joint free"
         if self.left < 0:
             return f"{-self.left} constraints too many: leave a drive or a joint out"
-        return "the forces drive what is free" if self.free else "the drives determine the motion"
+        return "the forces drive what is free" if self.free or self.floating else "the drives determine the motion"
 
 
 def count_freedom(mechanism: Mechanism) -> Freedom:
@@ -71,6 +74,7 @@ def count_freedom(mechanism: Mechanism) -> Freedom:
         {name: len(joint.rows) for name, joint in mechanism.joints.items()},
         tuple(name for name, drive in mechanism.drives.items() if not drive.free),
         tuple(name for name, drive in mechanism.drives.items() if drive.free),
+        mechanism.floating,
         mechanism.frame,
     )
 
@@ -144,9 +148,13 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     names = [f"{name}.{row}" for name, joint in mechanism.joints.items() for row in joint.rows]
     held = len(names)
     names += [f"{drive}.drive" for drive in constraints.driven(joints)]
+    jacobian = constraints.jacobian(_by_chance(mechanism), bodies, joints)
+    for body in mechanism.floating:
+        own = 3 * bodies.index(body)
+        names += [f"{body}.free"] * 3
+        jacobian = np.vstack([jacobian.reshape(-1, 3 * len(bodies)), np.eye(3 * len(bodies))[own : own + 3]])
     if not names:
         return ()
-    jacobian = constraints.jacobian(_by_chance(mechanism), bodies, joints)
     jacobian[:, 2::3] /= mechanism.size
     order = list(range(len(names)))
     if held < len(names) and len(_independent(jacobian[:held])) == jacobian.shape[1]:
@@ -155,6 +163,11 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
         order.sort(key=lambda k: names[k] in closing)
     kept = {order[k] for k in _independent(jacobian[order])}
     spare = [name for k, name in enumerate(names) if k not in kept]
+    if held_free := [name for name in spare if name.endswith(".free")]:
+        raise SceneError(
+            f"bodies.{held_free[0]}", None, "joints and drives say already how the body moves, in part at least",
+            "Leave free out: joints that are free give coordinates and speeds at their drives",
+        )  # fmt: skip
     # What moves in the null space is open.
     _, sizes, shapes = np.linalg.svd(jacobian)
     free = shapes[int((sizes > _DEPENDENT * sizes[0]).sum()) :]

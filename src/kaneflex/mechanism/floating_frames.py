@@ -16,10 +16,13 @@ from kaneflex.scene.scene import Scene
 _SAME = 1e-9
 """Points closer than this share of a link's length are one."""
 
+IN_THE_MEAN = ("chord", "free")
+"""Kinds of frames along which a link keeps its place in the mean over its mass."""
+
 
 @dataclass
 class Station:
-    """A point of a link's axis at which joints, loads or masses act.
+    """A point of a link's axis at which joints, loads or masses act; or an end of one that no joint holds.
 
     Attributes
     ----------
@@ -74,6 +77,9 @@ def stations(scene: Scene, link: str) -> list[Station]:
     for mass in scene.masses.values():
         if mass.at.body == link:
             at(mass.at).turned |= bool(mass.inertia)
+    if not any(station.joined for station in found):
+        at(Address(link, "start"))
+        at(Address(link, "end"))
     return sorted(found, key=lambda station: station.x)
 
 
@@ -85,12 +91,13 @@ class Frame:
     ----------
     kind : str
         What its x axis does: "tangent" touches the link at a joint, "chord" passes through its first and its last
-        joint, "mean" leaves the bending no moment of momentum about its only joint (Buckens).
+        joint, "mean" leaves the bending no moment of momentum about its only joint (Buckens), "free" neither that nor
+        momentum where no joint holds the link.
     at : float
         Where the link keeps its place in the frame [m from the start]: at that joint. A chord keeps its mean place
-        along it, so that neither of its ends is the first.
+        along it, so that neither of its ends is the first; so does a free link.
     to : float
-        The last joint [m].
+        The last joint [m]; of a free link its end.
     """
 
     kind: str
@@ -105,7 +112,7 @@ def frame_of(stations_of_link: list[Station]) -> Frame:
     """
     joined = [station for station in stations_of_link if station.joined]
     if not joined:
-        return Frame("tangent", 0.0, 0.0)
+        return Frame("free", stations_of_link[0].x, stations_of_link[-1].x)
     clamped = [station for station in joined if station.clamped]
     if len(clamped) == 1:
         return Frame("tangent", clamped[0].x, clamped[0].x)
@@ -131,10 +138,11 @@ def _counts(scene: Scene, name: str, modes: int) -> tuple[int, ...]:
     frame = frame_of(found)
     away = [station for station in found if station.x not in (frame.at, frame.to)]
     held = len(away) + sum(station.turned for station in found if frame.kind != "tangent" or station in away)
-    others = len(away) + (frame.kind == "chord")
+    others = len(away) + (frame.kind in IN_THE_MEAN)
     axial = 0 if beam.axially_rigid else others + axial_modes(modes, beam.elements, others + 1)
-    # A mean frame makes the turn of the undeformed link itself: one of the static shapes, where there are any.
-    moves = (1,) * (frame.kind == "chord" or frame.at > 0)
+    # A mean frame makes the turn of the undeformed link itself: one of the static shapes, where there are any. A free
+    # one makes its displacement across, too: it has as many shapes as a chord.
+    moves = (1,) * (frame.kind in IN_THE_MEAN or frame.at > 0)
     return axial, held + modes - (frame.kind == "mean" and held > 0), *moves
 
 

@@ -44,13 +44,15 @@ def _made(scene: Scene) -> NumericMechanism:
         scene.structure(), lambda path, *_: None if path.rpartition(".")[2] in held else number_at(scene, path)
     )
     joints = {name: replace(joint, near=scene.joints[name].near) for name, joint in found.joints.items()}
+    bodies = {name: replace(body, free=scene.floating[name].place) if name in scene.floating else body
+              for name, body in found.bodies.items()}  # fmt: skip
     contacts = {
         name: replace(contact, law=scene.contacts[name].law, joint=scene.contacts[name].joint)
         for name, contact in found.contacts.items()
     }
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
-    return NumericMechanism(**vars(found) | {"joints": joints, "contacts": contacts}, size=size)
+    return NumericMechanism(**vars(found) | {"bodies": bodies, "joints": joints, "contacts": contacts}, size=size)
 
 
 def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:

@@ -15,9 +15,17 @@ ROWS = {"revolute": ("force_x", "force_y"), "weld": ("force_x", "force_y", "mome
 """Kind of a joint -> its constraints in their order, by what their multipliers are."""
 
 
+def floating_coordinates(body: str) -> tuple[str, str, str]:
+    """Names of a body's coordinates where joints let it move freely."""
+    return f"{body}.x", f"{body}.y", f"{body}.phi"
+
+
 @dataclass(frozen=True)
 class Body:
-    """A body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose where it stands still."""
+    """A body: mass [kg], mass centre [m], inertia about it [kg m^2]; a pose where it stands still.
+
+    ``free``: the pose [m, m, rad] at first of one that joints let move freely in the plane; known by numbers alone.
+    """
 
     name: str
     elastic: bool
@@ -25,6 +33,7 @@ class Body:
     centre: Vector
     inertia: Number
     pose: tuple[Number, Number, Number] | None = None
+    free: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -239,6 +248,17 @@ class Mechanism:
     gravity: Vector
     frame: bool
     viscous: bool
+
+    @property
+    def floating(self) -> tuple[str, ...]:
+        """Bodies that joints let move freely in the plane."""
+        return tuple(name for name, body in self.bodies.items() if body.free is not None)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Joints left to the forces, then the coordinates of bodies that move freely."""
+        joints = tuple(name for name, drive in self.drives.items() if drive.free)
+        return joints + tuple(name for body in self.floating for name in floating_coordinates(body))
 
     @property
     def loop_joints(self) -> tuple[str, ...]:

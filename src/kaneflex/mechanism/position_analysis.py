@@ -75,7 +75,7 @@ def place(scene: Scene, at: Mapping[str, float] | None = None) -> Placement:
         return Placement({name: np.array(body.pose) for name, body in mechanism_of(scene).bodies.items()}, {})
     drives = {name: coordinate_at(drive, 0.0) for name, drive in scene.drives.items()} | dict(at or {})
     constraints = Constraints(mechanism_of(scene), drives)
-    poses: dict[str, np.ndarray] = {GROUND: _GROUND}
+    poses = _standing(constraints.mechanism)
     while len(poses) <= len(scene.bodies):
         poses |= _closed(constraints, poses, _next_group(constraints.mechanism, poses))
     del poses[GROUND]
@@ -93,7 +93,7 @@ def with_branches(scene: Scene) -> Scene:
     if scene.is_frame or not any(joint.near for joint in scene.joints.values()):
         return scene
     mechanism = mechanism_of(scene)
-    poses, placed, joints = None, {GROUND: _GROUND}, dict(scene.joints)
+    poses, placed, joints = None, _standing(mechanism), dict(scene.joints)
     while len(placed) <= len(mechanism.bodies):
         group = _next_group(mechanism, placed)
         around = _joints_of(mechanism, placed, group)
@@ -109,7 +109,7 @@ def with_branches(scene: Scene) -> Scene:
 
 def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
     """The first bodies that are neither driven or welded nor a dyad, whose loop has no closed form; or none."""
-    placed = {GROUND: _GROUND}
+    placed = _standing(mechanism)
     while len(placed) <= len(mechanism.bodies):
         group = _next_group(mechanism, placed)
         if _is_larger(group, _joints_of(mechanism, placed, group)):
@@ -150,6 +150,11 @@ def drive_rates(mechanism: NumericMechanism, placement: Placement) -> dict[str, 
     return rates
 
 
+def _standing(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
+    """Poses of the ground and of what moves freely in the plane, which no joint has to place."""
+    return {GROUND: _GROUND} | {name: np.array(mechanism.bodies[name].free) for name in mechanism.floating}
+
+
 def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
     """The fewest bodies that their joints and drives determine, given the bodies that are placed."""
     waiting = [name for name in mechanism.bodies if name not in poses]
@@ -160,7 +165,7 @@ def _next_group(mechanism: NumericMechanism, poses: Poses) -> tuple[str, ...]:
                 return group
     raise SceneError(
         "drives", ", ".join(mechanism.drives) or None, f"they leave the place of {', '.join(waiting)} open",
-        "Drive or join these bodies: each needs three constraints, drives counted",
+        "Drive or join these bodies: each needs three constraints, drives counted; or let one be free",
     )  # fmt: skip
 
 

@@ -38,11 +38,12 @@ class Carried:
 
 
 def prescribed_bodies(mechanism: Mechanism) -> set[str]:
-    """Rigid bodies whose motion the drives fix: group after group that joints between rigid bodies determine."""
+    """Rigid bodies whose motion the drives fix, or which move freely: group after group that joints between rigid
+    bodies determine."""
     rigid = {"ground", *(name for name, body in mechanism.bodies.items() if not body.elastic)}
     pairs = {name: {*joint.bodies} for name, joint in mechanism.joints.items() if {*joint.bodies} <= rigid}
     taken = {name: len(mechanism.joints[name].rows) + (name in mechanism.drives) for name in pairs}
-    fixed = {"ground"}
+    fixed = {"ground", *rigid.intersection(mechanism.floating)}
     while group := _determined(pairs, taken, fixed, rigid - fixed):
         fixed |= group
     return fixed

@@ -203,8 +203,8 @@ def probes(system: CoupledSystem, found: Linear) -> tuple[CoupledTrajectory, np.
                 raise ArithmeticError(f"no motion beside that at t = {base.t:.6g} s: its loops don't close")
             states.append(state)
     every = Unfolded(**{name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])})
-    # The course of a free joint needs an order: instants so close that nothing else depends on their difference.
-    apart = 1e-15 * max(1.0, abs(base.t)) * any(drive.free for drive in system.mechanism.drives.values())
+    # The course of what is free needs an order: instants so close that nothing else depends on their difference.
+    apart = 1e-15 * max(1.0, abs(base.t)) * bool(system.mechanism.free)
     times, none = base.t + apart * np.arange(len(states)), np.zeros(len(states))
     trajectory = CoupledTrajectory(
         times, every.q, every.v, every.a, every.reactions, *balance(every, none, none), 0, 0, Outcome.COMPLETED, "", 0.0

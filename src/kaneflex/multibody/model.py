@@ -22,6 +22,7 @@ from kaneflex.integrate.system import AffineSystem
 from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
+from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -98,9 +99,26 @@ class Model:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Elastic ones before any reduction; bodies with modal data have their shapes."""
+        """Elastic ones before any reduction; bodies with modal data have their shapes.
+
+        Of coupled equations without an elastic stage beside them: what is free, and all shapes.
+        """
+        if self.bare:
+            return self.solved_for
         nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
         return nodal + len(self.shapes_given)
+
+    @property
+    def bare(self) -> bool:
+        """Whether the coupled equations have no elastic stage beside them (``kaneflex.solve.loading.by_numbers``)."""
+        return self.coupled is not None and not self.equations.size
+
+    @property
+    def solved_for(self) -> int:
+        """How many coordinates the equations have that are integrated."""
+        if self.bare:
+            return len(mechanism_of(self.scene).free) + len(self.coupled.shape_columns)
+        return self.reduced.size + len(self.shapes_given)
 
     @property
     def shapes_given(self) -> tuple[str, ...]:

@@ -91,12 +91,18 @@ class RigidTwin:
 
     @cached_property
     def FREE(self) -> tuple[str, ...]:
-        """Joints left to the forces."""
-        return tuple(name for name, drive in self.mechanism.drives.items() if drive.free)
+        """What is left to the forces: joints, then the coordinates of bodies."""
+        return self.mechanism.free
+
+    @cached_property
+    def floating(self) -> dict[str, int]:
+        """Bodies that move freely -> the first of their coordinates in the engine."""
+        bodies, names = self.engine.tables.bodies, list(self.engine.layout.bodies)
+        return {name: int(bodies[names.index(name), at.FIRST]) for name in self.mechanism.floating}
 
     @cached_property
     def PARAMETERS(self) -> tuple[tuple[str, str], ...]:
-        """Where p has the courses of the free joints."""
+        """Where p has the courses of what is free."""
         return tuple((f"drives.{name}.{course}", "1") for name in self.FREE for course in COURSES)
 
     @cached_property
@@ -120,7 +126,7 @@ class RigidTwin:
 
     def said(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         """The first columns: what of SCALARS is known before the bodies are placed."""
-        drives = self._drives(times, p)
+        drives = self._drives(times, p)[:, : 3 * len(self.mechanism.drives)]
         return np.concatenate([drives[:, ::3], self._loads(times, drives)], axis=1)
 
     def _table(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -135,9 +141,9 @@ class RigidTwin:
         return np.concatenate([self.said(times, p), bodies.reshape(len(times), -1)], axis=1)
 
     def _drives(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Coordinate, speed and acceleration of all drives, (n_times, 3 drives)."""
-        found = np.zeros((len(times), 3 * len(self.mechanism.drives)))
-        names, driven = list(self.mechanism.drives), self.system.engine.layout.driven
+        """Coordinate, speed and acceleration of all drives, then of bodies that move freely, (n_times, 3 of them)."""
+        names, driven = list(dict.fromkeys([*self.mechanism.drives, *self.FREE])), self.system.engine.layout.driven
+        found = np.zeros((len(times), 3 * len(names)))
         place = {path: k for k, (path, _) in enumerate(self.PARAMETERS)}
         for name in self.FREE:
             for k, course in enumerate(COURSES):
@@ -159,6 +165,7 @@ class RigidTwin:
     def _placed(self, drives: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """q, v, a of the bodies where the drives are, their loops followed from where they stood last."""
         engine, before = self.engine, self._stood
+        drives, free = np.split(drives, [3 * len(self.mechanism.drives)])
         if not before:
             self._begin(before)
         steps = 1
@@ -167,6 +174,7 @@ class RigidTwin:
         for k in range(1, steps + 1):
             engine.p[1:] = drives
             engine.p[1::3] = before["drives"] + k / steps * (drives[::3] - before["drives"])
+            self._let_float(free)
             if not engine.move_on(0.0) or self._opened() > 1e-6:
                 engine.stand(before["row"])
                 engine.p[1::3] = before["drives"]
@@ -178,6 +186,12 @@ class RigidTwin:
                     engine.choose(0.0)
         q, v, a, *_ = engine.unfold(engine.row(0.0)[None])
         return q[0], v[0], a[0]
+
+    def _let_float(self, courses: np.ndarray) -> None:
+        """Take coordinates, rates and accelerations of the bodies that move freely."""
+        for part, values in zip(self.engine.motion, courses.reshape(-1, 3).T, strict=False):
+            for k, first in enumerate(self.floating.values()):
+                part[first : first + 3] = values[3 * k : 3 * k + 3]
 
     def _opened(self) -> float:
         """Largest opening of a cut [rad or sizes of the mechanism]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaneflex.mechanism.floating_frames import Station, frame_of, modes_of, stations
+from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Station, frame_of, modes_of, stations
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -42,7 +42,7 @@ def check_family(scene: Scene, name: str, elements: int) -> None:
 def _between_ends(found: list[Station], length: float) -> bool:
     """Whether a link has its chord between joints at both of its ends."""
     frame = frame_of(found)
-    return frame.kind == "chord" and frame.at < _SAME * length and frame.to > (1 - _SAME) * length
+    return frame.kind in IN_THE_MEAN and frame.at < _SAME * length and frame.to > (1 - _SAME) * length
 
 
 def _held_at_an_end(found: list[Station], length: float) -> bool:

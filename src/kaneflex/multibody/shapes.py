@@ -9,9 +9,12 @@ from scipy.linalg import eigh
 
 from kaneflex.fem.links import Link
 from kaneflex.mechanism.affine import as_array
-from kaneflex.mechanism.floating_frames import Frame, axial_modes, frame_of, stations
+from kaneflex.mechanism.floating_frames import IN_THE_MEAN, Frame, axial_modes, frame_of, stations
 from kaneflex.multibody.shape_families import family
 from kaneflex.scene import Scene
+
+_STILL = {"mean": 1, "free": 2}
+"""How many of the lowest shapes deform nothing, by the kind of frame, which moves so itself: turn, displacement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +24,12 @@ class Shapes:
     Attributes
     ----------
     axial, transverse : ndarray (3 n_nodes, n)
-        Zero where the link's frame is attached, those of a chord with no displacement along it in the mean over the
-        link's mass. Orthogonal with respect to mass and stiffness; the largest displacement of each is one.
+        Zero where the link's frame is attached, those of a chord or a free link with no displacement along it in the
+        mean over the link's mass, those across of a free link without momentum. Orthogonal with respect to mass and
+        stiffness; the largest displacement of each is one.
     frame : Frame
     node : int
-        The node at which the frame is attached; of a chord the first one.
+        The node at which the frame is attached; of a chord or a free link the first one.
     """
 
     axial: np.ndarray
@@ -47,7 +51,7 @@ class Shapes:
         blocks = next(blocks for _, name, blocks in link.element_terms if name == monomial)
         steps = [w[3 * e : 3 * e + 6].T @ block @ w[3 * e : 3 * e + 6] for e, block in enumerate(blocks)]
         found = np.concatenate([np.zeros((1, *steps[0].shape)), np.cumsum(steps, axis=0)])
-        if self.frame.kind != "chord":
+        if self.frame.kind not in IN_THE_MEAN:
             return found - found[self.node]
         tension = (link.part.matrices["K_g"].terms[key] for key in (monomial, (f"{link.name}.link.a_x",)))
         whole, beyond = (w.T @ as_array(matrix) @ w for matrix in tension)
@@ -80,9 +84,7 @@ def link_shapes(scene: Scene, link: Link, modes: int) -> Shapes:
         square = np.ix_(rows.free, rows.free)
         dynamic[rows.free] = eigh(stiffness[square], mass[square], subset_by_index=(0, count - 1))[1]
     transverse = _orthogonal(np.hstack([_static(stiffness, rows.held, rows.free), dynamic]), stiffness, mass)
-    # In the mean frame the lowest of them is the turn of the undeformed link, which the frame itself makes.
-    turns = rows.frame.kind == "mean"
-    return Shapes(axial, transverse[:, turns:], rows.frame, rows.node)
+    return Shapes(axial, transverse[:, _STILL.get(rows.frame.kind, 0) :], rows.frame, rows.node)
 
 
 def _inertial(stiffness: np.ndarray, mass: np.ndarray, loads: np.ndarray, loose: np.ndarray, count: int) -> np.ndarray:
@@ -105,12 +107,12 @@ def _axial_loads(link: Link, rows: _Rows) -> np.ndarray:
     """A centrifugal acceleration about the point that holds the frame, and a uniform one; of a chord this one first."""
     found = np.zeros((3 * len(link.nodes), 2))
     found[0::3, 0], found[0::3, 1] = link.nodes - link.nodes[rows.node], 1.0
-    return found[:, ::-1] if rows.frame.kind == "chord" else found
+    return found[:, ::-1] if rows.frame.kind in IN_THE_MEAN else found
 
 
 def _mean_free(axial: np.ndarray, mass: np.ndarray, frame: Frame) -> np.ndarray:
     """Axial shapes of a chord without displacement in the mean: neither of its ends is the one that stays."""
-    if frame.kind != "chord":
+    if frame.kind not in IN_THE_MEAN:
         return axial
     along = np.zeros(len(mass))
     along[0::3] = 1.0
@@ -124,9 +126,11 @@ def spanned(shapes: Shapes, link: Link) -> Shapes:
     The equations take shapes that are orthogonal; the motion knows their space alone.
     """
     stiffness, mass = (link.part.matrices[key].at({}).toarray() for key in ("K_s", "M"))
-    turn = np.zeros((len(mass), 1 if shapes.frame.kind == "mean" else 0))
-    turn[1::3], turn[2::3] = (link.nodes - link.nodes[shapes.node])[:, None], 1.0
-    transverse = _orthogonal(np.hstack([turn, shapes.transverse]), stiffness, mass)[:, turn.shape[1] :]
+    still = np.zeros((len(mass), 2))
+    still[1::3] = np.column_stack([link.nodes - link.nodes[shapes.node], np.ones(len(link.nodes))])
+    still[2::3, 0] = 1.0
+    still = still[:, : _STILL.get(shapes.frame.kind, 0)]
+    transverse = _orthogonal(np.hstack([still, shapes.transverse]), stiffness, mass)[:, still.shape[1] :]
     axial = _orthogonal(_mean_free(shapes.axial, mass, shapes.frame), stiffness, mass)
     return replace(shapes, axial=axial, transverse=transverse)
 
@@ -162,8 +166,10 @@ def _rows(scene: Scene, link: Link) -> _Rows:
     found = stations(scene, link.name)
     frame = frame_of(found)
     first, last = (link.node_at(x) for x in (frame.at, frame.to))
-    fixed = {"tangent": [3 * first + 1, 3 * first + 2], "mean": [3 * first + 1]}.get(frame.kind)
-    fixed = fixed or [3 * first + 1, 3 * last + 1]
+    fixed = {
+        "tangent": [3 * first + 1, 3 * first + 2], "mean": [3 * first + 1], "chord": [3 * first + 1, 3 * last + 1],
+        "free": [],
+    }[frame.kind]  # fmt: skip
     nodes = [(link.node_at(station.x), station) for station in found]
     kept = [3 * node + 1 for node, _ in nodes] + [3 * node + 2 for node, station in nodes if station.turned]
     held = sorted(set(kept) - set(fixed))

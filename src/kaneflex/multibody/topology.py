@@ -254,7 +254,7 @@ def _order(mechanism: Mechanism) -> list[Branch]:
     """Every body with its branch of the tree.
 
     From the ground outwards, over the joints that leave least open first: prescribed ones and welds, pins, guides. What
-    no joint connects with the ground hangs on it by a free joint.
+    no joint connects with the ground hangs on it by a free joint, at the body of it that the scene places.
     """
     joints = list(mechanism.joints.values())
 
@@ -278,7 +278,8 @@ def _order(mechanism: Mechanism) -> list[Branch]:
                     reached.append(body)
                     found.append((body, joint, child))
         if waiting:
-            body = waiting.pop(0)
+            body = next((name for name in waiting if mechanism.bodies[name].free is not None), waiting[0])
+            waiting.remove(body)
             found.append((body, None, 0))
             reached = [body]
     return found

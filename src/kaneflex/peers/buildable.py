@@ -29,6 +29,8 @@ def _problem(key: str, value: object, reason: str) -> Problem:
 def _bodies(scene: Scene) -> Iterator[Problem]:
     if scene.is_frame:
         yield _problem("bodies", None, "a structure that stands still")
+    for name in scene.floating:
+        yield _problem(f"bodies.{name}.free", None, "a body that moves freely")
     for name, body in scene.bodies.items():
         if not body.elastic:
             continue

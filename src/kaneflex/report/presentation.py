@@ -255,10 +255,12 @@ def mobility_lines(count: Freedom, elastic: int | None) -> str:
         "joints": (-sum(count.constraints.values()), taken),
         "drives": (-len(count.prescribed), ", ".join(count.prescribed)),
         "free joints": (-len(count.free), ", ".join(count.free)),
+        "free bodies": (-3 * len(count.floating), ", ".join(count.floating)),
         "left": (count.left, count.verdict),
     }
-    if not count.free:
-        del rows["free joints"]
+    for what, names in (("free joints", count.free), ("free bodies", count.floating)):
+        if not names:
+            del rows[what]
     if elastic is not None:
         rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
     return block("degrees of freedom", {name: f"{number:4d}  {text}".rstrip() for name, (number, text) in rows.items()})

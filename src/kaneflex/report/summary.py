@@ -106,7 +106,8 @@ class Summary(PlainTable):
         f"there, Hz, ascending, the {MOST_FREQUENCIES} lowest at most; empty where nothing is elastic"
     )
     degrees_of_freedom: int = Field(
-        description="elastic degrees of freedom before reduction; of bodies with modal data their shapes"
+        description="elastic degrees of freedom before reduction, of bodies with modal data their shapes; of preset "
+        "coupled without elastic links, with bodies that are free or held twice, free coordinates and shapes"
     )
     modes_kept: int = Field(description="coordinates solved for: the degrees of freedom where nothing is reduced")
     floquet_multiplier_max: float | None = Field(
@@ -156,7 +157,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         mode_angle_spread=mode_angle_spread(model),
         frequencies_hz=list(solution.frequencies),
         degrees_of_freedom=model.degrees_of_freedom,
-        modes_kept=model.reduced.size + len(model.shapes_given),
+        modes_kept=model.solved_for,
         floquet_multiplier_max=None if multipliers is None else float(abs(multipliers).max(initial=0.0)),
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),

@@ -19,6 +19,7 @@ from kaneflex.mechanism.body_frame import Rates, acceleration, rotate, velocity
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.planar import cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.system import BODY, CoupledSystem
@@ -87,7 +88,12 @@ class CoupledMotion(Motion):
         return dict(zip(mechanism.loads, self.system.load_sizes(self.times, states).T, strict=True))
 
     def coordinate(self, joint: str) -> Rates:
-        """Coordinate of a joint between the deformed bodies [rad, or m along its guide], with its rates."""
+        """Coordinate of a joint between the deformed bodies [rad, or m along its guide], with its rates; or of a body
+        that moves freely."""
+        body, _, part = joint.partition(".")
+        if part:
+            k, found = self.system.start[body] + floating_coordinates(body).index(joint), self.trajectory
+            return found.q[:, k], found.v[:, k], found.a[:, k]
         kind, direction = self.model.scene.joints[joint].kind, self.model.scene.joints[joint].direction
         first, second = (self.joined(address) for address in self.model.scene.joints[joint].addresses)
         gap, gap_rate, gap_accel = (there - here for here, there in zip(first, second, strict=True))

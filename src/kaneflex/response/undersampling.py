@@ -25,7 +25,7 @@ def between_steps(model: Model) -> list[str]:
     chooses its steps itself, but steps over what comes and goes between two instants of the scene, too.
     """
     options, scene = model.options, model.scene
-    if options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values()):
+    if options.dynamics == "coupled" and (scene.floating or any(drive.free for drive in scene.drives.values())):
         return []  # the motion of the rigid mechanism is not theirs
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from kaneflex.scene.beams import Beam
 from kaneflex.scene.modal_data import ModalData, modal_data_of, read_modal_data
 from kaneflex.scene.profile import Profile
-from kaneflex.scene.quantities import Angle, Inertia, Point, PositiveLength, PositiveMass
+from kaneflex.scene.quantities import Angle, AngularSpeed, Inertia, Point, PositiveLength, PositiveMass, Velocity
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault
 
@@ -66,6 +66,24 @@ class Pose(SceneTable):
     angle: Angle = 0.0
 
 
+class Free(SceneTable):
+    """Of a body that joints let move freely in the plane: where its start is at first (m), its angle (rad), and how
+    fast both are (m/s, rad/s); global."""
+
+    at: Point = (0.0, 0.0)
+    angle: Angle = 0.0
+    velocity: Velocity = (0.0, 0.0)
+    angular_speed: AngularSpeed = 0.0
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        return *self.at, self.angle
+
+    @property
+    def rates(self) -> tuple[float, float, float]:
+        return *self.velocity, self.angular_speed
+
+
 class Body(SceneTable):
     """A body; rigid unless it has a `beam` or `modal_data`. Its frame starts at `start`, with `end` on its x axis.
 
@@ -82,6 +100,7 @@ class Body(SceneTable):
     centre: Point = Field(default_factory=_default_centre)
     inertia: Inertia = Field(default_factory=_default_inertia)
     pose: Pose | None = None
+    free: Free | None = None
     points: dict[str, Point] = Field(default={})
 
     @field_validator("modal_data")

@@ -133,6 +133,8 @@ def _poses(scene: Scene) -> Iterator[Problem]:
         if body.pose is None:
             reason = "other bodies stand in given poses, this one does not"
             yield Problem(f"bodies.{name}.pose", None, reason, "Give its pose")
+        if body.free is not None:
+            yield Problem(f"bodies.{name}.free", None, "bodies with poses don't move", "Leave it out, or the poses")
     for name in scene.drives:
         yield Problem(f"drives.{name}", None, "bodies with poses don't move", "Leave the drive out, or the poses")
 

@@ -283,13 +283,20 @@ def _check_coupled(scene: Scene) -> None:
 
 
 def _check_contacts(scene: Scene, dynamics: str) -> None:
-    """Bodies that touch and part again move by the coupled equations alone."""
+    """Bodies that touch and part again, or move freely, move by the coupled equations alone."""
     for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
         joint = contact.joint
         key = f"contacts.{name}" if joint is None else f"joints.{joint}.clearance"
         what = "a contact" if joint is None else "a joint with a clearance"
         reason = f"preset {scene.solve.preset} has no equations of {what}"
         raise SceneError(key, None, reason, "Take preset coupled")
+    for name in scene.floating:
+        if dynamics != "coupled":
+            reason = f"preset {scene.solve.preset} has no equations of a body that moves freely"
+            raise SceneError(f"bodies.{name}.free", None, reason, "Take preset coupled")
+        if scene.solve.start in ("quasistatic", "periodic"):
+            reason = f"bodies.{name} is free: nothing holds it in equilibrium or brings it back"
+            raise SceneError("solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
     if scene.solve.integrator == "scipy":
         refuse_contacts(scene, "solve.integrator", "scipy", "it would step over their impacts", "Take radau or gauss")
     if scene.solve.start in ("quasistatic", "periodic"):

@@ -199,6 +199,7 @@ PositiveModulus = _positive(units.MODULUS)
 PositiveDensity = _positive(units.DENSITY)
 Angle = _quantity(units.ANGLE)
 PositiveAngle = _positive(units.ANGLE)
+AngularSpeed = _quantity(units.ANGULAR_SPEED)
 DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 PositiveForce = _positive(units.FORCE)
@@ -211,6 +212,7 @@ AngleOrTime = Annotated[
     float, WithJsonSchema({"type": ["number", "string"], "description": "an angle or a time"})
 ]
 Point = _vector(units.LENGTH)
+Velocity = _vector(units.SPEED)
 Acceleration = _vector(units.ACCELERATION)
 ForceOrTorque = Annotated[
     float, WithJsonSchema({"type": ["number", "string"], "description": "a force, a torque, or a force per length"})

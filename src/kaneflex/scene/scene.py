@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
 
-from kaneflex.scene.bodies import Body
+from kaneflex.scene.bodies import Body, Free
 from kaneflex.scene.contacts import Contact, LooseJoint, contacts_of, loose_joints
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.events import Event
@@ -213,6 +213,11 @@ class Scene(SceneTable):
     def is_frame(self) -> bool:
         """Whether this is a structure that doesn't move: its bodies have poses and nothing is driven."""
         return any(body.pose is not None for body in self.bodies.values())
+
+    @property
+    def floating(self) -> dict[str, Free]:
+        """Bodies that joints let move freely in the plane, with their places and speeds at first."""
+        return {name: body.free for name, body in self.bodies.items() if body.free is not None}
 
     def law_names(self) -> tuple[str, ...]:
         """Names that a law may use beside pi: t, each joint's angle (rad; of a guide m) and speed (rad/s; m/s)."""

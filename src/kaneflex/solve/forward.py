@@ -16,6 +16,7 @@ from numba import njit
 from kaneflex.mechanism.closure import check_passage, check_start, locking, swung
 from kaneflex.mechanism.energy import Energy, rigid_energy
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import floating_coordinates
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
@@ -162,10 +163,12 @@ def standing(module: ModuleType, parameters: np.ndarray, t: float, state: np.nda
 
 
 def at_initial_speed(scene: Scene, module: ModuleType, parameters: np.ndarray, duration: float) -> np.ndarray:
-    """``parameters`` with free joints that keep their initial speeds over ``duration`` [s]."""
+    """``parameters`` with free joints and bodies that keep their initial speeds over ``duration`` [s]."""
     times = np.array([0.0, duration / 2, duration])
-    start = np.array([scene.drives[name].start for name in module.FREE])[:, None]
-    speed = np.array([scene.drives[name].initial_speed for name in module.FREE])[:, None]
+    first = {name: (drive.start, drive.initial_speed) for name, drive in scene.drives.items()}
+    for body, free in scene.floating.items():
+        first |= dict(zip(floating_coordinates(body), zip(free.place, free.rates, strict=True), strict=True))
+    start, speed = (np.array([first[name][k] for name in module.FREE])[:, None] for k in (0, 1))
     states = np.concatenate([start + speed * times, np.broadcast_to(speed, (len(module.FREE), 3))])
     return with_courses(module, parameters, times, states, np.zeros((len(module.FREE), 3)))
 

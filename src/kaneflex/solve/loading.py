@@ -131,7 +131,8 @@ def by_numbers(scene: Scene) -> bool:
     Where nothing deforms there is nothing to compare with it; and where joints hold something twice, no elastic stage
     can follow the rigid one, or laws know joints without a drive, no module can be derived.
     """
-    if scene.observed or not any(body.elastic or body.modal is not None for body in scene.bodies.values()):
+    deforms = any(body.elastic or body.modal is not None for body in scene.bodies.values())
+    if scene.floating or scene.observed or not deforms:
         return True
     if check_determined(mechanism_of(scene), twice=True):
         return True
@@ -267,7 +268,8 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     """Loads and prescribed motions must have a value at every step, or the error names the law and the time."""
     times = np.linspace(0.0, options.duration, min(options.steps, _MOST) + 1)
     rigid = motion.at(times)
-    free_bodies = options.dynamics == "coupled" and any(drive.free for drive in scene.drives.values())
+    free = bool(scene.floating) or any(drive.free for drive in scene.drives.values())
+    free_bodies = options.dynamics == "coupled" and free
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.law(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
