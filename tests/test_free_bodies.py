@@ -9,6 +9,8 @@ from command_line import cli, refused
 from kaneflex import SceneError, linearise, load, simulate
 from kaneflex.fem.mobility import count_freedom
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.plots import animation
+from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, with_settings
 
 G = 9.81
@@ -103,6 +105,14 @@ def test_a_blow_moves_the_centre_of_a_ringing_beam_by_its_impulse(tmp_path):
     assert across == pytest.approx(given, rel=1e-6)
     assert abs(found.series["moment"].values).max() > 30
     assert found.trajectory.energy.drift < 1e-7
+
+
+def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, monkeypatch):
+    titles, new_figure = [], animation.new_figure
+    monkeypatch.setattr(animation, "new_figure", lambda *size, **kw: titles.append(size[2]) or new_figure(*size, **kw))
+    with styled():
+        animation.animate(simulate(load(scene_of(tmp_path, BEAM, "solve.steps=20"))), tmp_path / "beam.gif")
+    assert titles[0].startswith("Deformation enlarged")
 
 
 def test_two_bodies_with_a_pin_keep_the_motion_of_their_centre_and_their_spin(tmp_path):
