@@ -9,7 +9,7 @@ from command_line import cli, refused
 from kaneflex import SceneError, linearise, load, simulate
 from kaneflex.fem.mobility import count_freedom
 from kaneflex.mechanism.mechanism import mechanism_of
-from kaneflex.plots import animation
+from kaneflex.plots import animation, displacements
 from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, with_settings
 
@@ -111,7 +111,9 @@ def test_the_animation_of_a_ringing_beam_says_how_far_it_is_enlarged(tmp_path, m
     titles, new_figure = [], animation.new_figure
     monkeypatch.setattr(animation, "new_figure", lambda *size, **kw: titles.append(size[2]) or new_figure(*size, **kw))
     with styled():
-        animation.animate(simulate(load(scene_of(tmp_path, BEAM, "solve.steps=20"))), tmp_path / "beam.gif")
+        found = simulate(load(scene_of(tmp_path, BEAM, "solve.steps=20")))
+        animation.animate(found, tmp_path / "beam.gif")
+        assert set(displacements.figures(found)) == {"nodal_displacements", "mid_beam", "surfaces_beam"}
     assert titles[0].startswith("Deformation enlarged")
 
 

@@ -27,7 +27,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
 
     The surfaces are the longitudinal, transverse, global X and global Y displacement over length and time.
     """
-    if solution.model.frame is None:
+    if not solution.model.links:
         return {}
     shown = view(solution)
     pictures = {}
