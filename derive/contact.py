@@ -29,18 +29,21 @@ _TINY = sm.Float("1e-300")
 _ABOUT = """
 A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global. A
 contact is the numbers of p from c on that NUMBERS names: of a line its unit normal in the first section's axes and how
-far along it from the first point the second side may come, of circles the sum or the difference of their radii; K
-[N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the restitution e that is asked for; the radius
+far along it from the first point the second side may come, of circles the sum or the difference of their radii; of
+flanks, all of whose lengths are angles and forces torques, 1 or -1, 0 and how far that way the second section may turn;
+K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the restitution e that is asked for; the radius
 [m] of the second side. n_x, n_y is the unit normal in which the second side is pushed, the first against it.
 """
 _GAP = """{}
 
 Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg."""
+speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
+the second section is turned beside that."""
 _GAPS = {
     "point-line": "A point, or a circle about it, and a straight face that turns with the first section.",
     "circle-circle": "Two circles side by side.",
     "circle-in-circle": "A circle in another one. About one centre no normal is known, and (0, 0): no g' either.",
+    "angle": "Two flanks, of bodies that turn: g in rad, g' in rad/s, n_x, n_y and speed 0.",
 }
 _FORCE = "Force [N] on the second side along the normal, of {}.{}"
 _FORCES = {
@@ -59,8 +62,10 @@ def gap(kind, w, a, b, p, c, out, k):
         point_line(w, a, b, p, c, out, k)
     elif kind == 1:
         circle_circle(w, a, b, p, c, out, k)
-    else:
+    elif kind == 2:
         circle_in_circle(w, a, b, p, c, out, k)
+    else:
+        angle(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)
@@ -129,6 +134,8 @@ def _place(side: int, letters: tuple[str, str]) -> Vector:
 
 def _gap_kernel(kind: str) -> tuple[emit.Kernel, Program]:
     """g' is what the velocities make of g: its derivative by d, the length and the normal times the rates of these."""
+    if kind == "angle":
+        return _flank_kernel(kind)
     omegas = _symbol("omega", 1), _symbol("omega", 2)
     steps: list[Assignment] = [
         *zip(_D, minus(_place(2, ("x", "y")), _place(1, ("x", "y"))), strict=True),
@@ -153,8 +160,24 @@ def _gap_kernel(kind: str) -> tuple[emit.Kernel, Program]:
     touched = (_symbol("x", 2) + arm[0], _symbol("y", 2) + arm[1])
     outputs = tuple(
         (f"out[{emit.offset('k', k)}]", sm.sympify(value))
-        for k, value in enumerate((gap, rate, *_NORMAL, *touched, sliding))
+        for k, value in enumerate((gap, rate, *_NORMAL, *touched, sliding, 0))
     )
+    return _stored(kind, steps, outputs)
+
+
+def _flank_kernel(kind: str) -> tuple[emit.Kernel, Program]:
+    """The angle of the second section against the first, which turns."""
+    phi, omega = (_symbol(letter, 2) - _symbol(letter, 1) for letter in ("theta", "omega"))
+    turn = _number["direction_x"]
+    gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
+    values = (gap, turn * omega, 0, 0, _symbol("x", 2), _symbol("y", 2), 0, turn)
+    outputs = tuple((f"out[{emit.offset('k', k)}]", sm.sympify(value)) for k, value in enumerate(values))
+    return _stored(kind, [], outputs)
+
+
+def _stored(
+    kind: str, steps: list[Assignment], outputs: tuple[tuple[str, sm.Expr], ...]
+) -> tuple[emit.Kernel, Program]:
     reads = (*_SECTIONS, *_OWN)
     raw = Program(kind.replace("-", "_"), tuple(symbol for symbol, _ in reads), tuple(steps), outputs)
     doc = _GAP.format(_GAPS[kind])

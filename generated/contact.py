@@ -4,14 +4,17 @@ Format 3, SymPy 1.14; made by: make derive
 
 A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global.
 A contact is the numbers of p from c on that NUMBERS names: of a line its unit normal in the first section's axes and
-how far along it from the first point the second side may come, of circles the sum or the difference of their radii; K
-[N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the restitution e that is asked for; the radius
-[m] of the second side. n_x, n_y is the unit normal in which the second side is pushed, the first against it.
+how far along it from the first point the second side may come, of circles the sum or the difference of their radii;
+of flanks, all of whose lengths are angles and forces torques, 1 or -1, 0 and how far that way the second section may
+turn; K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the restitution e that is asked for;
+the radius [m] of the second side. n_x, n_y is the unit normal in which the second side is pushed, the first against
+it.
 
 Operations of one call, written out -> with shared subexpressions:
     point_line            136 -> 46
     circle_circle         158 -> 38
     circle_in_circle      158 -> 38
+    angle                   5 -> 5
     elastic                 5 -> 5
     damped                  7 -> 7
     hysteretic             14 -> 9
@@ -47,6 +50,7 @@ KINDS = (
     'point-line',
     'circle-circle',
     'circle-in-circle',
+    'angle',
 )
 
 # of the force
@@ -64,6 +68,7 @@ OPERATIONS = {
     'point_line': (136, 46),
     'circle_circle': (158, 38),
     'circle_in_circle': (158, 38),
+    'angle': (5, 5),
     'elastic': (5, 5),
     'damped': (7, 7),
     'hysteretic': (14, 9),
@@ -79,7 +84,8 @@ def point_line(w, a, b, p, c, out, k):
     """A point, or a circle about it, and a straight face that turns with the first section.
 
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg."""
+    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
+    the second section is turned beside that."""
     x_1 = w[a]
     y_1 = w[a + 1]
     theta_1 = w[a + 2]
@@ -114,6 +120,7 @@ def point_line(w, a, b, p, c, out, k):
     out[k + 4] = -w0 - w4
     out[k + 5] = -w1 - w5
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w4) - n_y*(-d_y + w5)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 7] = 0.0
 
 
 @njit(**OPTIONS)
@@ -121,7 +128,8 @@ def circle_circle(w, a, b, p, c, out, k):
     """Two circles side by side.
 
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg."""
+    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
+    the second section is turned beside that."""
     x_1 = w[a]
     y_1 = w[a + 1]
     v_x_1 = w[a + 3]
@@ -153,6 +161,7 @@ def circle_circle(w, a, b, p, c, out, k):
     out[k + 4] = -w0 - w3
     out[k + 5] = -w1 - w4
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 7] = 0.0
 
 
 @njit(**OPTIONS)
@@ -160,7 +169,8 @@ def circle_in_circle(w, a, b, p, c, out, k):
     """A circle in another one. About one centre no normal is known, and (0, 0): no g' either.
 
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg."""
+    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
+    the second section is turned beside that."""
     x_1 = w[a]
     y_1 = w[a + 1]
     v_x_1 = w[a + 3]
@@ -192,6 +202,30 @@ def circle_in_circle(w, a, b, p, c, out, k):
     out[k + 4] = -w0 - w3
     out[k + 5] = -w1 - w4
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
+    out[k + 7] = 0.0
+
+
+@njit(**OPTIONS)
+def angle(w, a, b, p, c, out, k):
+    """Two flanks, of bodies that turn: g in rad, g' in rad/s, n_x, n_y and speed 0.
+
+    Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
+    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
+    the second section is turned beside that."""
+    theta_1 = w[a + 2]
+    omega_1 = w[a + 5]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    theta_2 = w[b + 2]
+    omega_2 = w[b + 5]
+    direction_x = p[c]
+    reach = p[c + 2]
+    out[k] = direction_x*(-theta_1 + theta_2) - reach
+    out[k + 1] = direction_x*(-omega_1 + omega_2)
+    out[k + 2] = out[k + 3] = out[k + 6] = 0.0
+    out[k + 4] = x_2
+    out[k + 5] = y_2
+    out[k + 7] = direction_x
 
 
 @njit(**OPTIONS)
@@ -279,8 +313,10 @@ def gap(kind, w, a, b, p, c, out, k):
         point_line(w, a, b, p, c, out, k)
     elif kind == 1:
         circle_circle(w, a, b, p, c, out, k)
-    else:
+    elif kind == 2:
         circle_in_circle(w, a, b, p, c, out, k)
+    else:
+        angle(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)

@@ -248,7 +248,7 @@ def test_cylinders_have_the_depth_and_the_stiffness_of_johnsons_law_at_the_load(
         ),
         (
             'radial = "0.5 mm"', 'gap = "0.5 mm", length = 1',
-            "joints.wrist.clearance: a revolute joint has no such clearance. Give radial.",
+            "joints.wrist.clearance: a revolute joint has no such clearance. Give radial or angle.",
         ),
         (
             '["rod.end", "piston"]', '["rod.end", "piston"]\nbranch = "-"',

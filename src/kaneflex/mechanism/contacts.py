@@ -15,7 +15,7 @@ from collections.abc import Callable
 from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import Number, Vector, dot, quarter_turn
 
-KINDS = ("point-line", "circle-circle", "circle-in-circle")
+KINDS = ("point-line", "circle-circle", "circle-in-circle", "angle")
 """Geometries, in the order of the numbers that kernels know them by."""
 LAWS = ("hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "exact")
 """Laws, in the order of the numbers that kernels know them by."""
@@ -36,13 +36,14 @@ def apart(kind: str, gap: Vector, length: Number, normal: Vector, reach: Number)
     Parameters
     ----------
     gap : tuple
-        From the first point to the second, ``length`` [m] long; global.
+        From the first point to the second, ``length`` [m] long; global. Of flanks the angle of the second body against
+        the first [rad], and 0.
     normal : tuple
-        That of a line, global; of no other kind.
+        That of a line, global; of flanks 1 or -1, which way the second body is turned, and 0; of no other kind.
     reach : number
         Sum of the circles' radii, their difference, or how far before the first point a line's face is [m].
     """
-    if kind == "point-line":
+    if kind in ("point-line", "angle"):
         return dot(normal, gap) - reach, normal
     away = gap[0] / length, gap[1] / length
     if kind == "circle-circle":

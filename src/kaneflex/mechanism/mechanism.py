@@ -177,7 +177,7 @@ class _Reader:
             return self.numbers(f"{path}.{key}", unit, ANY)
 
         first, second = (self.point(address) for address in contact["between"])
-        if contact["kind"] == "point-line":
+        if contact["kind"] in ("point-line", "angle"):
             direction = self.vector(contact["direction"], f"{path}.direction_", "1")
         if "corner" in contact:
             second = _corner(name, second, direction, contact["corner"], number("length", "m"), number("height", "m"))

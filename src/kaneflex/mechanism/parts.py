@@ -183,9 +183,11 @@ class Contact:
     Attributes
     ----------
     kind : str
-        "point-line", "circle-circle" or "circle-in-circle": the second side in the first.
+        "point-line", "circle-circle" or "circle-in-circle": the second side in the first; "angle": two flanks that
+        turn, where lengths are angles [rad], forces torques [N m].
     direction : tuple
-        Unit normal of a line, in the first body's axes, to where the second side may be; of circles (0, 0).
+        Unit normal of a line, in the first body's axes, to where the second side may be; of circles (0, 0); of flanks
+        (1, 0) or (-1, 0), the way in which the second body is turned.
     reach : number
         How far along it from the first point the second may come [m]; of circles the sum, or difference, of radii.
     radius : number

@@ -17,9 +17,9 @@ from kaneflex.multibody.contacts import (
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, take
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FOUND_AT, GAP, GAP_RATE, HIGH, LARGEST, LAW, LOW,
-    NODES, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, SEC, SECTION, STAGE_A, SWITCH, TARGET, TOUCH, TRIAL, WHAT, Y,
-    apart, larger, of_contacts, smaller,
+    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, LARGEST, LAW,
+    LOW, NODES, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, SEC, SECTION, STAGE_A, SWITCH, TARGET, TOUCH, TRIAL,
+    WHAT, Y, apart, larger, of_contacts, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import load_sizes, meet
 
@@ -111,10 +111,10 @@ def next_trial(m, found):
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def unturned(m):
-    """The longest step [s] in which no body with an open contact turns by more than 1 rad."""
+    """The longest step [s] in which no body with an open contact turns by more than 1 rad; flanks but turn."""
     plan, w, fastest = m.plan, m.w, 1e-300
     for c in range(plan[ACTS] - plan[CONTACTS]):
-        if w[at(m, c) + BEGUN_AT] == 0.0:
+        if w[at(m, c) + BEGUN_AT] == 0.0 and m.acts[plan[CONTACTS] + c, WHAT] != FLANK:
             for side in range(2):
                 fastest = larger(fastest, abs(w[plan[SECTION] + SEC * m.acts[plan[CONTACTS] + c, AT + side] + 5]))
     return 1.0 / fastest

@@ -22,11 +22,11 @@ from kaneflex.generated import contact as touching
 from kaneflex.multibody.loops import bent, factorise_closed, give, gradient, mend, middle, solve_closed, works_at
 from kaneflex.multibody.tables import (
     ABOVE, ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BELOW, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE,
-    COORDINATES, COURSE_OF, CUT, DUE, EXTENT, FIRST, FLIGHT, GAP, GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT,
-    LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_X, NORMAL_Y, NUMBERS_AT, OPTIONS, PEAK,
-    PIVOTS, PLACE_X, PLACE_Y, PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROOM, ROW_AT, ROW_SIZE, SEC,
-    SECTION, SHARED, SINCE, SIZE, SPEEDS, SPRINGS, STAYS, STIFF, STUCK, SWITCH, TOUCH, TOUCHING, VISCOUS, WHAT, WORKS,
-    YIELDING, apart, larger, of_contacts, shifted, smaller,
+    COORDINATES, COURSE_OF, CUT, DUE, EXTENT, FIRST, FLANK, FLIGHT, GAP, GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE,
+    KEPT, LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_TURN, NORMAL_X, NORMAL_Y,
+    NUMBERS_AT, ON, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y, PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROOM,
+    ROW_AT, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SIZE, SPEEDS, SPRINGS, STAYS, STIFF, STUCK, SWITCH, TOUCH, TOUCHING,
+    VISCOUS, WHAT, WORKS, YIELDING, apart, larger, of_contacts, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, load_sizes, meet, move
 
@@ -53,9 +53,9 @@ def at(m, c):
 
 
 @njit(**OPTIONS)
-def tolerance(m, t, rate):
-    """How far from zero a gap counts as zero [m]."""
-    return _ROUNDING * m.w[m.plan[TOUCH] + EXTENT] + 4.0 * EPS * abs(t * rate)
+def tolerance(m, c, t, rate):
+    """How far from zero a gap counts as zero [m or rad]."""
+    return _ROUNDING * extent(m, c) + 4.0 * EPS * abs(t * rate)
 
 
 @njit(**OPTIONS)
@@ -69,7 +69,16 @@ def near(m, c, t, rate):
     """How far from zero the gap of a contact counts as zero, or what switches laws."""
     if switches(m, c):
         return _ROUNDING * m.w[at(m, c) + LARGEST] + 4.0 * EPS * abs(t * rate)
-    return tolerance(m, t, rate)
+    return tolerance(m, c, t, rate)
+
+
+@njit(**OPTIONS)
+def extent(m, c):
+    """What a contact's gap is small against: the size of the mechanism [m], of flanks the angle at which they stand."""
+    act = m.plan[CONTACTS] + c
+    if m.acts[act, WHAT] == FLANK:
+        return 1.0 + abs(m.w[m.plan[SECTION] + SEC * m.acts[act, ON] + 2])
+    return m.w[m.plan[TOUCH] + EXTENT]
 
 
 @njit(**OPTIONS)
@@ -102,7 +111,8 @@ def along(m, c):
         section, sign = plan[SECTION] + SEC * m.acts[act, AT + side], 2.0 * side - 1.0
         j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
         w[j], w[j + 1] = sign * x, sign * z
-        w[j + 2] = sign * ((w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x)
+        arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
+        w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
     for i in range(n):
         w[out + i] = 0.0
     gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
@@ -158,10 +168,11 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     plan, w, largest = m.plan, m.w, 0.0
     step, steps = h * real, h * pair
     for r in range(m.pivots[YIELDING]):
-        k, x = at(m, m.pivots[plan[TOUCHING] + r]), plan[REACTION] + plan[KEPT] + r
+        touching, x = m.pivots[plan[TOUCHING] + r], plan[REACTION] + plan[KEPT] + r
+        k = at(m, touching)
         c, s = w[k + VISCOUS], w[k + STIFF]
         d = one * A[x] / (step * (c + step * s)) + (two * B[x] / (steps * (c + steps * s))).real
-        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * w[plan[TOUCH] + EXTENT]) / w[k + ALLOWED])
+        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * extent(m, touching)) / w[k + ALLOWED])
     return largest
 
 
@@ -189,7 +200,7 @@ def error_of_gaps(m, h, A, answer):
         c = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, c), plan[TOUCH] + SHARED + n * c
         error = abs(product(w, g, shifted(w, plan[ACCEL]), n) + product(w, g, shifted(A, answer), n))
-        largest = larger(largest, (error - 16.0 * EPS * w[plan[TOUCH] + EXTENT] / (h * h)) / w[k + ALLOWED])
+        largest = larger(largest, (error - 16.0 * EPS * extent(m, c) / (h * h)) / w[k + ALLOWED])
     return largest
 
 
@@ -356,11 +367,11 @@ def _close(m, c, t, A, lost):
     copy_into(A, answer, w, g, n)
     solve_closed(m, A, plan[PIVOTS])
     mass = 1.0 / larger(product(w, g, shifted(A, answer), n), 1e-200)
-    stiffness, power, extent = w[own + 3], w[own + 4], w[plan[TOUCH] + EXTENT]
-    least = larger(larger((mass * pressing / stiffness) ** (1.0 / power), _LEAST * extent), -w[k + GAP])
+    stiffness, power, size = w[own + 3], w[own + 4], extent(m, c)
+    least = larger(larger((mass * pressing / stiffness) ** (1.0 / power), _LEAST * size), -w[k + GAP])
     approach = abs(smaller(w[k + GAP_RATE], 0.0))
     speed = larger(approach, math.sqrt(2.0 * touching.stored(w, own, least) / mass))
-    depth = smaller(depth_of(w, own, mass, speed), extent)
+    depth = smaller(depth_of(w, own, mass, speed), size)
     w[k + RESISTING_MASS] = mass
     w[k + BEGUN_AT], w[k + ALLOWED] = speed, w[plan[TOUCH] + PRECISION] * depth
     w[k + SINCE], w[k + APPROACH] = t, approach
@@ -401,7 +412,7 @@ def stand_closed(m, t, A):
         return False
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k = meet(m, plan[CONTACTS] + c)
-        w[k + DUE] = not switches(m, c) and (w[k + GAP] < -tolerance(m, t, 0.0)) != (w[k + BEGUN_AT] != 0.0)
+        w[k + DUE] = not switches(m, c) and (w[k + GAP] < -tolerance(m, c, t, 0.0)) != (w[k + BEGUN_AT] != 0.0)
         changing += w[k + DUE] != 0.0
     if changing == 0:
         return True

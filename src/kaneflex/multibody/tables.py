@@ -29,7 +29,7 @@ ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True,
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 """What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
 
-SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 41, 8
+SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 42, 8
 """Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
 row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kaneflex.generated.joints`), a contact (see
 :mod:`kaneflex.multibody.contacts`), and a factorised joint: what it moves along at its section (3), the articulated
@@ -59,15 +59,16 @@ FORCE_ALONG, FOLLOWER, TORQUE = range(3)
 """Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
 STRAIGHT, TORSIONAL = range(2)
 """Kinds of springs."""
-SWITCH = -1
-"""Kind of what stands among the contacts and touches nothing: an argument of loads' laws, which change where it passes
-zero. Its sections are the ground's, its number among its like is in ROW_AT."""
+FLANK, SWITCH = 3, -1
+"""Kinds of contacts: of flanks, by its number in :data:`kaneflex.generated.contact.KINDS`, and of what stands among
+them and touches nothing: an argument of loads' laws, which change where it passes zero. Its sections are the ground's,
+its number among its like is in ROW_AT."""
 ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
 """BEGUN_AT of a switch: the side of zero on which the laws are, or whether it stays at zero."""
 (
-    GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, PUSH_NOW, ELASTIC, LOSING,
+    GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, NORMAL_TURN, PUSH_NOW, ELASTIC, LOSING,
     BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE, NODES,
-) = range(22)  # fmt: skip
+) = range(23)  # fmt: skip
 """Numbers of a contact: what :func:`kaneflex.generated.contact.gap` stores; its force, stored energy and loss; whether
 it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its gap;
 k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,

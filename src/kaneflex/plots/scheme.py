@@ -135,7 +135,7 @@ class _Parts:
         for name in self.scene.springs:
             self._spring(name)
         for name, contact in self.scene.contacts.items():
-            if not contact.corner:
+            if not contact.corner and contact.kind != "angle":
                 self._contact(name)
         for name, loose in self.scene.loose.items():
             if loose.direction is not None:

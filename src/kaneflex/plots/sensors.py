@@ -24,6 +24,7 @@ _QUANTITY = {
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
     "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
     "spring_force": "force", "spring_torque": "torque", "contact_force": "force", "contact_gap": "gap",
+    "contact_torque": "torque", "contact_angle": "gap",
 }  # fmt: skip
 
 
@@ -88,7 +89,7 @@ def _reads_gravity(sensor: Sensor) -> bool:
 
 
 def _peaks(shown: View, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Where the impacts of a sensor's contact began, and their largest forces [N]."""
+    """Where the impacts of a sensor's contact began, and their largest forces [N], or torques [N m]."""
     solution, contact = shown.solution, shown.solution.model.scene.sensors[name].target
     times = shown.times
     own = [each for each in solution.impacts if each.contact == contact and times[0] <= each.begin <= times[-1]]
@@ -99,7 +100,7 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
     series = shown.solution.series
     values = {name: series[name].values[shown.instants] for name in names}
     sensor = shown.solution.model.scene.sensors[names[0]]
-    peaks = {name: _peaks(shown, name) for name in names if sensor.kind == "contact_force"}
+    peaks = {name: _peaks(shown, name) for name in names if sensor.kind in ("contact_force", "contact_torque")}
     factor, label = readable(sensor.unit, *values.values(), *(force for _, force in peaks.values()))
     for name, colour in zip(names, PALETTE, strict=False):
         axes.plot(shown.x, factor * values[name], color=colour, label=name)

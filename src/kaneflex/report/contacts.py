@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import math
+
 from kaneflex.mechanism.contacts import hysteresis, returned
 from kaneflex.scene.contacts import Contact
 
 _SIDES = {
     "point-line": "{1} before the line through {0}", "circle-circle": "circles about {1} and {0}",
-    "circle-in-circle": "circle about {1} in that about {0}",
+    "circle-in-circle": "circle about {1} in that about {0}", "angle": "flank of {0} that turns {1} {way}",
 }  # fmt: skip
 
 
 def contact_line(contact: Contact) -> str:
     """What touches what, how stiff that is, and what comes back of an approach."""
-    where = _SIDES[contact.kind].format(*contact.sides)
+    where = _SIDES[contact.kind].format(*contact.sides, way="on" if contact.direction[0] > 0 else "back")
     if contact.corner:
         where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"
+    stiffness, exponent = contact.pushing
+    if contact.kind == "angle":
+        room = contact.direction[0] * contact.clearance.middle - contact.reach
+        law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
+        return f"{where}, play {math.degrees(room):.6g} deg, {law}, {restitution_line(contact)}"
     if contact.joint is not None:
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
         where += f", clearance {1e3 * room:.6g} mm"
-    stiffness, exponent = contact.pushing
     unit = "N/m" if exponent == 1 else f"N/m^{exponent:.4g}"
     return f"{where}, {stiffness:.4g} {unit}, {restitution_line(contact)}"
 
@@ -28,7 +34,8 @@ def restitution_line(contact: Contact) -> str:
     """A law beside the restitution that it returns, nothing else acting: which few return as they are asked for."""
     law, asked = contact.law, contact.contact.restitution
     if law == "kelvin-voigt":
-        return f"{law} of {contact.contact.damping:.6g} N s/m, whose restitution follows from the masses"
+        unit = "N m s/rad" if contact.kind == "angle" else "N s/m"
+        return f"{law} of {contact.contact.damping:.6g} {unit}, whose restitution follows from the masses"
     if asked is None:
         return f"{law} returns 1"
     found = returned(hysteresis(law, asked))

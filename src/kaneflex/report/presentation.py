@@ -101,9 +101,11 @@ def contact_table(summary: Summary) -> str:
     """What every contact did; where it says nothing of a rest it is open at the end."""
     rows = []
     for name, contact in summary.contacts.items():
-        fastest, force = contact.fastest_m_s or 0.0, contact.largest_force or 0.0
+        fastest, force = f"{contact.fastest_m_s or 0.0:.4g}", f"{contact.largest_force or 0.0:.5g}"
+        if contact.largest_torque is not None:
+            fastest, force = f"{contact.fastest_rad_s or 0.0:.4g} rad/s", f"{contact.largest_torque:.5g} N m"
         rest = "" if contact.rests_since_s is None else f"{contact.rests_since_s:.5g}"
-        rows.append((name, f"{contact.impacts}", f"{fastest:.4g}", f"{force:.5g}", f"{contact.lost:.4g}", rest))
+        rows.append((name, f"{contact.impacts}", fastest, force, f"{contact.lost:.4g}", rest))
     return table(("contact", "impacts", "fastest m/s", "largest N", "lost J", "rests from s"), rows)
 
 

@@ -204,8 +204,12 @@ class _Reader:
     def _contact_force(self, sensor: Sensor) -> np.ndarray:
         return self.motion.contact(str(sensor.target))[1]
 
+    _contact_torque = _contact_force
+
     def _contact_gap(self, sensor: Sensor) -> np.ndarray:
         return self.motion.contact(str(sensor.target))[0]
+
+    _contact_angle = _contact_gap
 
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""

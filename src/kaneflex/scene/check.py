@@ -15,6 +15,7 @@ from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import (
     CONTACT_KINDS,
     DRIVE_KINDS,
+    FLANK_KINDS,
     MOTION_KINDS,
     POINT_KINDS,
     RIGID_COMPANIONS,
@@ -220,6 +221,11 @@ def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
     if target not in scene.contacts:
         cure = nearest(target, scene.contacts)
         yield Problem(f"{key}.{sensor.kind}", target, "no contact of that name", cure)
+    elif (scene.contacts[target].kind == "angle") != (sensor.kind in FLANK_KINDS):
+        others = dict(zip(("contact_force", "contact_gap"), FLANK_KINDS, strict=True))
+        right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
+        what = "a flank, which turns" if right in FLANK_KINDS else "no flank, but pushes"
+        yield Problem(f"{key}.{sensor.kind}", target, f"it is {what}", f"Write {right}")
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -15,6 +15,10 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
     """Who counts on a joint with a clearance, as the scene is written: it has no drive and no force."""
     loose = {name: joint for name, joint in scene.joints.items() if joint.clearance is not None}
     for name, joint in loose.items():
+        if joint.clearance.angle is not None and name in scene.drives and not scene.drives[name].free:
+            reason = f"{name} has backlash, and its drive prescribes the angle in it"
+            yield Problem(f"drives.{name}", None, reason, "Let the drive be free, or leave the clearance out")
+    for name, joint in loose.items():
         for made in contacts_of(name, joint):
             if made in scene.contacts:
                 reason = f"a contact of the clearance of joint {name} has this name"
@@ -23,7 +27,7 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
                 reason = f"a contact of the clearance of joint {name} has this name"
                 yield Problem(f"joints.{made}", None, reason, "Choose another name")
     for key, name, verb in _counting_on(scene):
-        if name in loose:
+        if name in loose and loose[name].clearance.angle is None:
             reason = f"{name} has a clearance: {verb}"
             yield Problem(key, None if key == f"drives.{name}" else name, reason, "Leave the clearance out, or this")
 
@@ -69,7 +73,7 @@ def key_of(name: str, contact: Contact) -> str:
     """Where the two points of a contact stand in the scene."""
     if contact.joint is None:
         return f"contacts.{name}.{contact.key}"
-    return f"joints.{contact.joint}.{'revolute' if contact.kind == 'circle-in-circle' else 'prismatic'}"
+    return f"joints.{contact.joint}.{'prismatic' if contact.kind == 'point-line' else 'revolute'}"
 
 
 def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:
@@ -91,6 +95,9 @@ def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[P
     elif body.elastic and contact.joint is not None and contact.kind == "point-line":
         reason = f"{side.body} is elastic and would slide through its own deformation"
         yield Problem(key, str(side), reason, "Let the guide hold a rigid body")
+    elif body.elastic and contact.kind == "angle":
+        reason = f"{side.body} is elastic, and flanks on elastic bodies are not available in this version"
+        yield Problem(key, str(side), reason, "Let a rigid body have the flanks, welded to it")
     elif body.elastic and body.beam.axially_rigid:
         reason = f"{side.body} is axially rigid"
         yield Problem(key, str(side), reason, "Leave axially_rigid out, or let another body touch")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema, field_validator, model_validator
@@ -18,7 +19,7 @@ from kaneflex.scene.quantities import (
 )
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault, nearest
-from kaneflex.support.units import NUMBER_WITH_UNIT, Dimension, to_si
+from kaneflex.support.units import NUMBER_WITH_UNIT, TORSIONAL_DAMPING, Dimension, to_si
 
 _ABOVE_ZERO = ("flores", "exact")
 """Laws whose hysteresis grows beyond all bounds as the restitution goes to zero."""
@@ -62,15 +63,7 @@ class ContactLaw(SceneTable):
     @field_validator("stiffness", mode="before")
     @classmethod
     def _in_its_unit(cls, value: object, info: ValidationInfo) -> float:
-        n = info.data.get("exponent", 1.5)
-        unit = "N/m" if n == 1 else f"N/m^{n:g}"
-        match = NUMBER_WITH_UNIT.match(value) if isinstance(value, str) else None
-        if match is not None and match[2].replace(" ", "") == unit:
-            value = float(match[1])
-        number = to_si(value, Dimension("a contact stiffness", unit, f"1e9 {unit}"))
-        if number <= 0:
-            raise Fault("a contact stiffness must be above zero", f"Write one like '1e9 {unit}'")
-        return number
+        return _stiffness(value, info.data.get("exponent", 1.5), "N/m")
 
     @model_validator(mode="after")
     def _consistent(self) -> ContactLaw:
@@ -102,6 +95,38 @@ class ContactLaw(SceneTable):
         if self.materials is None:
             return self.modulus
         return 1 / sum((1 - MATERIALS[name].nu ** 2) / MATERIALS[name].E for name in self.materials)
+
+
+def _stiffness(value: object, n: float, unit: str) -> float:
+    """K of K d^n, where it may stand with its unit: this one, of n = 1, to the power of n below the line."""
+    unit = unit if n == 1 else f"{unit}^{n:g}"
+    match = NUMBER_WITH_UNIT.match(value) if isinstance(value, str) else None
+    if match is not None and match[2].replace(" ", "") == unit.replace(" ", ""):
+        value = float(match[1])
+    number = to_si(value, Dimension("a contact stiffness", unit, f"1e9 {unit}"))
+    if number <= 0:
+        raise Fault("a contact stiffness must be above zero", f"Write one like '1e9 {unit}'")
+    return number
+
+
+def of_flanks(given: Mapping[str, object]) -> dict[str, object]:
+    """A contact law as it is written between flanks that turn: its stiffness and damping as plain numbers.
+
+    K is in N m/rad^n, c in N m s/rad. Raises Fault for another unit.
+    """
+    found = dict(given)
+    exponent = found.get("exponent", 1.5)
+    units = {
+        "stiffness": lambda value: _stiffness(value, exponent if isinstance(exponent, int | float) else 1.5, "N m/rad"),
+        "damping": lambda value: to_si(value, TORSIONAL_DAMPING),
+    }
+    for field, convert in units.items():
+        if field in found:
+            try:
+                found[field] = convert(found[field])
+            except Fault as fault:
+                raise Fault(fault.reason, fault.cure, below=field) from None
+    return found
 
 
 def spheres(modulus: float, curvature: float) -> float:

@@ -8,8 +8,17 @@ from typing import Any
 
 from pydantic import model_validator
 
-from kaneflex.scene.contact_law import ContactLaw, cylinders, spheres
-from kaneflex.scene.quantities import Address, AddressPair, Direction, NonNegativeLength, PositiveLength, Radii
+from kaneflex.scene.contact_law import ContactLaw, cylinders, of_flanks, spheres
+from kaneflex.scene.quantities import (
+    Address,
+    AddressPair,
+    Angle,
+    Direction,
+    NonNegativeLength,
+    PositiveAngle,
+    PositiveLength,
+    Radii,
+)  # fmt: skip
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.support.errors import Fault
 
@@ -24,6 +33,9 @@ class Clearance(SceneTable):
     A revolute joint's pin has the `radial` clearance, the bearing's radius less its own; `width` is that of both, and
     `radius` the pin's. A guide's block has the `gap` to either face when it lies in the middle; it is `length` long
     and `height` high, and its four corners touch. The bearing and the faces are on the joint's first body.
+
+    By an `angle` a revolute joint stays a pin and has backlash: from the `middle` of its play, where the second body's
+    angle against the first is that, to the flank on either side.
     """
 
     radial: PositiveLength | None = None
@@ -32,16 +44,33 @@ class Clearance(SceneTable):
     gap: PositiveLength | None = None
     length: PositiveLength | None = None
     height: NonNegativeLength = 0.0
+    angle: PositiveAngle | None = None
+    middle: Angle = 0.0
     contact: ContactLaw
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_angles(cls, given: object) -> object:
+        """Numbers of a contact between flanks are those of torques and angles."""
+        if isinstance(given, dict) and "angle" in given and isinstance(given.get("contact"), dict):
+            try:
+                return given | {"contact": of_flanks(given["contact"])}
+            except Fault as fault:
+                raise Fault(fault.reason, fault.cure, below=f"contact.{fault.below}".rstrip(".")) from None
+        return given
 
     @model_validator(mode="after")
     def _consistent(self) -> Clearance:
-        given = the_one_given(self, ("radial", "gap"))
-        for field in ("length", "height") if given == "radial" else ("radius", "width"):
+        given = the_one_given(self, ("radial", "gap", "angle"))
+        own = {"radial": ("radius", "width"), "gap": ("length", "height"), "angle": ("middle",)}
+        for field in (each for kind, fields in own.items() if kind != given for each in fields):
             if field in self.model_fields_set:
                 raise Fault(f"has no meaning for a {given} clearance", "Leave it out", below=field)
         if given == "gap" and self.length is None:
             raise Fault("the corners of a block without length are one", "Give its length along the guide")
+        if given == "angle" and self.contact.stiffness is None:
+            reason = "Hertz's theory knows no torque of flanks"
+            raise Fault(reason, "Give stiffness, a torque per angle^n", below="contact")
         return self
 
 
@@ -177,6 +206,15 @@ class ClearanceContact(Contact):
     of: str
     clearance: Clearance
     along: int = 0
+    flank: int = 0
+
+    @property
+    def kind(self) -> str:
+        return "angle" if self.flank else super().kind
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        return (float(self.flank), 0.0) if self.flank else super().direction
 
     @property
     def joint(self) -> str:
@@ -193,6 +231,8 @@ class ClearanceContact(Contact):
     @property
     def reach(self) -> float:
         room = self.clearance
+        if room.angle is not None:
+            return self.flank * room.middle - room.angle
         return room.radial if self.kind == "circle-in-circle" else -(room.gap + room.height / 2)
 
     @property
@@ -213,13 +253,19 @@ class ClearanceContact(Contact):
 def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
     """What stands for a joint with a clearance: a pin in its bearing by the joint's name, or NAME_1 to NAME_4.
 
-    Those are a block's corners, seen along its guide: 1 and 2 on the right, behind and before, 3 and 4 on the left.
+    Those are a block's corners, seen along its guide: 1 and 2 on the right, behind and before, 3 and 4 on the left. Of
+    backlash there are NAME_1, which turns the second body on, and NAME_2, which turns it back; the joint stays.
     """
     first, second = joint.addresses
     room = joint.clearance
     shared = {"contact": room.contact, "of": name, "clearance": room, "width": room.width}
     if room.radial is not None:
         return {name: ClearanceContact.model_construct(circle_in_circle=(second, first), **shared)}
+    if room.angle is not None:
+        return {
+            f"{name}_{k}": ClearanceContact.model_construct(circle_in_circle=(second, first), flank=flank, **shared)
+            for k, flank in ((1, 1), (2, -1))
+        }
     x, y = joint.direction
     right, left = (-y, x), (y, -x)  # the faces by their normals, which look inwards
     corners = [(right, 1), (right, -1), (left, -1), (left, 1)]
@@ -262,9 +308,10 @@ class LooseJoint:
 
 
 def loose_joints(contacts: Mapping[str, Contact]) -> dict[str, LooseJoint]:
-    """Every joint with a clearance by name, of a scene as it moves."""
+    """Every joint whose clearance takes its place by name, of a scene as it moves."""
     found: dict[str, LooseJoint] = {}
     made = {key: contact for key, contact in contacts.items() if isinstance(contact, ClearanceContact)}
+    made = {key: contact for key, contact in made.items() if not contact.flank}
     for name in dict.fromkeys(contact.joint for contact in made.values()):
         own = {key: contact for key, contact in made.items() if contact.joint == name}
         first = next(iter(own.values()))

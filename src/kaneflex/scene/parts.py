@@ -50,7 +50,8 @@ class Joint(SceneTable):
     it; a larger loop may close in more ways. `near` names rough angles of its bodies at the start instead.
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
     paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld. A `clearance` leaves
-    room in a pin or a guide: the joint then holds nothing, its sides touch at times.
+    room in a pin or a guide: the joint then holds nothing, its sides touch at times. One in an angle is backlash of a
+    pin, which stays.
     """
 
     revolute: AddressPair | None = None
@@ -79,11 +80,11 @@ class Joint(SceneTable):
         return self
 
     def _check_clearance(self, kind: str, room: Clearance) -> None:
-        wanted = {"revolute": "radial", "prismatic": "gap"}.get(kind)
-        if wanted is None or getattr(room, wanted) is None:
-            cure = "Leave it out" if wanted is None else f"Give {wanted}"
+        wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
+        if all(getattr(room, key) is None for key in wanted):
+            cure = f"Give {' or '.join(wanted)}" if wanted else "Leave it out"
             raise Fault(f"a {kind} joint has no such clearance", cure, below="clearance")
-        for field in ("branch", "near", "rotation"):
+        for field in ("branch", "near", "rotation") if room.angle is None else ():
             if field in self.model_fields_set:
                 raise Fault("a joint with a clearance holds nothing", "Leave it out", below=field)
         for contact in contacts_of("", self).values():

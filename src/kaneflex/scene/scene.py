@@ -107,11 +107,12 @@ class Scene(SceneTable):
         return found
 
     def with_clearances(self) -> Scene:
-        """The scene as it moves: contacts in the place of the joints with a clearance."""
+        """The scene as it moves: contacts in the place of the joints with a clearance, beside those with backlash."""
         loose = {name: joint for name, joint in self.joints.items() if joint.clearance is not None}
         if not loose:
             return self
-        joints = {name: joint for name, joint in self.joints.items() if name not in loose}
+        stays = {name for name, joint in loose.items() if joint.clearance.angle is not None}
+        joints = {name: joint for name, joint in self.joints.items() if name not in loose or name in stays}
         made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
         return self.seen(joints=joints, contacts={**self.contacts, **made})
 

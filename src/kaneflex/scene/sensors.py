@@ -16,7 +16,8 @@ SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
 POINT_KINDS = MOTION_KINDS + SECTION_KINDS
 DRIVE_KINDS = ("drive_torque", "drive_force")
 SPRING_KINDS = ("spring_force", "spring_torque")
-CONTACT_KINDS = ("contact_force", "contact_gap")
+FLANK_KINDS = ("contact_torque", "contact_angle")
+CONTACT_KINDS = ("contact_force", "contact_gap", *FLANK_KINDS)
 KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS)
 RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 """Kinds whose rigid value stands beside them under NAME_rigid."""
@@ -26,6 +27,7 @@ _UNITS = {
     "bending_moment": "N m", "shear_force": "N", "strain": "1", "joint_force": "N", "drive_torque": "N m",
     "drive_force": "N",
     "spring_force": "N", "spring_torque": "N m", "contact_force": "N", "contact_gap": "m",
+    "contact_torque": "N m", "contact_angle": "rad",
 }  # fmt: skip
 _UNITS_OF_ANGLE = {
     "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad",
@@ -55,7 +57,7 @@ class Sensor(SceneTable):
     drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
     turning. contact_force: the normal force of a contact; contact_gap: how far its sides are apart, below zero where
-    they are in each other.
+    they are in each other. contact_torque, contact_angle: the same of a flank of a joint's backlash.
     """
 
     displacement: AddressField | None = None
@@ -73,6 +75,8 @@ class Sensor(SceneTable):
     spring_torque: str | None = None
     contact_force: str | None = None
     contact_gap: str | None = None
+    contact_torque: str | None = None
+    contact_angle: str | None = None
     relative_to: Literal["frame", "chord", "start"] = "frame"
     component: Literal["x", "y", "angle"] = "x"
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)

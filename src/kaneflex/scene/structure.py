@@ -140,7 +140,7 @@ def _spring(scene: Scene, name: str) -> dict[str, Any]:
 def _contact(scene: Scene, name: str) -> dict[str, Any]:
     contact = scene.contacts[name]
     entry: dict[str, Any] = {"kind": contact.kind, "between": [str(side) for side in contact.sides]}
-    if contact.kind == "point-line":
+    if contact.kind in ("point-line", "angle"):
         entry["direction"] = _direction(contact.direction)
     if contact.corner:
         entry["corner"] = contact.corner

@@ -123,6 +123,7 @@ def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMo
     angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
     turns |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at not in (None, *turns)}
+    turns |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
     turns |= {name: 0.0 for name in scene.observed if name not in turns and scene.joints[name].kind == "revolute"}
     pins = [name for name in scene.drives if scene.joints[name].kind == "revolute"]
     turns |= {name: float(rigid[f"{name}.angle"][0]) for name in pins}

@@ -9,11 +9,13 @@ import numpy as np
 
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
+    from kaneflex.scene import Scene
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
 _RATES = {LENGTH: SPEED, ANGLE: ANGULAR_SPEED, _AMPLITUDE: _AMPLITUDE}
@@ -124,6 +126,9 @@ def check_apart(model: Model) -> None:
     mechanism, rigid = mechanism_of(model.scene), model.motion.at(0.0)
     for name, contact in mechanism.contacts.items():
         first, second = (rigid.frame(side.body) for side in contact.sides)
+        if contact.kind == "angle":
+            _check_flank(model.scene, name, first.to_body(second.to_global((1.0, 0.0))))
+            continue
         x, y = second.place(contact.second.at) - first.place(contact.first.at)
         normal = first.to_global(contact.direction)
         gap = apart(contact.kind, (x, y), np.hypot(x, y) + 1e-300, normal, contact.reach)[0].item()
@@ -133,3 +138,19 @@ def check_apart(model: Model) -> None:
                 key, None, f"at the start its sides lie {-1e3 * gap:.4g} mm in each other",
                 "Start them apart, as by the angle or position of free drives",
             )  # fmt: skip
+
+
+def _check_flank(scene: Scene, name: str, along: np.ndarray) -> None:
+    """The same of flanks: ``along`` (2, 1) is the x axis of the second body in the axes of the first."""
+    contact = scene.contacts[name]
+    assert isinstance(contact, ClearanceContact) and contact.clearance.angle is not None
+    away = float(np.arctan2(along[1], along[0]).item()) - contact.clearance.middle
+    away -= 2.0 * np.pi * round(away / (2.0 * np.pi))
+    if contact.joint in scene.drives:
+        away = scene.drives[contact.joint].start - contact.clearance.middle
+    if abs(away) > contact.clearance.angle + _TOUCHING:
+        raise SceneError(
+            f"joints.{contact.joint}.clearance", None,
+            f"at the start it is {np.degrees(away):.6g} deg from the middle of its play, beyond a flank",
+            "Start within the play, as by the angles of free drives, or give its middle",
+        )  # fmt: skip

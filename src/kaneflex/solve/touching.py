@@ -15,14 +15,15 @@ if TYPE_CHECKING:
     from kaneflex.support.labelled import Entry
 
 _ABOUT = {
-    "begin": ("s", "instant at which the contact closes"),
-    "end": ("s", "instant at which it opens; not a number where it lasts"),
-    "approach": ("m/s", "speed at which the gap shrinks at the begin"),
-    "separation": ("m/s", "speed at which the gap grows at the end"),
-    "impulse": ("N s", "of the normal force"),
-    "peak": ("N", "largest normal force"),
-    "lost": ("J", "energy lost"),
+    "begin": ("s", "s", "instant at which the contact closes"),
+    "end": ("s", "s", "instant at which it opens; not a number where it lasts"),
+    "approach": ("m/s", "rad/s", "speed at which the gap shrinks at the begin"),
+    "separation": ("m/s", "rad/s", "speed at which the gap grows at the end"),
+    "impulse": ("N s", "N m s", "of the normal force"),
+    "peak": ("N", "N m", "largest normal force"),
+    "lost": ("J", "J", "energy lost"),
 }
+"""Numbers of an impact: units, of flanks in the second place, and meaning."""
 
 
 class ContactSummary(PlainTable):
@@ -31,6 +32,8 @@ class ContactSummary(PlainTable):
     impacts: int = Field(description="how often it closed; results.nc lists all of them")
     fastest_m_s: float | None = Field(description="largest speed of approach, m/s; null without an impact")
     largest_force: float | None = Field(description="largest normal force, N; null without an impact")
+    fastest_rad_s: float | None = Field(description="of a flank, speed of approach, rad/s; else null")
+    largest_torque: float | None = Field(description="of a flank, largest torque, N m; else null")
     lost: float = Field(description="energy lost, J")
     rests_since_s: float | None = Field(
         description="instant from which on it stays closed to the end of the run, s; null where it is open there"
@@ -42,11 +45,15 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
     record = record_of(solution)
     found = {}
     for k, name in enumerate(() if record is None else record.names):
-        impacts = record.of(name)
+        impacts, turns = record.of(name), solution.model.scene.contacts[name].kind == "angle"
+        fastest = max((impact.approach for impact in impacts), default=None)
+        largest = max((impact.peak for impact in impacts), default=None)
         found[name] = ContactSummary(
             impacts=len(impacts),
-            fastest_m_s=max((impact.approach for impact in impacts), default=None),
-            largest_force=max((impact.peak for impact in impacts), default=None),
+            fastest_m_s=None if turns else fastest,
+            largest_force=None if turns else largest,
+            fastest_rad_s=fastest if turns else None,
+            largest_torque=largest if turns else None,
             lost=float(record.lost[-1, k]),
             rests_since_s=next((impact.begin for impact in impacts if impact.lasts), None),
         )
@@ -55,34 +62,54 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
 
 def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
     """Coordinates and variables: ``contact_gap`` and the like over time and ``contact``, ``impact_begin`` and the like
-    over ``impact``; ``clearance_x`` and the like over time and ``clearance``."""
+    over ``impact``, of backlash over ``flank`` and ``flank_impact``; ``clearance_x`` and the like over time and
+    ``clearance``."""
     record = record_of(solution)
     if record is None:
         return {}, {}
-    both = ("time", "contact")
-    variables: dict[str, Entry] = {
-        "contact_gap": (both, record.gap, {
-            "units": "m", "long_name": "gap between the sides of a contact",
-            "comment": "below zero by how deep they are in each other; of a circle in a circle the clearance less the "
-            "eccentricity",
-        }),
-        "contact_force": (both, record.force, {"units": "N", "long_name": "normal force of a contact"}),
-        "contact_lost": (both, record.lost, {"units": "J", "long_name": "energy that a contact has lost so far"}),
-    }  # fmt: skip
-    if record.impacts:
-        number = [record.names.index(impact.contact) for impact in record.impacts]
-        about = {"long_name": "number of its contact, from 0 on, among those of the coordinate contact"}
-        variables["impact_contact"] = ("impact", np.array(number, np.int32), about)
-        for key in COLUMNS:
-            unit, meaning = _ABOUT[key]
-            values = np.array([getattr(impact, key) for impact in record.impacts])
-            variables[f"impact_{key}"] = ("impact", values, {"units": unit, "long_name": meaning})
-    coordinates: dict[str, Entry] = {"contact": ("contact", np.array(record.names), {"long_name": "contacts"})}
+    turning = [name for name in record.names if solution.model.scene.contacts[name].kind == "angle"]
+    coordinates: dict[str, Entry] = {}
+    variables: dict[str, Entry] = {}
+    for kind, names in (("contact", [name for name in record.names if name not in turning]), ("flank", turning)):
+        if names:
+            coordinates[kind] = (kind, np.array(names), {"long_name": f"{kind}s"})
+            variables |= _of_kind(record, names, kind)
     loose = solution.model.scene.loose
     if loose:
         coordinates["clearance"] = ("clearance", np.array(list(loose)), {"long_name": "joints with a clearance"})
         variables |= _in_clearances(solution)
     return coordinates, variables
+
+
+def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, Entry]:
+    """What some of the contacts did, over ``kind``, and their impacts: of flanks in angles and torques."""
+    turns, both = int(kind == "flank"), ("time", kind)
+    columns = [record.names.index(name) for name in names]
+    push = "torque" if turns else "force"
+    variables: dict[str, Entry] = {
+        f"{kind}_gap": (both, record.gap[:, columns], {
+            "units": ("m", "rad")[turns], "long_name": f"gap between the sides of a {kind}",
+            "comment": "below zero by how deep they are in each other"
+            + ("" if turns else "; of a circle in a circle the clearance less the eccentricity"),
+        }),
+        f"{kind}_{push}": (both, record.force[:, columns], {
+            "units": ("N", "N m")[turns], "long_name": f"normal {push} of a {kind}",
+        }),
+        f"{kind}_lost": (both, record.lost[:, columns], {
+            "units": "J", "long_name": f"energy that a {kind} has lost so far",
+        }),
+    }  # fmt: skip
+    impacts = [impact for impact in record.impacts if impact.contact in names]
+    each = "flank_impact" if turns else "impact"
+    if impacts:
+        number = [names.index(impact.contact) for impact in impacts]
+        about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
+        variables[f"{each}_{kind}"] = (each, np.array(number, np.int32), about)
+        for key in COLUMNS:
+            *units, meaning = _ABOUT[key]
+            values = np.array([getattr(impact, key) for impact in impacts])
+            variables[f"{each}_{key}"] = (each, values, {"units": units[turns], "long_name": meaning})
+    return variables
 
 
 def eccentricity(solution: Solution, name: str) -> np.ndarray:

@@ -1,0 +1,140 @@
+"""Backlash: a pin whose bodies turn freely within its play, between flanks: against closed forms; units."""
+
+import math
+
+import numpy as np
+import pytest
+
+from kaneflex import SceneError, load, simulate
+from kaneflex.report.contacts import contact_line
+from kaneflex.report.summary import summarise
+from kaneflex.scene import read_scene, with_settings
+
+PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0
+SCENE = """
+schema = 1
+description = "A flywheel between the flanks of a coupling"
+[bodies]
+shaft = {mass = "1 kg", inertia = "0.01 kg m^2"}
+wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}
+[joints]
+hub = {revolute = ["ground", "shaft"]}
+coupling = {revolute = ["shaft", "wheel"], clearance = {angle = "0.5 deg", contact = CONTACT}}
+[drives]
+hub = {speed = 0}
+coupling = {free = true, initial_speed = "10 rad/s"}
+[sensors]
+angle = {position = "coupling", component = "angle"}
+on = {contact_torque = "coupling_1"}
+room = {contact_angle = "coupling_2"}
+[solve]
+preset = "coupled"
+duration = "0.1 s"
+steps = 500
+"""
+ELASTIC = '{law = "hertz", stiffness = "2e5 N m/rad", exponent = 1}'
+EXACT = '{stiffness = "1e6 N m/rad^1.5", restitution = 0.8}'
+FREE = ("drives.hub={speed='none', free=true, initial_speed='-5 rad/s'}", "solve.tolerance=1e-10")
+
+
+def read(tmp_path, contact, *settings):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE.replace("CONTACT", contact))
+    return with_settings(read_scene(path), settings)
+
+
+def solved(tmp_path, contact, *settings):
+    solution = simulate(load(read(tmp_path, contact, *settings)))
+    assert solution.outcome.name == "COMPLETED", solution.trajectory.message
+    return solution
+
+
+def swing(t, inertia, speed=SPEED, K=2e5):
+    """Angle of a wheel that turns freely over the play and swings half a period in each flank."""
+    omega = math.sqrt(K / inertia)
+    flight, deep = 2 * PLAY / speed, math.pi / omega
+    count, phase = np.divmod(t + PLAY / speed, flight + deep)
+    flying = -PLAY + speed * phase
+    return (1 - 2 * (count % 2)) * np.where(
+        phase < flight, flying, PLAY + speed / omega * np.sin(omega * (phase - flight))
+    )
+
+
+@pytest.mark.parametrize("integrator", ["gauss", "radau"])
+def test_a_wheel_between_elastic_flanks_comes_back_with_its_period(tmp_path, integrator):
+    solution = solved(tmp_path, ELASTIC, f"solve.integrator={integrator}", "solve.tolerance=1e-10")
+    angle = solution.trajectory.q[:, 5]
+    assert angle == pytest.approx(swing(solution.times, WHEEL), abs=1e-6 * PLAY)
+    assert len(solution.impacts) > 20
+    assert solution.trajectory.energy.drift < 1e-8
+
+
+def test_two_bodies_between_flanks_swing_by_their_reduced_inertia(tmp_path):
+    """Both turn free: the play is crossed at the speed of the one against the other, what they have together stays."""
+    solution = solved(tmp_path, ELASTIC, *FREE)
+    angle, speed = solution.trajectory.q, solution.trajectory.v
+    reduced = SHAFT * WHEEL / (SHAFT + WHEEL)
+    assert angle[:, 5] - angle[:, 2] == pytest.approx(swing(solution.times, reduced), abs=1e-6 * PLAY)
+    spin = SHAFT * speed[:, 2] + WHEEL * speed[:, 5]
+    assert spin == pytest.approx(np.full(len(spin), -5 * SHAFT + 5 * WHEEL), abs=1e-12)
+
+
+@pytest.mark.parametrize("e", [0.05, 0.5, 0.99])
+@pytest.mark.parametrize(("n", "K"), [(1, "2e5 N m/rad"), (1.5, "1e6 N m/rad^1.5"), (2, "1e8 N m/rad^2")])
+def test_a_flank_returns_the_restitution_that_was_asked_for(tmp_path, n, K, e):
+    contact = f'{{stiffness = "{K}", exponent = {n}, restitution = {e}}}'
+    solution = solved(tmp_path, contact, "solve.duration=8 ms", "solve.steps=10", "solve.tolerance=1e-9")
+    first = solution.impacts[0]
+    assert (first.contact, first.approach) == ("coupling_2", pytest.approx(SPEED, rel=1e-12))
+    assert first.begin == pytest.approx(PLAY / SPEED, rel=1e-12)
+    assert first.separation == pytest.approx(e * SPEED, rel=1e-6)
+    assert first.impulse == pytest.approx(WHEEL * SPEED * (1 + e), rel=1e-6)
+    assert first.lost == pytest.approx(0.5 * WHEEL * SPEED**2 * (1 - e**2), rel=1e-6)
+
+
+def test_a_coupling_that_turns_fast_knocks_as_one_that_doesn_t(tmp_path):
+    """At 3000 rpm, after some turns: the play is small beside the angle of either body."""
+    fast = "drives.hub={speed='3000 rpm'}", "drives.coupling.initial_speed=10 rad/s"
+    still, turning = (solved(tmp_path, EXACT, "solve.tolerance=1e-9", *settings) for settings in ((), fast))
+    assert len(still.impacts) == len(turning.impacts) > 8
+    for one, other in zip(still.impacts[:8], turning.impacts[:8], strict=True):
+        assert other.begin == pytest.approx(one.begin, rel=1e-6)
+        assert other.separation == pytest.approx(one.separation, rel=1e-6)
+
+
+def test_units_are_those_of_angles_and_torques(tmp_path):
+    solution = solved(tmp_path, EXACT)
+    data = solution.dataset
+    units = {"flank_gap": "rad", "flank_torque": "N m", "flank_impact_approach": "rad/s", "flank_impact_peak": "N m",
+             "flank_impact_impulse": "N m s", "on": "N m", "room": "rad"}  # fmt: skip
+    assert {name: data[name].attrs["units"] for name in units} == units
+    assert "contact_gap" not in data
+    assert data.flank_gap.values[:, 1] == pytest.approx(PLAY - solution.trajectory.q[:, 5], abs=1e-15)
+    flank = summarise(solution).contacts["coupling_2"]
+    assert (flank.fastest_m_s, flank.largest_force) == (None, None)
+    assert flank.fastest_rad_s == pytest.approx(10) and flank.largest_torque > 100
+    told = contact_line(solution.model.scene.contacts["coupling_1"])
+    assert "flank of shaft.start that turns wheel.start on, play 0.5 deg, 1e+06 N m/rad^1.5, exact returns 0.8" in told
+
+
+@pytest.mark.parametrize(("contact", "settings", "message"), [
+    ('{stiffness = "1e6 N/m^1.5", restitution = 1}', (), "joints.coupling.clearance.contact.stiffness = .*N m/rad"),
+    ('{materials = ["steel", "steel"], restitution = 1}', (), "Hertz's theory knows no torque of flanks"),
+    (EXACT, ("drives.coupling={law='t', free='none', initial_speed='none'}",),
+     "coupling has backlash, and its drive prescribes the angle in it"),
+    (EXACT, ("drives.coupling.angle=2 deg",), "at the start it is 2 deg from the middle of its play"),
+    (EXACT, ("drives.coupling.angle=361 deg",), "at the start it is 361 deg from the middle"),
+    (EXACT, ("sensors.on={contact_force='coupling_1', contact_torque='none'}",),
+     "it is a flank, which turns. Write contact_torque"),
+    (EXACT, ("solve.preset=rigid",), "preset rigid has no equations of a joint with a clearance"),
+    (EXACT, ("joints.coupling.clearance.radius=1 mm",), "has no meaning for"),
+])  # fmt: skip
+def test_what_backlash_can_t_be_is_refused(tmp_path, contact, settings, message):
+    with pytest.raises(SceneError, match=message):
+        load(read(tmp_path, contact, *settings))
+
+
+def test_play_may_lie_about_any_angle(tmp_path):
+    middle = "joints.coupling.clearance.middle=30 deg", "drives.coupling.angle=30 deg"
+    plain, turned = (solved(tmp_path, EXACT, *settings) for settings in ((), middle))
+    assert turned.trajectory.q[:, 5] - math.pi / 6 == pytest.approx(plain.trajectory.q[:, 5], abs=1e-6 * PLAY)
