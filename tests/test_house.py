@@ -226,8 +226,6 @@ In multibody what Python calls takes every array by itself, and the kernels of a
 generated ones.
 """
 COMPILES = {"njit", "compiled", "inlined", "_cached"}
-OVERDUE = {"solve/loading.py": {"load"}}
-"""Others that are too long and are to be cut."""
 
 
 def test_long_functions_are_compiled_loops_that_say_why():
@@ -243,8 +241,7 @@ def test_long_functions_are_compiled_loops_that_say_why():
                 decorators = {word.id for word in words}
                 found.setdefault(path.relative_to(folder).as_posix(), {})[node.name] = bool(decorators & COMPILES)
     python = {file: {name for name, compiled in names.items() if not compiled} for file, names in found.items()}
-    overdue = {file: names - OVERDUE.get(file, set()) for file, names in python.items()}
-    assert {file: names for file, names in overdue.items() if names} == {}
+    assert {file: names for file, names in python.items() if names} == {}
     compiled = {file: {name for name, compiled in names.items() if compiled} for file, names in found.items()}
     assert {file: names for file, names in compiled.items() if names} == LONG
     for file in LONG:

@@ -12,6 +12,7 @@ import numpy as np
 from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
+from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import carried_bodies, check_elastic, check_on_axes
@@ -89,23 +90,35 @@ def load(
     motion = RigidKinematics(module, bind_parameters(scene, module))
     # a kernel that every load needs is called once, so that compiling is seen and timed apart from computing
     compiled = _compiled(progress, lambda: motion.table(np.zeros(1)), *([coupled.compile] if coupled else []))
-    warnings, energy = (*implausible(scene), *ignored), None
-    if getattr(module, "LOOPS", ()):
-        progress("following the linkage over its drive's range")
-        motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
-    if module.FREE and coupled is not None:
-        motion = RigidKinematics(module, at_initial_speed(scene, module, motion.parameters, options.duration))
-    elif module.FREE:
-        progress("forward dynamics of the rigid mechanism")
-        motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
-        if options.dynamics != "rigid":
-            warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+    motion, energy = _moving(scene, motion, options, progress)
     check_closure(mechanism_of(scene), motion, options.duration)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = build_model(scene, options, motion, like=like)
-    model = replace(model, coupled=coupled, energy=energy, warnings=(*model.warnings, *warnings))
+    warnings = (*model.warnings, *implausible(scene), *ignored)
+    if module.FREE and options.dynamics not in ("rigid", "coupled"):
+        warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
+    model = replace(model, coupled=coupled, energy=energy, warnings=warnings)
     return _timed(model, started, derived, compiled)
+
+
+def _moving(
+    scene: Scene, motion: RigidKinematics, options: Options, progress: Progress
+) -> tuple[RigidKinematics, Energy | None]:
+    """The rigid motion with its loops followed and its free joints moved, and the energy of these.
+
+    Beside coupled equations, which move them, free joints keep the speeds that they have at first.
+    """
+    module, energy = motion.module, None
+    if getattr(module, "LOOPS", ()):
+        progress("following the linkage over its drive's range")
+        motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
+    if module.FREE and options.dynamics == "coupled":
+        motion = RigidKinematics(module, at_initial_speed(scene, module, motion.parameters, options.duration))
+    elif module.FREE:
+        progress("forward dynamics of the rigid mechanism")
+        motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
+    return motion, energy
 
 
 def _compiled(progress: Progress, *compile: Callable[[], object]) -> float:
