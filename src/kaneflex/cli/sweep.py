@@ -13,6 +13,7 @@ from kaneflex.cli.scene import INTERRUPTED, STOPPED_EARLY
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from kaneflex.study.plan import Plan
     from kaneflex.study.sweep import Progress, Solver
 
 _FAILURES_SHOWN = 5
@@ -34,11 +35,12 @@ _QUIET = 2.0
     "--format", "form", type=click.Choice(["netcdf", "zarr"]), default="netcdf", show_default=True,
     help='What to write; pip install "kaneflex[zarr]" brings the second.',
 )  # fmt: skip
+@click.option("--plots", is_flag=True, help="Draw every sensor over the first parameter, and Poincare sections.")
 @click.option("--force", is_flag=True, help="Begin anew what an earlier sweep left in its folder.")
 @click.pass_context
 def sweep(
     ctx: click.Context, study: Path, output: Path | None, workers: int | None, scheduler: str | None, form: str,
-    force: bool,
+    plots: bool, force: bool,
 ) -> None:  # fmt: skip
     """Run one scene at many points of its parameters, into one labelled dataset.
 
@@ -63,8 +65,27 @@ def sweep(
         click.echo(f"... {len(finished.failures)} failed in all; the dataset's `reason` says why", err=True)
     click.echo(f"{finished.total - len(finished.failures)} of {finished.total} points completed")
     click.echo(f"Written to {finished.path}")
+    for path in _drawn(finished.path, plan) if plots else ():
+        click.echo(f"Drawn: {path}")
     if len(finished.failures) == finished.total:
         ctx.exit(STOPPED_EARLY)
+
+
+def _drawn(dataset: Path, plan: Plan) -> list[Path]:
+    """Pictures of a dataset, beside it: those that its points allow."""
+    import xarray
+
+    from kaneflex.plots import draw
+
+    kinds = ["sweep"] if plan.poincare is None else ["sweep", "bifurcation", "poincare"]
+    drawn = []
+    with xarray.open_dataset(dataset, engine="zarr" if dataset.suffix == ".zarr" else "scipy") as found:
+        for kind in kinds:
+            try:
+                drawn += draw(kind, found.load(), dataset.parent)
+            except ValueError as reason:
+                click.echo(f"No picture {kind}: {reason}", err=True)
+    return drawn
 
 
 def _solver(workers: int | None, scheduler: str | None) -> Solver:

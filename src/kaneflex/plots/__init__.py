@@ -64,7 +64,8 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
     """Write the picture of what a study found into a folder that exists, as KIND.png and KIND.svg.
 
-    ``kind`` is the module that makes it: "overlay" of a comparison, "stability", "terms" or "trade".
+    ``kind`` is the module that makes it: "overlay" of a comparison, "stability", "terms", "trade"; of a sweep's dataset
+    "sweep", "bifurcation" or "poincare".
     """
     from kaneflex.plots.style import save, styled
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 import numpy as np
 from pydantic import Field
 
-from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.solve.touching import ContactSummary, contact_summaries
@@ -23,7 +22,6 @@ from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
-    from kaneflex.response.sensors import Series
     from kaneflex.solve.solution import Solution
 
 SCHEMA_VERSION = 1
@@ -182,14 +180,15 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     """Every sensor over the stored times, of which there is at least one."""
     degrees = drive_degrees(solution)
-    return {name: _sensor(series, solution.times, degrees) for name, series in solution.series.items()}
+    return {name: _sensor(solution, name, degrees) for name in solution.series}
 
 
-def _sensor(series: Series, times: np.ndarray, degrees: np.ndarray | None) -> SensorSummary:
+def _sensor(solution: Solution, name: str, degrees: np.ndarray | None) -> SensorSummary:
+    times, series, found = solution.times, solution.series[name], solution.statistics(name)
+
     def instant(index: int) -> Instant:
         return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
 
-    found = statistics(series.values, times)
     return SensorSummary(
         unit=series.unit,
         meaning=series.meaning,

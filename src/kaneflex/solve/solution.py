@@ -16,6 +16,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.motion import Motion
+from kaneflex.response.time_statistics import Statistics, statistics
 from kaneflex.solve.initial import STATE, start_coordinates
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LARGEST
@@ -193,6 +194,19 @@ class Solution:
                     "Correct the numbers that make it so large, or leave the sensor out",
                 )  # fmt: skip
         return measured
+
+    def statistics(self, name: str) -> Statistics:
+        """Least, greatest, mean and root mean square of a series of :attr:`series` over the stored times.
+
+        The greatest of a contact's force is that of its impacts, which may lie between stored times, at the nearest.
+        """
+        found = statistics(self.series[name].values, self.times)
+        sensor = self.model.scene.sensors.get(name)
+        own = [] if sensor is None else [impact for impact in self.impacts if impact.contact == sensor.contact_force]
+        hardest = max(own, key=lambda impact: impact.peak, default=None)
+        if hardest is None or hardest.peak <= found.max:
+            return found
+        return found._replace(max=hardest.peak, at_max=int(np.abs(self.times - hardest.begin).argmin()))
 
     @property
     def drive_angles(self) -> dict[str, np.ndarray]:

@@ -19,7 +19,7 @@ from kaneflex.support.labelled import Labelled
 def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0) -> Labelled:
     """Finished points of these numbers.
 
-    ``instants`` is how many each series is filled up to; without series it is of no use.
+    ``instants`` is how many each series is filled up to; where no point has any, there are none.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def labelled(plan: Plan, store: Store, points: Sequence[int], instants: int = 0)
     }
     for name, about in _labels(store).items():
         variables[name] = (("point", "statistic"), _statistics(name, records), about)
-    if plan.series:
+    if plan.series and instants:  # netCDF can't hold a dimension without length
         variables |= _series(store, points, instants)
     coordinates = {"point": ("point", np.array(points)), "statistic": ("statistic", np.array(STATISTICS))}
     for path in plan.points[0]:

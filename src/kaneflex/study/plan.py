@@ -11,6 +11,7 @@ from pathlib import Path
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.settings import nested, resolved
+from kaneflex.study.poincare import Poincare
 from kaneflex.study.study import Point, Study, Value, points_of, read_study
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
@@ -44,6 +45,8 @@ class Plan:
         Whether modal bases keep their shapes in the derivatives.
     files : mapping of str to bytes
         Tables and modal data that the scene or a point names, by absolute path.
+    poincare : Poincare or None
+        Which instants alone are kept as series.
     """
 
     scene: Scene
@@ -52,6 +55,7 @@ class Plan:
     files: Mapping[str, bytes]
     sensitivities: tuple[str, ...] = ()
     frozen: bool = True
+    poincare: Poincare | None = None
 
     def at(self, index: int) -> Scene:
         """The scene at a point. Raises SceneError for values that the scene can't have."""
@@ -59,12 +63,13 @@ class Plan:
 
     def settings(self, index: int) -> list[str]:
         """What makes the scene that of a point, as path=value."""
-        return [setting(path, value) for path, value in self.points[index].items()]
+        own = [setting(path, value) for path, value in self.points[index].items()]
+        return own + self.poincare.settings(with_settings(self.scene, own)) if self.poincare else own
 
     @cached_property
     def digest(self) -> str:
         """Of all that the results depend on."""
-        kept = (self.series, self.sensitivities, self.frozen)
+        kept = (self.series, self.sensitivities, self.frozen, self.poincare and self.poincare.model_dump())
         return digest(self.scene, self.files, list(self.points.values()), kept)
 
 
@@ -88,7 +93,10 @@ def make_plan(path: Path) -> Plan:
     for sensor in scene.sensors:
         if sensor in (*OWN_NAMES, *points[0]) or sensor.removesuffix("_series") in scene.sensors.keys() - {sensor}:
             raise SceneError(f"sensors.{sensor}", None, "the dataset has that name already", "Rename the sensor")
-    kept = (study.series, _files(scene, points), study.sensitivities, study.basis == "frozen")
+    if study.poincare is not None:
+        study.poincare.settings(scene)  # raises SceneError
+    kept_series = study.series or study.poincare is not None
+    kept = (kept_series, _files(scene, points), study.sensitivities, study.basis == "frozen", study.poincare)
     return Plan(scene, dict(enumerate(points)), *kept)
 
 

@@ -14,7 +14,9 @@ from kaneflex.study.plan import Plan
 from kaneflex.support.errors import UserError
 
 if TYPE_CHECKING:
+    from kaneflex.multibody.model import Model
     from kaneflex.solve.solution import Solution
+    from kaneflex.solve.variants import Variants
 
 STATISTICS = ("min", "max", "rms", "mean")
 COMPLETED, REFUSED, FAILED = "completed", "refused", "failed"
@@ -58,9 +60,13 @@ def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
     from kaneflex.solve.variants import Variants, read
 
     variants = Variants(plan.scene)
-    models = {point: partial(variants.load, plan.settings(point)) for point in points}
+    models = {point: partial(_load, variants, plan, point) for point in points}
     for point, found in read(models, partial(_record, plan)):
         yield found if isinstance(found, Record) else _failure(point, found)
+
+
+def _load(variants: Variants, plan: Plan, point: int) -> Model:
+    return variants.load(plan.settings(point))
 
 
 def solve_chunk(plan: Plan) -> tuple[list[Record], float]:
@@ -76,13 +82,11 @@ def _failure(point: int, error: Exception) -> Record:
 
 
 def _record(plan: Plan, point: int, solution: Solution) -> Record:
-    from kaneflex.response.time_statistics import statistics
-
     outcome = solution.outcome.name.lower()
     if outcome != COMPLETED:
         return Record(point, outcome, solution.trajectory.message)
     series = {name: entry.values for name, entry in solution.series.items()}
-    found = {name: statistics(values, solution.times) for name, values in series.items()}
+    found = {name: solution.statistics(name) for name in series}
     kept = {name: tuple(getattr(entry, key) for key in STATISTICS) for name, entry in found.items()}
     labels = {name: (entry.unit, entry.meaning) for name, entry in solution.series.items()}
     if plan.sensitivities:
@@ -93,6 +97,8 @@ def _record(plan: Plan, point: int, solution: Solution) -> Record:
             kept[name] = tuple(getattr(derivative.of, key) for key in STATISTICS)
             labels[name] = (derivative.of.unit, derivative.meaning)
             series[name] = derivative.values
-    return Record(
-        point, outcome, "", kept, labels, solution.times if plan.series else None, series if plan.series else {}
-    )
+    if not plan.series:
+        return Record(point, outcome, "", kept, labels)
+    which = plan.poincare.instants(len(solution.times)) if plan.poincare else slice(None)
+    series = {name: values[which] for name, values in series.items()}
+    return Record(point, outcome, "", kept, labels, solution.times[which], series)

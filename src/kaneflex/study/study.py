@@ -19,6 +19,7 @@ from pydantic import model_validator as validated_by
 from kaneflex.scene.quantities import WholeNumber
 from kaneflex.scene.read import problem_in
 from kaneflex.scene.table import SceneTable, the_one_given
+from kaneflex.study.poincare import Poincare
 from kaneflex.support.errors import Fault, SceneError
 from kaneflex.support.units import NUMBER_WITH_UNIT
 
@@ -122,6 +123,7 @@ class Study(SceneTable):
     series: bool = Field(default=False, description="whether to keep every sensor over time")
     sensitivities: tuple[str, ...] = Field(default=(), description="paths of what every sensor is differentiated by")
     basis: Literal["frozen", "recomputed"] = Field(default="frozen", description="modal bases in the derivatives")
+    poincare: Poincare | None = Field(default=None, description="every sensor once a period of a drive, see below")
 
     @validated_by(mode="after")
     def _consistent(self) -> Study:
@@ -132,6 +134,8 @@ class Study(SceneTable):
             raise Fault("there is nothing to sample", "Give a parameter {low = 1, high = 2}", "sample")
         if not self.parameters and not self.points:
             raise Fault("nothing varies", "Give [parameters], or points", "parameters")
+        if self.poincare is not None and (self.series or self.sensitivities):
+            raise Fault("a section has its own series, without derivatives", "Leave the others out", "poincare")
         listed = set(self.points[0]) if self.points else set()
         if any(set(point) != listed for point in self.points) or (self.points and not listed):
             raise Fault("the points differ in what they set", "Give every point the same paths", "points")
