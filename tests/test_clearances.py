@@ -180,3 +180,16 @@ def test_spectra_of_all_accelerations_know_a_loose_mechanisms_frequencies(drawn)
     assert last.get_xscale() == "log" and last.get_xlabel() == "frequency [Hz]"
     marked = [line.get_xdata()[0] for line in axes["piston_knock"].lines[1:]]
     assert marked == pytest.approx([0.706, 3235.9, 4550.1], rel=1e-3)
+
+
+def test_the_largest_force_of_a_contact_is_that_of_its_impacts(loose):
+    from kaneflex.report.summary import sensor_summaries
+
+    coarse = run("slider-crank-clearance", "solve.duration=8 ms", "solve.steps=80")
+    for found in (loose, coarse):
+        force, summary = found.series["pin_force"].values, sensor_summaries(found)["pin_force"]
+        assert summary.max == max(impact.peak for impact in found.impacts) >= force.max()
+        assert summary.rms == pytest.approx(np.sqrt(np.trapezoid(force**2, found.times) / found.times[-1]))
+    hardest = max(coarse.impacts, key=lambda impact: impact.peak)
+    assert coarse.series["pin_force"].values.max() < 0.99 * hardest.peak
+    assert sensor_summaries(coarse)["pin_force"].at_max.time_s == pytest.approx(hardest.begin, abs=0.5e-4)

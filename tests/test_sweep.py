@@ -302,3 +302,74 @@ def test_an_interrupt_leaves_what_is_finished_and_says_so(tmp_path, monkeypatch)
     result = cli("sweep", file, "-o", tmp_path / "out")
     assert result.exit_code == 130 and "the same command goes on" in result.stderr
     assert len((tmp_path / "out" / "journal.jsonl").read_text().splitlines()) == 2
+
+
+# ---- Poincare sections -------------------------------------------------------------------------------------------
+
+SECTION = HEAD + """
+poincare = {drive = "main", periods = 3, discard = 1}
+[parameters]
+"drives.main.speed" = ["3000 rpm", "6000 rpm", "-6000 rpm"]
+"""
+
+
+def test_a_section_is_read_once_a_period(tmp_path):
+    """The engine's cycle is of two turns; 36 steps of each were asked for."""
+    plan = plan_of(tmp_path, SECTION)
+    sweep(plan, tmp_path / "out")
+    found = dataset(tmp_path / "out")
+    assert (found.outcome == "completed").all()
+    assert found.time.values == pytest.approx(np.array([[0.08, 0.12], [0.04, 0.06], [0.04, 0.06]]), rel=1e-12)
+    whole = simulate(load(plan.at(0)))
+    assert len(whole.times) == 3 * 36 + 1 and whole.times[-1] == pytest.approx(0.12)
+    for name, series in whole.series.items():
+        assert np.array_equal(found[f"{name}_series"].values[0], series.values[[72, 108]]), name
+        assert found[name].sel(statistic="max").values[0] == series.values.max()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("discard = 1", "discard = 3", "poincare.discard = 3: a run takes 3 periods in all. Leave out fewer, or give"),
+        ('"main", p', '"mian", p', "poincare.drive = 'mian': no drive of that name. The nearest known one is 'main'."),
+        ('"solve.steps=36"', '"solve.start=zero"', "poincare: how many instants of a period are stored is not said. "
+         "Give settings = [\"solve.steps=200\"]."),
+        ("poincare", "series = true\npoincare", "poincare: a section has its own series, without derivatives. Leave"),
+        ('scene = "engine"', 'scene = "engine-torque"', "its motion has no period. Name one with a speed, or give"),
+    ],
+)  # fmt: skip
+def test_what_no_section_can_be_read_of_is_refused(tmp_path, old, new, message):
+    text = SECTION.replace(old, new)
+    text = text.replace("drives.main.speed", "drives.main.angle") if "torque" in text else text
+    with pytest.raises(SceneError) as error:
+        plan_of(tmp_path, text)
+    assert message in str(error.value)
+
+
+def test_a_point_whose_drive_stands_still_is_refused_and_the_dataset_can_be_read(tmp_path):
+    """Of series that no point has, none are written."""
+    text = SECTION.replace('"3000 rpm", "6000 rpm", "-6000 rpm"', '"0 rpm"').replace("3, d", "2, d")
+    sweep(plan_of(tmp_path, text), tmp_path / "out")
+    found = dataset(tmp_path / "out")
+    assert found.outcome.values.tolist() == ["refused"] and "no drive that turns" in str(found.reason.values[0])
+    assert not [name for name in found.data_vars if str(name).endswith("_series")]
+
+
+def test_a_sweeps_picture_has_a_curve_for_each_value_of_the_other_parameters(swept):
+    from kaneflex.plots.sweep import figure
+
+    page = figure(swept[1])
+    axes = next(axes for axes in page.axes if axes.get_title().startswith("crank_torque:"))
+    (curve, least), found = axes.lines[:2], swept[1].isel(point=swept[1]["rod.length"] == 137)
+    assert [line.get_label() for line in axes.lines[::2]] == ["rod.length = 137 mm", "rod.length = 150 mm"]
+    assert curve.get_xdata().tolist() == [2000, 4000, 6000]
+    assert curve.get_ydata() == pytest.approx(found.crank_torque.sel(statistic="max").values)
+    assert least.get_ydata() == pytest.approx(found.crank_torque.sel(statistic="min").values)
+    assert page.axes[-1].get_xlabel() == "drives.main.speed [rpm]"
+
+
+def test_what_can_not_be_drawn_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.toml").write_text(HEAD + '[parameters]\n"solve.preset" = ["rigid", "quasistatic"]\n')
+    told = cli("sweep", "study.toml", "--plots")
+    assert told.exit_code == 0 and "No picture sweep: no parameter of the study is a number that varies" in told.stderr
