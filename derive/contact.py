@@ -5,6 +5,8 @@ What touches and what pushes is said in :mod:`kaneflex.mechanism.contacts`; here
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import sympy as sm
 
 from kaneflex.derive import emit
@@ -69,8 +71,20 @@ def gap(kind, w, a, b, p, c, out, k):
 
 
 @njit(**OPTIONS)
+def gap_acceleration(kind, w, a, b, p, c):
+    """g'' of a contact of this kind [m/s^2]."""
+    if kind == 0:
+        return point_line_acceleration(w, a, b, p, c)
+    if kind == 1:
+        return circle_circle_acceleration(w, a, b, p, c)
+    if kind == 2:
+        return circle_in_circle_acceleration(w, a, b, p, c)
+    return angle_acceleration(w, a, b, p, c)
+
+
+@njit(**OPTIONS)
 def normal_force(law, p, c, v_0, g, rate):
-    """Force [N] on the second side along the normal by a law's number in LAWS: see its kernels.
+    """Force [N] on the second side along the normal by a law's number in LAWS but newton's: see its kernels.
 
     v_0 [m/s] is the speed of approach with which the contact began, g and ``rate`` what ``gap`` stores first. The
     contact ends where the depth is zero, or its force, whichever comes first: damped ones end with no force, and
@@ -97,7 +111,8 @@ def normal_slopes(law, p, c, v_0, g, rate):
 def contact_text() -> str:
     """Text of the module."""
     kernels = [
-        *(_gap_kernel(kind) for kind in contacts.KINDS), *(_force_kernel(law) for law in _FORCES),
+        *(_gap_kernel(kind) for kind in contacts.KINDS),
+        *(_gap_kernel(kind, acceleration=True) for kind in contacts.KINDS), *(_force_kernel(law) for law in _FORCES),
         *(_force_kernel(law, slopes=True) for law in _FORCES), _energy_kernel(),
     ]  # fmt: skip
     counts = emit.operations(kernels)
@@ -132,10 +147,13 @@ def _place(side: int, letters: tuple[str, str]) -> Vector:
     return tuple(_symbol(letter, side) for letter in letters)
 
 
-def _gap_kernel(kind: str) -> tuple[emit.Kernel, Program]:
-    """g' is what the velocities make of g: its derivative by d, the length and the normal times the rates of these."""
+def _gap_kernel(kind: str, acceleration: bool = False) -> tuple[emit.Kernel, Program]:
+    """g' is what the velocities make of g: its derivative by d, the length and the normal times the rates of these.
+
+    g'' is in the same way what velocities and accelerations make of g', in a kernel of its own.
+    """
     if kind == "angle":
-        return _flank_kernel(kind)
+        return _flank_kernel(kind, acceleration)
     omegas = _symbol("omega", 1), _symbol("omega", 2)
     steps: list[Assignment] = [
         *zip(_D, minus(_place(2, ("x", "y")), _place(1, ("x", "y"))), strict=True),
@@ -154,7 +172,11 @@ def _gap_kernel(kind: str) -> tuple[emit.Kernel, Program]:
         rates[_LENGTH] = dot(_D, _D_RATE) / _LENGTH
         gap, normal = contacts.apart(kind, _D, _LENGTH, _NORMAL, _number["reach"])
         steps += zip(_NORMAL, normal, strict=True)
-    rate = sum((gap.diff(symbol) * change for symbol, change in rates.items()), sm.S.Zero)
+    rate = _changes(gap, rates)
+    if acceleration:
+        a = minus(_place(2, ("a_x", "a_y")), _place(1, ("a_x", "a_y")))
+        rates |= dict(zip((*_D_RATE, omegas[0]), (*a, _symbol("epsilon", 1)), strict=True))
+        return _acceleration(kind, steps, _changes(rate, rates))
     arm = contacts.touched(_NORMAL, _number["radius"])
     sliding = contacts.sliding(_NORMAL, _D_RATE, ((_D[0] + arm[0], _D[1] + arm[1]), arm), omegas)
     touched = (_symbol("x", 2) + arm[0], _symbol("y", 2) + arm[1])
@@ -165,14 +187,24 @@ def _gap_kernel(kind: str) -> tuple[emit.Kernel, Program]:
     return _stored(kind, steps, outputs)
 
 
-def _flank_kernel(kind: str) -> tuple[emit.Kernel, Program]:
+def _flank_kernel(kind: str, acceleration: bool) -> tuple[emit.Kernel, Program]:
     """The angle of the second section against the first, which turns."""
-    phi, omega = (_symbol(letter, 2) - _symbol(letter, 1) for letter in ("theta", "omega"))
+    phi, omega, epsilon = (_symbol(letter, 2) - _symbol(letter, 1) for letter in ("theta", "omega", "epsilon"))
     turn = _number["direction_x"]
+    if acceleration:
+        return _acceleration(kind, (), turn * epsilon)
     gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
     values = (gap, turn * omega, 0, 0, _symbol("x", 2), _symbol("y", 2), 0, turn)
     outputs = tuple((f"out[{emit.offset('k', k)}]", sm.sympify(value)) for k, value in enumerate(values))
     return _stored(kind, [], outputs)
+
+
+def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> tuple[emit.Kernel, Program]:
+    reads, of = (*_SECTIONS, *_OWN), kind.replace("-", "_")
+    raw = Program(
+        f"{of}_acceleration", tuple(symbol for symbol, _ in reads), tuple(steps), (("value_0", sm.sympify(value)),)
+    )
+    return emit.Kernel(share(raw), ("w", "a", "b", "p", "c"), reads, f"g'' [m/s^2] of ``{of}``.", returns=True), raw
 
 
 def _stored(
@@ -182,6 +214,11 @@ def _stored(
     raw = Program(kind.replace("-", "_"), tuple(symbol for symbol, _ in reads), tuple(steps), outputs)
     doc = _GAP.format(_GAPS[kind])
     return emit.Kernel(share(raw), ("w", "a", "b", "p", "c", "out", "k"), reads, doc, zeros=True), raw
+
+
+def _changes(value: sm.Expr, rates: Mapping[sm.Expr, sm.Expr]) -> sm.Expr:
+    """The rate of a value by those of its symbols."""
+    return sum((sm.sympify(value).diff(symbol) * change for symbol, change in rates.items()), sm.S.Zero)
 
 
 def _odd(force: sm.Expr) -> sm.Expr:

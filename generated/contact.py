@@ -11,17 +11,21 @@ the radius [m] of the second side. n_x, n_y is the unit normal in which the seco
 it.
 
 Operations of one call, written out -> with shared subexpressions:
-    point_line            136 -> 46
-    circle_circle         158 -> 38
-    circle_in_circle      158 -> 38
-    angle                   5 -> 5
-    elastic                 5 -> 5
-    damped                  7 -> 7
-    hysteretic             14 -> 9
-    elastic_slopes          5 -> 5
-    damped_slopes           5 -> 5
-    hysteretic_slopes      21 -> 11
-    stored                  6 -> 5
+    point_line                        136 -> 46
+    circle_circle                     158 -> 38
+    circle_in_circle                  158 -> 38
+    angle                               5 -> 5
+    point_line_acceleration            74 -> 36
+    circle_circle_acceleration         64 -> 31
+    circle_in_circle_acceleration      64 -> 31
+    angle_acceleration                  2 -> 2
+    elastic                             5 -> 5
+    damped                              7 -> 7
+    hysteretic                         14 -> 9
+    elastic_slopes                      5 -> 5
+    damped_slopes                       5 -> 5
+    hysteretic_slopes                  21 -> 11
+    stored                              6 -> 5
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
@@ -61,6 +65,7 @@ LAWS = (
     'lankarani-nikravesh',
     'flores',
     'exact',
+    'newton',
 )
 
 # kernel -> operations written out, operations with shared subexpressions
@@ -69,6 +74,10 @@ OPERATIONS = {
     'circle_circle': (158, 38),
     'circle_in_circle': (158, 38),
     'angle': (5, 5),
+    'point_line_acceleration': (74, 36),
+    'circle_circle_acceleration': (64, 31),
+    'circle_in_circle_acceleration': (64, 31),
+    'angle_acceleration': (2, 2),
     'elastic': (5, 5),
     'damped': (7, 7),
     'hysteretic': (14, 9),
@@ -229,6 +238,100 @@ def angle(w, a, b, p, c, out, k):
 
 
 @njit(**OPTIONS)
+def point_line_acceleration(w, a, b, p, c):
+    """g'' [m/s^2] of ``point_line``."""
+    x_1 = w[a]
+    y_1 = w[a + 1]
+    theta_1 = w[a + 2]
+    v_x_1 = w[a + 3]
+    v_y_1 = w[a + 4]
+    omega_1 = w[a + 5]
+    a_x_1 = w[a + 6]
+    a_y_1 = w[a + 7]
+    epsilon_1 = w[a + 8]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    v_x_2 = w[b + 3]
+    v_y_2 = w[b + 4]
+    a_x_2 = w[b + 6]
+    a_y_2 = w[b + 7]
+    direction_x = p[c]
+    direction_y = p[c + 1]
+    w0 = math.cos(theta_1)
+    w1 = math.sin(theta_1)
+    n_x = direction_x*w0 - direction_y*w1
+    w2 = n_x*omega_1
+    n_y = direction_x*w1 + direction_y*w0
+    w3 = n_y*omega_1
+    d_x = -x_1 + x_2
+    d_y = -y_1 + y_2
+    d_x_rate = -v_x_1 + v_x_2
+    d_y_rate = -v_y_1 + v_y_2
+    return -d_x_rate*w3 + d_y_rate*w2 + epsilon_1*(-d_x*n_y + d_y*n_x) + n_x*(-a_x_1 + a_x_2) + n_y*(-a_y_1 + a_y_2) + w2*(-d_x*omega_1 + d_y_rate) - w3*(d_x_rate + d_y*omega_1)
+
+
+@njit(**OPTIONS)
+def circle_circle_acceleration(w, a, b, p, c):
+    """g'' [m/s^2] of ``circle_circle``."""
+    x_1 = w[a]
+    y_1 = w[a + 1]
+    v_x_1 = w[a + 3]
+    v_y_1 = w[a + 4]
+    a_x_1 = w[a + 6]
+    a_y_1 = w[a + 7]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    v_x_2 = w[b + 3]
+    v_y_2 = w[b + 4]
+    a_x_2 = w[b + 6]
+    a_y_2 = w[b + 7]
+    d_y = -y_1 + y_2
+    d_x = -x_1 + x_2
+    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
+    w0 = 1.0/length
+    w1 = d_x*w0
+    w2 = d_y*w0
+    d_x_rate = -v_x_1 + v_x_2
+    d_y_rate = -v_y_1 + v_y_2
+    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 + w1*(-a_x_1 + a_x_2) + w2*(-a_y_1 + a_y_2) - ((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length)
+
+
+@njit(**OPTIONS)
+def circle_in_circle_acceleration(w, a, b, p, c):
+    """g'' [m/s^2] of ``circle_in_circle``."""
+    x_1 = w[a]
+    y_1 = w[a + 1]
+    v_x_1 = w[a + 3]
+    v_y_1 = w[a + 4]
+    a_x_1 = w[a + 6]
+    a_y_1 = w[a + 7]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    v_x_2 = w[b + 3]
+    v_y_2 = w[b + 4]
+    a_x_2 = w[b + 6]
+    a_y_2 = w[b + 7]
+    d_y = -y_1 + y_2
+    d_x = -x_1 + x_2
+    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
+    w0 = 1.0/length
+    w1 = d_x*w0
+    w2 = d_y*w0
+    d_x_rate = -v_x_1 + v_x_2
+    d_y_rate = -v_y_1 + v_y_2
+    return -(d_x_rate*d_x_rate)*w0 - (d_y_rate*d_y_rate)*w0 - w1*(-a_x_1 + a_x_2) - w2*(-a_y_1 + a_y_2) + ((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length)
+
+
+@njit(**OPTIONS)
+def angle_acceleration(w, a, b, p, c):
+    """g'' [m/s^2] of ``angle``."""
+    epsilon_1 = w[a + 8]
+    epsilon_2 = w[b + 8]
+    direction_x = p[c]
+    return direction_x*(-epsilon_1 + epsilon_2)
+
+
+@njit(**OPTIONS)
 def elastic(p, c, g):
     """Force [N] on the second side along the normal, of an elastic contact, K d^n.
 
@@ -320,8 +423,20 @@ def gap(kind, w, a, b, p, c, out, k):
 
 
 @njit(**OPTIONS)
+def gap_acceleration(kind, w, a, b, p, c):
+    """g'' of a contact of this kind [m/s^2]."""
+    if kind == 0:
+        return point_line_acceleration(w, a, b, p, c)
+    if kind == 1:
+        return circle_circle_acceleration(w, a, b, p, c)
+    if kind == 2:
+        return circle_in_circle_acceleration(w, a, b, p, c)
+    return angle_acceleration(w, a, b, p, c)
+
+
+@njit(**OPTIONS)
 def normal_force(law, p, c, v_0, g, rate):
-    """Force [N] on the second side along the normal by a law's number in LAWS: see its kernels.
+    """Force [N] on the second side along the normal by a law's number in LAWS but newton's: see its kernels.
 
     v_0 [m/s] is the speed of approach with which the contact began, g and ``rate`` what ``gap`` stores first. The
     contact ends where the depth is zero, or its force, whichever comes first: damped ones end with no force, and

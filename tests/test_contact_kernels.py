@@ -61,6 +61,10 @@ def test_gap_normal_and_speeds_along_a_motion(kind, seed):
     assert found[2:4] == pytest.approx(normal, abs=1e-14)
     assert found[1] == pytest.approx(closed(kind, motion.level(t + 1j * TINY, 0))[0].imag / TINY, abs=1e-13)
     h = 1e-5
+    rate = [geometry(kind, motion.sections(t + sign * h).reshape(4, 9)[1::2])[1] for sign in (1, -1)]
+    w = np.concatenate(motion.sections(t).reshape(4, 9)[1::2])
+    found_acceleration = contact.gap_acceleration(contact.KINDS.index(kind), w, 0, 9, numbers(), BEFORE)
+    assert found_acceleration == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-7, abs=1e-7)
     difference = [closed(kind, motion.level(t + sign * h, 0))[0] for sign in (1, -1)]
     assert found[1] == pytest.approx((difference[0] - difference[1]) / (2 * h), rel=1e-7, abs=1e-7)
     touched = places[1, :2] - RADIUS * normal

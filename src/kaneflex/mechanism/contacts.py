@@ -5,6 +5,8 @@ differ by is chi. Nothing else acting, v dv = -(F/m) dd gives the restitution e 
 whatever m, K, n and v_0 (Hunt & Crossley 1975, J. Appl. Mech. 42, 440, for small chi; here it is not cut off):
 
     (1 + chi)/(1 - e chi) = exp(chi (1 + e))
+
+Newton's law has no force of a depth: rigid sides meet, and at once part again with e times the speed of approach.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ from kaneflex.mechanism.planar import Number, Vector, dot, quarter_turn
 
 KINDS = ("point-line", "circle-circle", "circle-in-circle", "angle")
 """Geometries, in the order of the numbers that kernels know them by."""
-LAWS = ("hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "exact")
+LAWS = ("hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "exact", "newton")
 """Laws, in the order of the numbers that kernels know them by."""
+NEWTON = LAWS.index("newton")
+"""The law of rigid sides: speeds jump, nothing is pressed in."""
 CHI: dict[str, Callable[[Number], Number]] = {
     "hunt-crossley": lambda e: 3 * (1 - e) / 2,
     "lankarani-nikravesh": lambda e: 3 * (1 - e**2) / 4,

@@ -38,10 +38,10 @@ from kaneflex.multibody.tables import (
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE = range(7)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED = range(8)
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
-independent, where contacts change over and over without time between."""
+independent, where contacts change over and over without time between, where other contacts rest than before."""
 
 
 @njit(**OPTIONS)
@@ -344,6 +344,9 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             row += 1
             for k in range(width):
                 rows[row * width + k] = here[k]
+        if touching and contact_search.others_rest(m):
+            status = RESTED
+            break
         if control[6] == 0.0 and worn(m):
             status = TURNED
             break

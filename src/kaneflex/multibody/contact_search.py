@@ -12,21 +12,29 @@ import math
 from numba import njit
 
 from kaneflex.generated import contact as touching
+from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.contacts import (
-    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, at, change, near, no_force, pushed_on, switches,
+    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, at, change, extent, near, no_force, pushed_on, rigid, switches,
+    tolerance,
 )  # fmt: skip
-from kaneflex.multibody.loops import follow, take
+from kaneflex.multibody.loops import follow, mend, take
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, LARGEST, LAW,
-    LOW, NODES, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, SEC, SECTION, STAGE_A, SWITCH, TARGET, TOUCH, TRIAL,
-    WHAT, Y, apart, larger, of_contacts, smaller,
+    LOW, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS, RESTED, RIGID, ROW_AT,
+    SEC, SECTION, SHIFT, STAGE_A, STAGE_R, SWITCH, TARGET, TOUCH, TRIAL, TRIES, WHAT, Y, apart, larger, of_contacts,
+    smaller,
 )  # fmt: skip
-from kaneflex.multibody.tree import load_sizes, meet
+from kaneflex.multibody.rigid_contacts import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
+from kaneflex.multibody.tree import load_sizes, meet, rests
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
 """What is found in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end doesn't
 close."""
 _NEVER = 2.0
+_MANY = 30
+"""Steps that are taken again before their ends only halve what is left."""
+_PRESSED = 1e-8
+"""Of their accelerations, that with which sides come together that loads press on each other."""
 _FIRST_HYSTERETIC = 2
 """Of the laws, by their numbers, that which is the first to divide by an approach speed."""
 _FAR_FASTER = 3.0
@@ -42,15 +50,24 @@ def note(m, i):
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k, act = at(m, c), plan[CONTACTS] + c
         j = k + NODES + 4 * i
-        w[j], w[j + 1], w[j + 2], w[j + 3] = w[k + GAP], w[k + GAP_RATE], w[k + PUSH_NOW], 1.0
+        w[j], w[j + 1], w[j + 2], w[j + 3] = gap_of(m, c), w[k + GAP_RATE], w[k + PUSH_NOW], 1.0
         if switches(m, c):
             w[k + LARGEST] = larger(w[k + LARGEST], abs(w[k + GAP]))
+        elif rigid(m, c):
+            w[j + 3] = w[k + PUSH_NOW]
         elif w[k + BEGUN_AT] != 0.0:
             # Where the depth is zero so is a force, but for its sign.
             gap = smaller(w[k + GAP], -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION])
             begun_at = abs(w[k + BEGUN_AT])
             law, own = m.acts[act, LAW], m.acts[act, NUMBERS_AT]
             w[j + 3] = touching.normal_force(law, w, own, begun_at, gap, w[k + GAP_RATE])
+
+
+@njit(**OPTIONS)
+def gap_of(m, c):
+    """A contact's gap [m], beyond rounding where it has left a rigid side without a speed."""
+    k = at(m, c)
+    return m.w[k + GAP] + m.w[k + SHIFT] if rigid(m, c) and m.w[k + BEGUN_AT] == 0.0 else m.w[k + GAP]
 
 
 @of_contacts(True)
@@ -72,16 +89,40 @@ def go_on(m, table, h, here, A, wanted, found):
     if found != AT_ONCE:
         pushed_on(m, table, h)
     if found != PASSED:
-        wanted = change(m, here, A, wanted)
+        if m.plan[RIGID]:
+            wanted = collide(m, here, A, wanted)
+        if wanted > 0.0:
+            wanted = change(m, here, A, wanted)
     begin(m, here[0])
     return wanted
 
 
+@of_contacts(False)
+@njit(**OPTIONS)
+def others_rest(m):
+    """Whether contacts rest by Newton's law that dependent coordinates don't keep closed, or the other way round."""
+    return m.w[m.plan[TOUCH] + RESTED] != 0.0
+
+
 @njit(**OPTIONS)
 def begin(m, t):
-    """Note where a step begins: where everything is."""
+    """Note where a step begins: where everything is.
+
+    Rigid sides that part without a speed, as where a force has come to zero, are still where rounding has them: only
+    what comes back beyond that closes again. What loads press together from the start closes at once.
+    """
     apart()
+    w = m.w
     meet_all(m, t)
+    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
+        k = at(m, act - m.plan[CONTACTS])
+        if m.acts[act, LAW] == NEWTON and w[k + BEGUN_AT] == 0.0:
+            rate = w[k + GAP_RATE]
+            zero = tolerance(m, act - m.plan[CONTACTS], t, rate)
+            slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * size_of(m, act, 6)), NOISE * size_of(m, act, 3))
+            w[k + SHIFT] = 0.0
+            if abs(rate) <= slow and w[k + GAP] <= zero and acceleration(m, act) >= -_PRESSED * size_of(m, act, 6):
+                w[k + SHIFT] = 8.0 * zero
     note(m, 0)
 
 
@@ -98,7 +139,17 @@ def meet_all(m, t):
 @njit(**OPTIONS)
 def forget(m):
     """Give up the search for a change in a step."""
-    m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = 0.0
+    m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = m.w[m.plan[TOUCH] + TRIES] = 0.0
+
+
+@njit(**OPTIONS)
+def again(m, low, trial, high):
+    """Have a step taken again that ends between two others: at the trial, or half way after too many of these."""
+    w, shared = m.w, m.plan[TOUCH]
+    w[shared + TRIES] += 1.0
+    w[shared + LOW], w[shared + HIGH] = low, high
+    w[shared + TRIAL] = trial if low < trial < high and w[shared + TRIES] < _MANY else 0.5 * (low + high)
+    return AGAIN
 
 
 @of_contacts(0.0)
@@ -133,6 +184,8 @@ def look(m, table, t, h, here, searched):
     if not between(m, table, t, h, here, 1.0):
         return ASTRAY
     note(m, last)
+    if plan[RIGID] and not _note_rests(m, t, h, last):
+        return ASTRAY
     if not searched:
         forget(m)
     first, which, how, at_end = _NEVER, -1, 0, True
@@ -152,19 +205,36 @@ def look(m, table, t, h, here, searched):
             return CHANGED if _harden(m, last) else PASSED
         which, how = int(w[shared + TARGET]), int(w[shared + FOUND_AT])
         if not _due(m, t, which, how, last):
-            w[shared + LOW] = h
-            trial = h + _ahead(m, table, h, which, how, last)
-            w[shared + TRIAL] = trial if h < trial < high else 0.5 * (h + high)
             if high - h > finest:
-                return AGAIN
+                return again(m, h, h + _ahead(m, table, h, which, how, last), high)
     elif not at_end and not (searched and h - w[shared + LOW] <= finest):
-        w[shared + HIGH], w[shared + TARGET], w[shared + FOUND_AT] = h, which, how
-        low, trial = w[shared + LOW] if searched else 0.0, first * h
-        w[shared + LOW] = low
-        w[shared + TRIAL] = trial if low < trial < h else 0.5 * (low + h)
-        return AGAIN
+        w[shared + TARGET], w[shared + FOUND_AT] = which, how
+        return again(m, w[shared + LOW] if searched else 0.0, first * h, h)
     w[at(m, which) + DUE] = how
     return CHANGED
+
+
+@njit(**OPTIONS)
+def _note_rests(m, t, h, last):
+    """Keep the forces of rigid sides that rest, as stages have them and as the end asks for them; False: singular.
+
+    Those of stages are as exact as displacements by them within the step: what may be no more than that is no pull.
+    """
+    apart()
+    plan, w, found = m.plan, m.w, False
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        row = m.acts[plan[CONTACTS] + c, ROW_AT]
+        if rests(m, plan[CONTACTS] + c):
+            if not found and not mend(m, t + h, m.real, 0.0, 1):
+                return False
+            k, found = at(m, c), True
+            unsure = 1e-6 * w[plan[TOUCH] + PRECISION] * extent(m, c) * w[k + RESISTING_MASS] / (h * h)
+            for i in range(1, 4):
+                j = k + NODES + 4 * i
+                w[j + 2] = w[plan[STAGE_R] + plan[REACTIONS] * (i - 1) + row]
+                w[j + 3] = w[j + 2] + unsure
+            w[k + NODES + 4 * last + 3] = w[plan[NOW] + row]
+    return True
 
 
 @njit(**OPTIONS)
@@ -192,10 +262,10 @@ def _first_change(m, table, t, h, here, c, last):
                     return x, CLOSES
             continue
         x, how = _NEVER, 0
-        if p_1 > 0.0 and m_1 > 0.0:
+        if p_1 > 0.0 and m_1 > 0.0 and not rigid(m, c):
             x, how = x_a + wide * _falls(-p_0, -m_0 * wide, -p_1, -m_1 * wide), OPENS
         sign_0, sign_1, none = w[a + 3], w[b + 3], no_force(m, c)
-        if begun_at > 0.0 and sign_1 < -none and m_1 > 0.0:
+        if begun_at > 0.0 and sign_1 < -none and (m_1 > 0.0 or rigid(m, c)):
             share = sign_0 / (sign_0 - sign_1) if sign_0 > 0.0 else 0.0
             if x_a + wide * share < x:
                 x, how = x_a + wide * share, LETS_GO
@@ -235,7 +305,7 @@ def _harden(m, last):
     plan, w, found = m.plan, m.w, False
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k = at(m, c)
-        if w[k + BEGUN_AT] > 0.0 and m.acts[plan[CONTACTS] + c, LAW] >= _FIRST_HYSTERETIC:
+        if w[k + BEGUN_AT] > 0.0 and _FIRST_HYSTERETIC <= m.acts[plan[CONTACTS] + c, LAW] < NEWTON:
             if -w[k + NODES + 4 * last + 1] > _FAR_FASTER * w[k + BEGUN_AT]:
                 w[k + DUE], found = HARDENS, True
     return found
@@ -288,7 +358,7 @@ def _dips(m, table, t, h, here, c, i, last):
         x = x_a + s * wide
         if not between(m, table, t, h, here, x):
             return _NEVER
-        gap, rate = w[k + GAP], w[k + GAP_RATE] * h
+        gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
         if gap <= 0.0:
             wide = x - begin_x
             return begin_x + wide * _falls(g_0, r_0 * wide, gap, rate * wide)

@@ -19,16 +19,16 @@ import math
 from numba import njit
 
 from kaneflex.generated import contact as touching
+from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.loops import bent, factorise_closed, give, gradient, mend, middle, solve_closed, works_at
 from kaneflex.multibody.tables import (
-    ABOVE, ACCEL, ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BELOW, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE,
-    COORDINATES, COURSE_OF, CUT, DUE, EXTENT, FIRST, FLANK, FLIGHT, GAP, GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE,
-    KEPT, LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NORMAL_TURN, NORMAL_X, NORMAL_Y,
-    NUMBERS_AT, ON, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y, PRECISION, RATE, REACTION, REACTIONS, RESISTING_MASS, ROOM,
-    ROW_AT, ROW_SIZE, SEC, SECTION, SHARED, SINCE, SIZE, SPEEDS, SPRINGS, STAYS, STIFF, STUCK, SWITCH, TOUCH, TOUCHING,
-    VISCOUS, WHAT, WORKS, YIELDING, apart, larger, of_contacts, shifted, smaller,
+    ABOVE, ACCEL, ACTS, ALLOWED, APPROACH, BEGUN_AT, BELOW, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE,
+    COORDINATES, COURSE_OF, DUE, EXTENT, FIRST, FLANK, FLIGHT, GAP, GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT,
+    LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, ON, OPTIONS, PEAK, PIVOTS,
+    PRECISION, RATE, REACTION, RESISTING_MASS, ROOM, ROW_AT, SEC, SECTION, SHARED, SINCE, SIZE, SPEEDS, SPRINGS, STAYS,
+    STIFF, STUCK, SWITCH, TOUCH, TOUCHING, VISCOUS, WHAT, WORKS, YIELDING, apart, larger, of_contacts, shifted, smaller,
 )  # fmt: skip
-from kaneflex.multibody.tree import deform, load_sizes, meet, move
+from kaneflex.multibody.tree import deform, lean, load_sizes, meet, move
 
 CLOSES, LETS_GO, PUSHES, OPENS, HARDENS = range(1, 6)
 """How a contact changes."""
@@ -50,6 +50,12 @@ _MOST_AT_ONCE = 1000
 def at(m, c):
     """Where the numbers of the c-th contact are."""
     return m.plan[CONTACT] + CONTACT_SIZE * c
+
+
+@njit(**OPTIONS)
+def rigid(m, c):
+    """Whether the c-th contact is by Newton's law."""
+    return m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON
 
 
 @njit(**OPTIONS)
@@ -91,6 +97,8 @@ def depth_of(w, own, mass, speed):
 @njit(**OPTIONS)
 def no_force(m, c):
     """Force [N] of a contact that is as good as none."""
+    if rigid(m, c):
+        return m.w[at(m, c) + ALLOWED] + 1e-11 * m.w[at(m, c) + PEAK]
     w, own = m.w, m.acts[m.plan[CONTACTS] + c, NUMBERS_AT]
     depth = w[at(m, c) + ALLOWED] / w[m.plan[TOUCH] + PRECISION]
     return 1e-9 * (w[at(m, c) + PEAK] + touching.elastic(w, own, -depth))
@@ -104,15 +112,9 @@ def along(m, c):
     """
     apart()
     plan, w = m.plan, m.w
-    k, act, n = at(m, c), plan[CONTACTS] + c, plan[COORDINATES]
-    row, out = plan[REACTIONS] + c, plan[TOUCH] + SHARED + n * c
-    x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
-    for side in range(2):
-        section, sign = plan[SECTION] + SEC * m.acts[act, AT + side], 2.0 * side - 1.0
-        j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
-        w[j], w[j + 1] = sign * x, sign * z
-        arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
-        w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
+    act, n = plan[CONTACTS] + c, plan[COORDINATES]
+    row, out = m.acts[act, ROW_AT], plan[TOUCH] + SHARED + n * c
+    lean(m, act)
     for i in range(n):
         w[out + i] = 0.0
     gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
@@ -129,7 +131,7 @@ def let_yield(m, h, here):
     apart()
     plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], 0
     for c in range(plan[ACTS] - plan[CONTACTS]):
-        if w[at(m, c) + BEGUN_AT] > 0.0:
+        if w[at(m, c) + BEGUN_AT] > 0.0 and not rigid(m, c):
             m.pivots[plan[TOUCHING] + count] = c
             count += 1
     m.pivots[YIELDING] = count
@@ -224,7 +226,7 @@ def pushed_on(m, table, h):
             if 0.0 <= s <= 1.0:
                 top = larger(top, f_0 + (s - x[0]) * (first + (s - x[1]) * second))
         w[k + PEAK] = larger(w[k + PEAK], top)
-        deepest = -smaller(w[j], smaller(w[j + 4], w[j + 8]))
+        deepest = 0.0 if rigid(m, c) else -smaller(w[j], smaller(w[j + 4], w[j + 8]))
         w[k + ALLOWED] = larger(w[k + ALLOWED], w[plan[TOUCH] + PRECISION] * deepest)
 
 
@@ -236,11 +238,26 @@ def full(m):
 
 
 @njit(**OPTIONS)
+def _without_end(m, t):
+    """Whether contacts change over and over at one instant, now being one of these changes."""
+    w, shared = m.w, m.plan[TOUCH]
+    w[shared + STUCK] = w[shared + STUCK] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
+    w[shared + LAST_CHANGE] = t
+    return w[shared + STUCK] > _MOST_AT_ONCE
+
+
+@njit(**OPTIONS)
 def also_due(m, t):
-    """Mark what changes where everything is beside what is due; how many contacts close, whether all were open."""
+    """Mark what changes where everything is beside what is due; how many contacts close, whether all were open,
+    and whether any changes.
+
+    Rigid sides have changed already.
+    """
     apart()
-    plan, w, closing, still = m.plan, m.w, 0, True
+    plan, w, closing, still, changing = m.plan, m.w, 0, True, False
     for c in range(plan[ACTS] - plan[CONTACTS]):
+        if rigid(m, c):
+            continue
         k = meet(m, plan[CONTACTS] + c)
         how, gap, rate, switch = w[k + DUE], w[k + GAP], w[k + GAP_RATE], switches(m, c)
         is_open, zero = switch or w[k + BEGUN_AT] == 0.0, near(m, c, t, rate)
@@ -251,7 +268,8 @@ def also_due(m, t):
             how = OPENS
         w[k + DUE] = how
         closing += how == CLOSES and not switch
-    return closing, still
+        changing = changing or how != 0.0
+    return closing, still, changing
 
 
 @njit(**OPTIONS)
@@ -262,12 +280,10 @@ def change(m, here, A, wanted):
     """
     apart()
     plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], here[0]
-    w[shared + STUCK] = w[shared + STUCK] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
-    w[shared + LAST_CHANGE] = t
-    if w[shared + STUCK] > _MOST_AT_ONCE:
+    if _without_end(m, t):
         return 0.0
     count = plan[ACTS] - plan[CONTACTS]
-    closing, still = also_due(m, t)
+    closing, still, changing = also_due(m, t)
     if still:
         w[shared + FLIGHT] = wanted
     if closing:
@@ -280,8 +296,8 @@ def change(m, here, A, wanted):
     still, sides = True, 0
     for c in range(count):
         k = at(m, c)
-        if switches(m, c):
-            sides += w[k + DUE] != 0.0
+        if switches(m, c) or rigid(m, c):
+            sides += switches(m, c) and w[k + DUE] != 0.0
             continue
         how, lost = w[k + DUE], here[works_at(m) + plan[WORKS] - count + c]
         if how == CLOSES:
@@ -289,7 +305,7 @@ def change(m, here, A, wanted):
         elif how == LETS_GO or how == PUSHES:
             w[k + BEGUN_AT] = -w[k + BEGUN_AT]
         elif how == OPENS:
-            _open(m, c, t, lost)
+            part(m, c, t, lost)
         elif how == HARDENS:
             own = m.acts[plan[CONTACTS] + c, NUMBERS_AT]
             w[k + BEGUN_AT] = -w[k + GAP_RATE]
@@ -304,7 +320,7 @@ def change(m, here, A, wanted):
         wanted = smaller(wanted, pass_zero(m, t, A))
         if wanted <= 0.0:
             return wanted
-    if not mend(m, t, A, 0.0, 2):
+    if changing and not mend(m, t, A, 0.0, 2):
         return -1.0
     give(m, t, here)
     return wanted
@@ -381,7 +397,7 @@ def _close(m, c, t, A, lost):
 
 
 @njit(**OPTIONS)
-def _open(m, c, t, lost):
+def part(m, c, t, lost):
     """End a contact, and keep what it was as an impact."""
     w, k, count = m.w, at(m, c), int(m.w[m.plan[IMPACTS]])
     w[k + BEGUN_AT] = 0.0
@@ -403,8 +419,8 @@ def copy_into(A, answer, w, of, count):
 def stand_closed(m, t, A):
     """Contacts of a state by itself: those whose sides overlap are closed, all others open; False at a singular state.
 
-    One that is to be closed and is not counts as begun at the speed that would bring it as deep as it is. Laws are on
-    the side of zero on which their arguments are, or come to be.
+    Those by Newton's law stay as they are. Any other that is to be closed and is not counts as begun at the speed that
+    would bring it as deep as it is. Laws are on the side of zero on which their arguments are, or come to be.
     """
     apart()
     plan, w, changing = m.plan, m.w, 0
@@ -412,7 +428,8 @@ def stand_closed(m, t, A):
         return False
     for c in range(plan[ACTS] - plan[CONTACTS]):
         k = meet(m, plan[CONTACTS] + c)
-        w[k + DUE] = not switches(m, c) and (w[k + GAP] < -tolerance(m, c, t, 0.0)) != (w[k + BEGUN_AT] != 0.0)
+        deep = w[k + GAP] < -tolerance(m, c, t, 0.0)
+        w[k + DUE] = not switches(m, c) and not rigid(m, c) and deep != (w[k + BEGUN_AT] != 0.0)
         changing += w[k + DUE] != 0.0
     if changing == 0:
         return True

@@ -12,6 +12,7 @@ import numpy as np
 from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.types import FunctionType
 
+from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
@@ -110,40 +111,58 @@ class Engine:
 
         Joints' coordinates come first, the one with the largest share in a row at a time; shapes where those are too
         few, as in a frame that can't move. Joints' coordinates ``spared`` stay independent where others can follow from
-        them. Returns the rows that are dropped.
+        them. Contacts that rest by Newton's law are rows, too, after those of the cuts. Returns the rows that are
+        dropped.
         """
         self.openings(t)
         plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
         G = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
         joints, shapes = self._free_columns()
-        left = list(range(rows))
+        cut_rows = self.count(at.CUT_ROWS)
+        resting = self._rest()
         kept: list[int] = []
         dependent: list[int] = []
+        dropped: list[int] = []
         # A shape counts as its largest share, however it was scaled: one that only turns the nodes has huge ones.
         G[:, shapes] /= np.maximum(abs(G[:, shapes]).max(axis=0, initial=0.0), 1e-300)
         G /= np.maximum(abs(G[:, joints]).max(axis=1, initial=0.0), _RANK)[:, None]
         others = [k for k in joints if k not in spared]
-        for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
-            columns = [k for k in columns if k not in dependent]
-            while left and columns:
-                part = abs(G[np.ix_(left, columns)])
-                i, j = np.unravel_index(int(part.argmax()), part.shape)
-                if part[i, j] < least:
-                    break
-                row, column = left.pop(i), columns.pop(j)
-                kept.append(row)
-                dependent.append(column)
-                for other in left:
-                    G[other] -= G[other, column] / G[row, column] * G[row]
+        # Impacts need the cuts by themselves.
+        for left, later in ((list(range(cut_rows)), list(resting)), (list(resting), [])):
+            for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
+                columns = [k for k in columns if k not in dependent]
+                while left and columns:
+                    part = abs(G[np.ix_(left, columns)])
+                    i, j = np.unravel_index(int(part.argmax()), part.shape)
+                    if part[i, j] < least:
+                        break
+                    row, column = left.pop(i), columns.pop(j)
+                    kept.append(row)
+                    dependent.append(column)
+                    for other in left + later:
+                        G[other] -= G[other, column] / G[row, column] * G[row]
+            dropped += left
         order = np.argsort(kept)
         chosen, following = (np.array(part, int)[order] for part in (kept, dependent))
-        cut_rows = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT]
-        cuts = np.searchsorted(cut_rows, chosen, side="right") - 1
+        acts = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT]
+        cuts = np.searchsorted(acts, chosen, side="right") - 1
+        touching = chosen >= cut_rows
+        cuts[touching] = [resting[row] for row in chosen[touching].tolist()]
         for where, values in ((at.ROW_OF, chosen), (at.DEPENDENT, following), (at.CUT_OF, cuts)):
             first = self.count(where)
             plan[first : first + len(chosen)] = values
         plan[at.KEPT], plan[at.BENDS] = len(chosen), bool(set(dependent) & set(shapes))
-        return np.array(left, int)
+        return np.array(dropped, int)
+
+    def _rest(self) -> dict[int, int]:
+        """Rows of the contacts that rest by Newton's law, and are held from now on, with their places in ``acts``."""
+        first = self.count(at.CONTACTS)
+        acts = self.tables.acts[first : self.count(at.ACTS)]
+        rigid, contacts = acts[:, at.LAW] == NEWTON, self.contacts
+        rests = rigid & (contacts[:, at.BEGUN_AT] != 0.0)
+        contacts[rigid, at.SHUT] = rests[rigid]
+        self.numbers(at.TOUCH, at.SHARED)[at.RESTED] = 0.0
+        return dict(zip(acts[rests, at.ROW_AT].tolist(), (first + np.flatnonzero(rests)).tolist(), strict=True))
 
     def _free_columns(self) -> tuple[list[int], list[int]]:
         """Coordinates of joints that no drive prescribes, and of shapes."""

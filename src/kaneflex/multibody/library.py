@@ -23,6 +23,7 @@ from kaneflex.generated import contact, joints
 from kaneflex.multibody import (
     coefficients,
     collocation,
+    complementarity,
     contact_search,
     contacts,
     dense_lu,
@@ -31,6 +32,7 @@ from kaneflex.multibody import (
     powers,
     recursion,
     reduction,
+    rigid_contacts,
     tables,
     tree,
     unfolding,
@@ -39,9 +41,9 @@ from kaneflex.multibody.tables import CONTACT_MECHANISM, MECHANISM, OUTER
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
-    coefficients.__file__, collocation.__file__, contact.__file__, contact_search.__file__, contacts.__file__,
-    dense_lu.__file__, inner.__file__, joints.__file__, loops.__file__, powers.__file__, recursion.__file__,
-    reduction.__file__, tables.__file__, tree.__file__, unfolding.__file__,
+    coefficients.__file__, collocation.__file__, complementarity.__file__, contact.__file__, contact_search.__file__,
+    contacts.__file__, dense_lu.__file__, inner.__file__, joints.__file__, loops.__file__, powers.__file__,
+    recursion.__file__, reduction.__file__, rigid_contacts.__file__, tables.__file__, tree.__file__, unfolding.__file__,
 )  # fmt: skip
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
 _C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}

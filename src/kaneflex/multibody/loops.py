@@ -14,11 +14,11 @@ from numba import njit
 from kaneflex.multibody import dense_lu
 from kaneflex.multibody.recursion import add_force, assemble, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BEGUN_AT, BENDS, BODIES, COLUMNS, CONTACT, CONTACT_SIZE, CONTACTS, COORDINATES, COURSE_OF, CUT,
-    CUT_OF, DEMAND, DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT,
-    KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS,
-    POINT, PRISMATIC, PUSH, RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION, SECTIONS,
-    SHAPES, SIDE, SPEEDS, STIFF, TOUCHING, VISCOUS, W_NOW, WORKS, Y, YIELDING, apart, kernel, larger,
+    ACCEL, ACTS, AT, BEGUN_AT, BENDS, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE_OF, CUT,
+    CUT_OF, CUT_ROWS, DEMAND, DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS,
+    JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER,
+    PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION,
+    SECTIONS, SHAPES, SIDE, SPEEDS, STIFF, TOUCHING, VISCOUS, WORKS, W_NOW, Y, YIELDING, apart, kernel, larger,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe, turned
 
@@ -173,11 +173,9 @@ def stand(m, t):
 
 
 @njit(**OPTIONS)
-def factorise_closed(m, h, A, pivots):
-    """Factors of M + h C + h^2 K with its loops closed; False where motion or reactions are not determined.
-
-    Beside the tree's factors: coordinates by unit reactions of the kept rows, and what those do to the cuts.
-    """
+def reach(m, h, A):
+    """Factors of M + h C + h^2 K of the tree, coordinates by unit reactions of the kept rows and of contacts, and what
+    those do to these rows, at SCHUR; False: a pivot vanishes."""
     apart()
     if not factorise(m, h, A):
         return False
@@ -195,6 +193,20 @@ def factorise_closed(m, h, A, pivots):
         solve(m, A, r if r < plan[KEPT] else r + 1)
         for q in range(count):
             A[plan[SCHUR] + count * q + r] = opening(m, A, q)
+    return True
+
+
+@njit(**OPTIONS)
+def factorise_closed(m, h, A, pivots):
+    """Factors of M + h C + h^2 K with its loops closed; False where motion or reactions are not determined.
+
+    Beside the tree's factors: coordinates by unit reactions of the kept rows, and what those do to the cuts.
+    """
+    apart()
+    if not reach(m, h, A):
+        return False
+    plan, w = m.plan, m.w
+    count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(plan[KEPT], count):
         k = plan[CONTACT] + CONTACT_SIZE * m.pivots[plan[TOUCHING] + r - plan[KEPT]]
         A[plan[SCHUR] + (count + 1) * r] += 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
@@ -208,7 +220,7 @@ def row_at(m, r):
     if r < plan[KEPT]:
         return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
     n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-    return plan[CONTACTS] + n, plan[MIDDLE_CUT] + ROW_SIZE * (plan[REACTIONS] + n) + 3
+    return plan[CONTACTS] + n, plan[MIDDLE_CUT] + ROW_SIZE * (plan[CUT_ROWS] + n) + 3
 
 
 @njit(**OPTIONS)
@@ -334,7 +346,7 @@ def middle(m):
     plan, w = m.plan, m.w
     assemble(m)
     copy(w, plan[SECTION], plan[MIDDLE], SEC * m.bodies[plan[BODIES] - 1, LAST])
-    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[REACTIONS] + plan[ACTS] - plan[CONTACTS]))
+    copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]))
 
 
 @njit(**OPTIONS)

@@ -206,11 +206,12 @@ class _Run:
     def _misfit(self) -> str:
         """What to say where joints that hold something twice no longer agree; nothing where they do."""
         engine = self.engine
-        if engine.count(at.KEPT) == engine.count(at.REACTIONS):
+        rows, first = engine.count(at.CUT_ROWS), engine.count(at.ROW_OF)
+        if (engine.tables.plan[first : first + engine.count(at.KEPT)] < rows).sum() == rows:
             return ""
         t, size = float(self.here[0]), self.system.mechanism.size
         engine.stand(self.here)
-        apart = abs(engine.openings(t)) / size
+        apart = abs(engine.openings(t)[:rows]) / size
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
@@ -267,7 +268,20 @@ class _Run:
             self.engine.choose(float(self.here[0]))
             self.patient = float(sorted(self.engine.dependent.tolist()) == before)
             return collocation.PAUSED
+        if ended == collocation.RESTED:
+            return collocation.PAUSED if self._rest() else collocation.SINGULAR
         return ended
+
+    def _rest(self) -> bool:
+        """Go on where others rest by Newton's law than before, with other dependent coordinates; False: singular."""
+        t, works = float(self.here[0]), self.engine.count(at.WORKS)
+        self.engine.stand(self.here)
+        self.engine.choose(t)
+        settled = self.engine.settle(t)
+        self.here[:-works], self.length = self.engine.row(t)[:-works], 0.0
+        if self.rows[self.filled, 0] == t:
+            self.rows[self.filled] = self.here
+        return settled
 
     def _scipy(self, rows: slice, most: int) -> int:
         """Through scipy's Radau in the independent coordinates, with works integrated beside the motion."""
@@ -365,6 +379,9 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
         k = np.searchsorted(knots, times, side="right") - 1
         before, after = (trajectory.contacts.begun[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
         begun = np.where((before != 0.0) | (knots[k] == times)[:, None], before, after)
+        rigid = [contact.law == "newton" for contact in system.mechanism.contacts.values()]
+        parted = (knots[k] != times)[:, None] & ((before == 0.0) | (after == 0.0)) & rigid
+        begun[parted] = 0.0
     found = system.states(times, curve(times), curve.derivative()(times), begun)
     dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
     supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)

@@ -73,28 +73,35 @@ ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
 it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its gap;
 k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
 impulse, peak force and what was lost before; how it changes at the end of this step; then a step's nodes."""
-PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, SHARED = range(12)
+(
+    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, RESTED, TRIES, SHARED,
+) = range(14)  # fmt: skip
 """Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
 [m], the step [s] before they closed; a change that is looked for: steps before and after it, the one to try, its
 contact and kind; when the last one was, and how many at one instant; one more than the number of the switch that its
-load's law would hold at zero; then every contact's gradient."""
+load's law would hold at zero; whether others rest than before; how often a change was looked for; then every contact's
+gradient."""
 ROOM, LARGEST = STIFF, ALLOWED
 """Of a switch: how far from zero it may be where it stays there, and the largest distance that it had."""
-IMPACT_SIZE, MOST_IMPACTS = 8, 64
+SHUT, SHIFT = STIFF, VISCOUS
+"""Of a contact by Newton's law: whether dependent coordinates keep it closed; what is added to its gap where it left
+another side without a speed. ALLOWED is the force [N] of it that is as good as none."""
+IMPACT_SIZE, MOST_IMPACTS = 8, 256
 """Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
 energy lost; after how many Python is to take them. Their count is before them."""
 
 (
-    BODIES, COORDINATES, SPEEDS, REACTIONS, WORKS, KEPT, BENDS,
+    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, RIGID, WORKS, KEPT, BENDS,
     CUTS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
-    CONTACT, TOUCH, IMPACTS, TOUCHING,
+    CONTACT, TOUCH, IMPACTS, COMPLEMENT, TOUCHING,
     MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, LAST_A, LAST_R, RESISTING,
     SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, PIVOTS, PAIR_PIVOTS, PLAN,
-) = range(71)  # fmt: skip
-"""Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions of cuts, works, kept rows; whether
+) = range(74)  # fmt: skip
+"""Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
+contacts), rows of the cuts, contacts with reactions (all where some are by Newton's law), works, kept rows; whether
 shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads, springs and contacts begin and end;
 how many contacts the factors to come let yield, which compiled code counts. Where in ``w`` lie: the motion
 (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over all speeds, cut rows,
@@ -103,7 +110,8 @@ what every coordinate asks for, powers; gravity, what holds and damps every coor
 errors allowed in it, its rate and its acceleration; what is added to the loads' sizes, then to prescribed
 accelerations; the gradient of the kept rows, its dependent square, their right-hand side, W of the sections now. Where
 in ``plan`` itself: that square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w``
-again: contacts, what all of them share, impacts that are over; in ``plan`` the contacts that yield; in ``w`` mass
+again: contacts, what all of them share, impacts that are over, room for what rigid sides exert at one instant; in
+``plan`` the contacts that yield, or those that touch; in ``w`` mass
 matrices and W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and
 rates of courses, accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all
 bodies, joints, coordinates by unit reactions of the kept rows and in the last row the answer, what the reactions do to

@@ -100,23 +100,25 @@ def build_tables(
     bodies, sections, coordinates, hold, row, square, jacobian = found
     acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers, switches)
     plan = np.zeros(at.PLAN, np.int64)
-    n, reactions = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
+    n, cut_rows = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
     touching = len(mechanism.contacts) + switches
+    rigid = touching * any(contact.law == "newton" for contact in mechanism.contacts.values())
     works = 1 + len(mechanism.loads) + len(prescribed) + touching
-    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]] = len(order), n, row, reactions, works
+    plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = len(order), n, row, works
+    plan[[at.REACTIONS, at.CUT_ROWS, at.RIGID]] = cut_rows + rigid, cut_rows, rigid
     plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
     for what, count in _lengths(plan, mechanism, len(index), square, jacobian, switches).items():
         plan[what] = numbers.room(count)
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
-    rows = reactions + touching
+    rows = cut_rows + touching
     size = _in_turn(plan, 0, {
         at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (rows + 1) * n,
         at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows,
     })  # fmt: skip
-    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), reactions)
-    of_rows |= {at.TOUCHING: touching, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
+    of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
+    of_rows |= {at.TOUCHING: 3 * touching, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     w = np.concatenate(numbers.parts)
     _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
@@ -132,21 +134,23 @@ def _lengths(
     """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
     touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
+    rows = int(plan[at.CUT_ROWS]) + touching
     joints = len(mechanism.drives) + len(mechanism.observed)
     courses = sum(not drive.free for drive in mechanism.drives.values())
     return {
         at.Y: n, at.RATE: n, at.ACCEL: n, at.SECTION: at.SEC * sections, at.LOCAL: at.SEC * sections,
-        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * (reactions + touching),
+        at.FRAME: at.FRAME_SIZE * bodies, at.FORCE: row, at.CUT: at.ROW_SIZE * rows,
         at.COURSE: 3 * courses, at.X: 3 * joints + switches, at.SIZE: loads + 2 * switches,
         at.INPUT: loads + courses,
         at.SPRING: at.SPRING_SIZE * len(mechanism.springs), at.SUMS: 9, at.NOW: reactions,
         at.JOINTS: 3 * bodies, at.DEMAND: n, at.POWER: works, at.SCALE: n, at.RATE_SCALE: n,
         at.ACCEL_SCALE: n, at.GRADIENT: reactions * n,
         at.LOOP: reactions**2, at.SIDE: reactions, at.W_NOW: jacobian, at.MASS: square, at.W: jacobian,
-        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * (reactions + touching), at.STAGE_A: 3 * n,
+        at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.CONTACT: at.CONTACT_SIZE * touching, at.TOUCH: at.SHARED + n * touching,
+        at.COMPLEMENT: (2 * touching + 11) * int(plan[at.RIGID]),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),
     }  # fmt: skip
 

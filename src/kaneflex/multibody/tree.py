@@ -13,14 +13,15 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
+from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody.tables import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSES, COURSE_AT,
-    COURSE_OF, CUT, CUTS, DEFORM, DEMAND, DRIVES, ELASTIC, FIRST, FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE, GAP,
-    GAP_RATE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING, MAGNITUDES, MODAL,
-    NORMAL_TURN, NORMAL_X, NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X, PLACE_Y, POINT,
-    PRISMATIC, PUSHED, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROOM, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES,
-    SIZE, SPEEDS, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS, X, Y,
-    apart, kernel, of_contacts, shifted,
+    COURSE_OF, CUT, CUTS, CUT_ROWS, DEFORM, DEMAND, DRIVES, ELASTIC, FIRST, FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE,
+    GAP, GAP_RATE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING, MAGNITUDES,
+    MODAL, NORMAL_TURN, NORMAL_X, NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X, PLACE_Y,
+    POINT, PRISMATIC, PUSHED, PUSH_NOW, RATE, REVOLUTE, RIGID, ROOM, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS,
+    SHAPES, SIZE, SPEEDS, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS,
+    X, Y, apart, kernel, of_contacts, shifted,
 )  # fmt: skip
 
 
@@ -201,6 +202,48 @@ def cut_rows(m):
             w[k] -= w[course]
             w[k + 1] -= w[course + 1]
             w[k + 2] -= w[course + 2]
+    if plan[RIGID]:
+        rest_rows(m)
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def rest_rows(m):
+    """The rows of contacts that rest by Newton's law: gap, its rate and acceleration, and their Jacobians."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        if rests(m, n):
+            k, row = meet(m, n), plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT]
+            w[row], w[row + 1], w[row + 2] = w[k + GAP], w[k + GAP_RATE], acceleration(m, n)
+            lean(m, n)
+
+
+@njit(**OPTIONS)
+def acceleration(m, n):
+    """g'' of a contact [m/s^2]."""
+    first, second = m.plan[SECTION] + SEC * m.acts[n, AT], m.plan[SECTION] + SEC * m.acts[n, ON]
+    return touching.gap_acceleration(m.acts[n, WHAT], m.w, first, second, m.w, m.acts[n, NUMBERS_AT])
+
+
+@njit(**OPTIONS)
+def rests(m, n):
+    """Whether a contact rests by Newton's law."""
+    return m.acts[n, LAW] == NEWTON and m.w[m.plan[CONTACT] + CONTACT_SIZE * (n - m.plan[CONTACTS]) + BEGUN_AT] != 0.0
+
+
+@njit(**OPTIONS)
+def lean(m, n):
+    """A contact's row by the twists of its sections, where it has been met."""
+    w, plan = m.w, m.plan
+    k = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS])
+    x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
+    for side in range(2):
+        section, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
+        j = plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT] + 3 + 3 * side
+        w[j], w[j + 1] = sign * x, sign * z
+        arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
+        w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
 
 
 @njit(**OPTIONS)
@@ -333,7 +376,8 @@ def press(m, n):
 def meet(m, n):
     """Where a contact's numbers are, filled in: gap and what follows from it; nothing is stored or exerted apart.
 
-    A contact that lets go, which a negative BEGUN_AT says, pushes no more, and loses what it has stored.
+    A contact that lets go, which a negative BEGUN_AT says, pushes no more, and loses what it has stored. One that rests
+    by Newton's law pushes as its row says, whose reaction is an unknown.
     """
     plan, w, sec = m.plan, m.w, m.plan[SECTION]
     k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]
@@ -343,7 +387,10 @@ def meet(m, n):
         return k
     touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
     begun_at, gap, rate = w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
-    if begun_at != 0.0:
+    if law == NEWTON:
+        if begun_at != 0.0:
+            w[k + PUSH_NOW] = w[plan[NOW] + m.acts[n, ROW_AT]]
+    elif begun_at != 0.0:
         if begun_at > 0.0:
             w[k + PUSH_NOW] = touching.normal_force(law, w, j, begun_at, gap, rate)
         w[k + ELASTIC] = touching.stored(w, j, gap)
@@ -371,7 +418,7 @@ def resist(m, t):
         )  # fmt: skip
     act(m, t)
     for n in range(plan[CUTS], plan[DRIVES]):
-        end = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[REACTIONS]
+        end = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[CUT_ROWS]
         for row in range(acts[n, ROW_AT], end):
             size = w[plan[NOW] + row]
             for side in range(2):

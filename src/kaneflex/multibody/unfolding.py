@@ -7,16 +7,17 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64, void
 
+from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import powers
 from kaneflex.multibody.contacts import stand_closed
 from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY,
-    FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, INBOARD, JOINT, JOINTS, LAST, LOCAL, LOSING, MECHANISM, MODAL, N,
-    NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION,
-    SECTIONS, SHAPES, SPEEDS, SUMS, WORKS, Y, apart, shifted,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, CUT_ROWS, DRIVES, ELASTIC,
+    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, INBOARD, JOINT, JOINTS, LAST, LAW, LOCAL, LOSING, MECHANISM,
+    MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC,
+    SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, shifted,
 )  # fmt: skip
-from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, turned
+from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, rests, turned
 
 
 @njit(**ENTRY)
@@ -112,7 +113,8 @@ def states(m, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
     held: whether STIFFNESS is a mass that coordinates have besides. The rows come with BEGUN_AT of the contacts, which
-    holds where their sides overlap. Returns the row that is singular, or their number.
+    holds where their sides overlap. Returns the row that is singular, or of which others rest than the dependent
+    coordinates keep closed, or their number.
     """
     size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
@@ -120,7 +122,10 @@ def states(m, times, count, q, v, first, held, rows):
         fold(m, shifted(q, row * size), shifted(v, row * size))
         out = shifted(rows, row * row_size(m))
         for c in range(touching):
-            m.w[m.plan[CONTACT] + CONTACT_SIZE * c + BEGUN_AT] = out[works_at(m) - touching + c]
+            k = m.plan[CONTACT] + CONTACT_SIZE * c
+            m.w[k + BEGUN_AT] = out[works_at(m) - touching + c]
+            if m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON and (m.w[k + BEGUN_AT] != 0.0) != (m.w[k + SHUT] != 0.0):
+                return row
         done = settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
         if not (done and (held or stand_closed(m, t, m.real))):
             return row
@@ -150,7 +155,8 @@ def _exerted(m, b):
 
 @njit(**ENTRY)
 def openings(m, t, out):
-    """Residuals of all rows of the cuts where the coordinates put them; at GRADIENT their derivatives by all of y."""
+    """Residuals of all rows of the cuts and of contacts that rest where the coordinates put them; at GRADIENT their
+    derivatives by all of y."""
     plan, w = m.plan, m.w
     prescribe(m, t)
     deform(m)
@@ -161,9 +167,14 @@ def openings(m, t, out):
     for i in range(plan[REACTIONS] * n):
         w[plan[GRADIENT] + i] = 0.0
     for cut in range(plan[CUTS], plan[DRIVES]):
-        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[DRIVES] else plan[REACTIONS]
+        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[DRIVES] else plan[CUT_ROWS]
         for row in range(m.acts[cut, ROW_AT], end):
             gradient(m, row, cut, True, plan[GRADIENT] + n * row)
+            out[row] = w[plan[CUT] + 9 * row]
+    for act in range(plan[CONTACTS], plan[ACTS]):
+        if rests(m, act):
+            row = m.acts[act, ROW_AT]
+            gradient(m, row, act, True, plan[GRADIENT] + n * row)
             out[row] = w[plan[CUT] + 9 * row]
 
 

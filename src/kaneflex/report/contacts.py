@@ -26,6 +26,8 @@ def contact_line(contact: Contact) -> str:
     if contact.joint is not None:
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2
         where += f", clearance {1e3 * room:.6g} mm"
+    if contact.law == "newton":
+        return f"{where}, rigid, {restitution_line(contact)}"
     unit = "N/m" if exponent == 1 else f"N/m^{exponent:.4g}"
     return f"{where}, {stiffness:.4g} {unit}, {restitution_line(contact)}"
 
@@ -36,6 +38,8 @@ def restitution_line(contact: Contact) -> str:
     if law == "kelvin-voigt":
         unit = "N m s/rad" if contact.kind == "angle" else "N s/m"
         return f"{law} of {contact.contact.damping:.6g} {unit}, whose restitution follows from the masses"
+    if law == "newton":
+        return f"newton returns {asked:.3g} at once"
     if asked is None:
         return f"{law} returns 1"
     found = returned(hysteresis(law, asked))

@@ -49,9 +49,10 @@ class ContactLaw(SceneTable):
     (1/E* = the sum of (1 - nu^2)/E): of spheres, or of cylinders about a `load` (N). `law` says what chi is by the
     `restitution` e that is asked for: `exact` returns it, `hunt-crossley`, `lankarani-nikravesh` and `flores` return
     another one, `hertz` loses nothing, and `kelvin-voigt` has a `damping` c beside the spring, K d^n + c d'.
+    `newton` has rigid sides, no K and no d: they part at once with `restitution` times the speed of approach.
     """
 
-    law: Literal["exact", "hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores"] = "exact"
+    law: Literal["exact", "hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "newton"] = "exact"
     exponent: PositiveRatio = 1.5
     stiffness: ContactStiffness | None = None
     materials: MaterialPair | None = None
@@ -67,6 +68,8 @@ class ContactLaw(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> ContactLaw:
+        if self.law == "newton":
+            return self._rigid()
         given = the_one_given(self, ("stiffness", "materials", "modulus"))
         if self.exponent < 1:
             cure = "Write 1 for a spring, 1.5 for Hertz's spheres"
@@ -82,12 +85,24 @@ class ContactLaw(SceneTable):
                 raise Fault("law hertz loses nothing: it returns 1", "Leave it out", below="restitution")
         elif getattr(self, needs) is None:
             raise Fault(f"law {self.law} needs a {needs}", f"Give {needs}, or take law hertz, which loses nothing")
-        if self.restitution is not None and self.restitution > 1:
-            raise Fault("more would come back than went in", "Give a number up to 1", below="restitution")
+        self._returns_less()
         if self.restitution == 0 and self.law in _ABOVE_ZERO:
             reason = f"law {self.law} would need a force without bounds"
             raise Fault(reason, "Give a number above zero, like 0.01", below="restitution")
         return self
+
+    def _rigid(self) -> ContactLaw:
+        for field in ("stiffness", "exponent", "materials", "modulus", "load", "damping"):
+            if field in self.model_fields_set:
+                raise Fault("law newton has rigid sides, which nothing presses in", "Leave it out", below=field)
+        if self.restitution is None:
+            raise Fault("law newton needs a restitution", "Give restitution, from 0, which sticks, to 1")
+        self._returns_less()
+        return self
+
+    def _returns_less(self) -> None:
+        if self.restitution is not None and self.restitution > 1:
+            raise Fault("more would come back than went in", "Give a number up to 1", below="restitution")
 
     @property
     def contact_modulus(self) -> float | None:

@@ -147,7 +147,11 @@ class Contact(SceneTable):
 
     @property
     def pushing(self) -> tuple[float, float]:
-        """K [N/m^n] and n. Raises Fault: materials without a shape that Hertz's theory knows."""
+        """K [N/m^n] and n; 0 and 1 of rigid sides. Raises Fault: materials of a shape unknown to Hertz's theory."""
+        if self.law == "newton":
+            if self.width is not None:
+                raise Fault("has no meaning for law newton, whose sides are rigid", "Leave it out", below="width")
+            return 0.0, 1.0
         if self.contact.stiffness is not None:
             if self.width is not None:
                 reason = "has no meaning beside contact.stiffness, which is that of all the width"
