@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.study.differences import Difference
+    from kaneflex.study.trade.price import Prices
     from kaneflex.study.trade.ranking import Ranked, Trade
     from kaneflex.study.trade.record import Choice
     from kaneflex.study.trade.terms import Effect, Terms
@@ -47,10 +49,18 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Rank models of SCENE by error and time, and name the cheapest within the tolerance.
 
     Presets, elements of each link, modes, steps, integrators and single terms left out are tried against the scene's
-    own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture.
+    own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture. Of a scene
+    whose joints have clearances, which only preset coupled takes, it says what these change in each sensor instead:
+    price.csv, price.json and a picture.
     """
+    from kaneflex.study.trade.price import has_price, price
     from kaneflex.study.trade.ranking import trade as ranked
 
+    if has_price(asked.read()):
+        priced, folder = _weighed("trade", price, price_data, asked, target, picture="price", **limits)
+        click.echo(price_table(priced))
+        _close(folder, priced.left_out)
+        return
     found, folder = _weighed("trade", ranked, trade_data, asked, target, **limits)
     click.echo(trade_table(found))
     click.echo(reference_lines(found))
@@ -78,24 +88,24 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
 
 def _weighed(
     ending: str, question: Callable[..., Found], data: Callable[[Found, list[str]], Data], asked: SceneArguments,
-    target: Target, tolerance: str, budget: str, sensors: tuple[str, ...],
+    target: Target, tolerance: str, budget: str, sensors: tuple[str, ...], picture: str | None = None,
 ) -> tuple[Found, Path]:  # fmt: skip
     """What a question to the models of a scene found, and the folder that holds it as a table and as JSON."""
     from kaneflex.support.units import TIME
 
     share, seconds = tolerance_of(tolerance), quantity("--budget", budget, TIME)
     scene = asked.read()
-    target = target.named(scene, ending)
+    target, files = target.named(scene, ending), picture or ending
 
     def write(found: Found, folder: Path) -> None:
         about, rows = data(found, asked.changes)
-        write_json(folder / f"{ending}.json", about)
-        write_csv(folder / f"{ending}.csv", list(rows[0]), rows)
+        write_json(folder / f"{files}.json", about)
+        write_csv(folder / f"{files}.csv", list(rows[0]), rows)
 
     def ask(stage: Callable[[str], None]) -> Found:
         return question(scene, share, seconds, sensors or None, stage)
 
-    return into(target, f"{ending}.json", ask, write, ending), target.folder
+    return into(target, f"{files}.json", ask, write, files), target.folder
 
 
 def _close(folder: Path, left_out: Mapping[str, str]) -> None:
@@ -128,6 +138,34 @@ def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
         f"{1e3 * cost.total:.3g} ms", "" if cost.spread is None else f"{100 * cost.spread:.0f} %",
         "yes" if found.good_enough(entry) else "no",
     )  # fmt: skip
+
+
+def price_table(found: Prices) -> str:
+    """What each clearance changes in each sensor, with what the change is known to."""
+    from kaneflex.report.presentation import table, unit_shown
+
+    head = ("sensor", "unit", "peak tight", "with", "change", "known to", "rms tight", "with", "change", "known to")
+    parts = []
+    for each in found.prices:
+        rows = []
+        for change in each.changes:
+            unit, number = unit_shown(change.unit, max(change.peak))
+            cells: list[str] = []
+            pairs = ((change.peak, change.rms), change.shares, change.doubts)
+            for (one, other), share, doubt in zip(*pairs, strict=True):
+                cells += [number(other), number(one), *("" if isnan(x) else _percent(x) for x in (share, doubt))]
+            mark = "*" if change.matters(found.tolerance) else " "
+            rows.append((f"{mark} {change.sensor}", unit, *cells))
+        gone = f"; without it there is no {', '.join(each.gone)}" if each.gone else ""
+        title = f"What the {each.part} changes (*: by more than {_percent(found.tolerance)}){gone}"
+        parts.append(f"{title}\n{table(head, rows, left=2)}")
+    return "\n\n".join([*parts, _CHAOS])
+
+
+_CHAOS = (
+    "Peaks and rms are those of the whole run: two motions that knock may part however alike they begin, so that no\n"
+    "instants compare. Changes are known to what a ten times smaller solve.tolerance makes of them."
+)
 
 
 def reference_lines(found: Trade) -> str:
@@ -200,7 +238,7 @@ def demand_tolerance(tolerance: str | None, others: Mapping[str, object]) -> Non
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+    return f"{100 * share:.2g} %" if abs(share) < 1 else f"{100 * share:.0f} %"
 
 
 Row = dict[str, object]
@@ -253,6 +291,34 @@ def _ranked_data(found: Trade, entry: Ranked) -> Row:
         "repeats": cost.repeats,
         "first_s": cost.first,
     }
+
+
+def price_data(found: Prices, settings: Sequence[str]) -> Data:
+    """What ``price.json`` and ``price.csv`` hold: statistics in SI, changes as shares of those without the part."""
+
+    def known(number: float) -> float | None:
+        return None if isnan(number) else number
+
+    rows: list[Row] = []
+    for each in found.prices:
+        for change in each.changes:
+            row: Row = {"part": each.part, "sensor": change.sensor, "unit": change.unit}
+            pairs = ((change.peak, change.rms), change.doubt, change.shares)
+            for key, (one, other), doubt, share in zip(("peak", "rms"), *pairs, strict=True):
+                row |= {f"{key}_with": one, f"{key}_without": other, f"{key}_change": known(share)}
+                row[f"{key}_doubt"] = known(doubt)
+            rows.append(row | {"matters": change.matters(found.tolerance)})
+    return {
+        "scene": found.scene.name,
+        "settings": list(settings),
+        "tolerance": found.tolerance,
+        "parts": [
+            {"part": each.part, "without": list(each.settings), "gone": list(each.gone),
+             "sensors": [row for row in rows if row["part"] == each.part]}
+            for each in found.prices
+        ],
+        "left_out": dict(found.left_out),
+    }, rows  # fmt: skip
 
 
 def terms_data(found: Terms, settings: Sequence[str]) -> Data:

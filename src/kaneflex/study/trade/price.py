@@ -1,0 +1,254 @@
+"""What the clearances of a scene change in its sensors: runs with them against runs with tight joints.
+
+A mechanism that knocks may be chaotic: two of its runs that begin next to each other part, so that no difference at an
+instant says anything. What is compared are statistics over the run, the largest absolute value and the rms, and beside
+each change stands by how much the statistic itself changes with a ten times smaller tolerance of a step.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+
+from kaneflex.fem.mobility import check_determined
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.position_analysis import place
+from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.quantities import Address
+from kaneflex.solve.curves import Curves
+from kaneflex.solve.loading import Progress
+from kaneflex.solve.variants import Variant
+from kaneflex.study.runs import Runs
+from kaneflex.support.errors import SceneError, nearest
+
+_FINER = 0.1
+"""Share of the tolerance of a step at which the statistics are taken once more."""
+_FINEST = 1e-13
+_ALIKE = 0.2
+"""Angle [rad] up to which bodies of a tight mechanism stand as they do with clearances."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a part of the scene changes in a sensor, in its SI unit.
+
+    Attributes
+    ----------
+    peak, rms : tuple of float
+        Largest absolute value, and root of the mean square over time, with the part and without.
+    doubt : tuple of float
+        By how much peak and rms with the part change where the run is ten times finer; no numbers where it can't be.
+    """
+
+    sensor: str
+    unit: str
+    peak: tuple[float, float]
+    rms: tuple[float, float]
+    doubt: tuple[float, float]
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Changes of peak and rms as shares of those without the part; no number where there is nothing without."""
+        return _share(self.peak[0] - self.peak[1], self.peak[1]), _share(self.rms[0] - self.rms[1], self.rms[1])
+
+    @property
+    def doubts(self) -> tuple[float, float]:
+        """The same of what they are not known better than."""
+        return _share(self.doubt[0], self.peak[1]), _share(self.doubt[1], self.rms[1])
+
+    def matters(self, tolerance: float) -> bool:
+        """Whether peak or rms change by more than a share, with the doubt about them taken off."""
+        pairs = zip((self.peak, self.rms), self.doubt, strict=True)
+        return any(
+            abs(one - other) - (0.0 if math.isnan(doubt) else doubt) > tolerance * other
+            for (one, other), doubt in pairs
+        )
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole else math.nan
+
+
+@dataclass(frozen=True)
+class Price:
+    """What a part of the scene changes: its name, the settings that take it out, what then goes, and each sensor."""
+
+    part: str
+    settings: tuple[str, ...]
+    gone: tuple[str, ...]
+    changes: tuple[Change, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Prices:
+    """Made by :func:`price`: every part, and those that were not priced, with the reason."""
+
+    scene: Scene
+    tolerance: float
+    prices: tuple[Price, ...]
+    left_out: dict[str, str]
+
+
+def has_price(scene: Scene) -> bool:
+    """Whether joints of a scene have clearances."""
+    return bool(_loose(scene))
+
+
+def price(
+    scene: Scene,
+    tolerance: float = 0.01,
+    budget: float = 60.0,
+    sensors: Sequence[str] | None = None,
+    progress: Progress = lambda stage: None,
+) -> Prices:
+    """Run a scene with each of its clearances and without, and with all of them and with none.
+
+    Parameters
+    ----------
+    scene, sensors, progress
+        As :func:`kaneflex.study.trade.ranking.trade` takes them; the scene is run as it is.
+    tolerance : float
+        Share by which a statistic has to change in order to matter.
+    budget : float
+        Seconds after which no further part is begun.
+
+    Raises
+    ------
+    SceneError
+        For sensors that the scene doesn't have, and where it can't be run, or not without any one of its clearances.
+    """
+    for name in sensors or ():
+        if name not in scene.sensors:
+            raise SceneError("--sensor", name, "the scene has no such sensor", nearest(name, scene.sensors))
+    if not scene.sensors:
+        raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
+    runs, deadline = Runs(scene, progress), time.perf_counter() + budget
+    whole, finer = runs.run(Variant("as it is", ())).curves, None
+    if scene.solve.tolerance * _FINER >= _FINEST:
+        with suppress(SceneError):  # then nothing is known of its statistics
+            finer = runs.run(Variant("finer", (f"solve.tolerance={scene.solve.tolerance * _FINER!r}",))).curves
+    prices: list[Price] = []
+    left_out: dict[str, str] = {}
+    for names in _parts(scene):
+        part = f"clearance of {' and '.join(names)}"
+        try:
+            if prices and time.perf_counter() > deadline:
+                left_out[part] = "no time left within the budget"
+                continue
+            settings, gone = tightened(scene, names)
+            without = runs.run(Variant(f"without the {part}", settings)).curves
+            counted = [name for name in sensors or scene.sensors if name not in gone]
+            if not counted:
+                reason = "every sensor that counts goes with it"
+                raise SceneError("sensors", None, reason, "Measure something that is there without it, too")
+            changes = tuple(_change(scene, name, whole, without, finer) for name in counted)
+            prices.append(Price(part, settings, gone, changes))
+        except SceneError as error:
+            left_out[part] = str(error)
+    if not prices:
+        raise SceneError("joints", None, "; ".join(left_out.values()), "Compare scenes of your own by kaneflex compare")
+    return Prices(scene, tolerance, tuple(prices), left_out)
+
+
+def _loose(scene: Scene) -> tuple[str, ...]:
+    """Joints with a clearance, backlash included."""
+    made = (contact for contact in scene.contacts.values() if isinstance(contact, ClearanceContact))
+    return tuple(dict.fromkeys(contact.of for contact in made))
+
+
+def _parts(scene: Scene) -> Iterator[tuple[str, ...]]:
+    """Every joint with a clearance, and all of them where there are some."""
+    names = _loose(scene)
+    yield from ((name,) for name in names)
+    if len(names) > 1:
+        yield names
+
+
+def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Settings that take the clearances of joints away, and the sensors that go with them.
+
+    What a tight joint holds was free before: as many free drives go, those that come last first, as the mechanism is
+    determined without. A tight pin closes its loop as the scene stands at its start; flanks without play are a weld.
+    """
+    poses, raw = place(scene).poses, scene.raw
+    settings: list[str] = []
+    held = 0
+    welded: list[str] = []
+    for name in names:
+        made = next(c for c in scene.contacts.values() if isinstance(c, ClearanceContact) and c.of == name)
+        settings.append(f"joints.{name}.clearance=none")
+        if made.flank:
+            addresses = ", ".join(f"'{address}'" for address in scene.joints[name].addresses)
+            angle = made.clearance.middle
+            settings += [f"joints.{name}={{weld=[{addresses}], relative_angle={angle!r}, revolute='none'}}"]
+            settings += [f"drives.{name}=none"] * (name in scene.drives)
+            held += name not in scene.drives
+            welded.append(name)
+            continue
+        held += 2
+    gone = _without_their_joint(scene, names, welded)
+    settings += [f"sensors.{sensor}=none" for sensor in gone]
+    events = (name for name, event in scene.events.items() if event.sensor in gone)
+    settings += [f"events.{name}=none" for name in events if name in raw.get("events", {})]
+    free = [name for name in reversed(scene.drives) if scene.drives[name].free and name not in welded]
+    reason = "it has too few free drives to be held by tight joints"
+    closed = [name for name in names if name not in welded]
+    for dropped, ways in product(combinations(free, held), _ways(scene, closed)):
+        found = (*settings, *ways, *(f"drives.{name}=none" for name in dropped))
+        try:
+            tight = with_settings(scene, found)
+            check_determined(mechanism_of(tight), twice=True)
+            turned = max(abs(math.remainder(pose[2] - poses[k][2], math.tau)) for k, pose in place(tight).poses.items())
+            if turned < _ALIKE:
+                return found, gone
+            reason = "it closes in another way"
+        except SceneError as error:
+            reason = str(error)
+    raise SceneError("joints", ", ".join(names), f"without clearance: {reason}", "Leave the clearance out by hand")
+
+
+def _ways(scene: Scene, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Settings that say how the loops of tight joints close, where they close any: as the scene stands at its start."""
+    angles = {body: f"{body}={float(pose[2])!r}" for body, pose in place(scene).poses.items()}
+    sides = {name: [side.body for side in scene.loose[name].sides if side.body in angles] for name in names}
+    for bodies in ({name: list(angles) for name in names}, sides):
+        yield tuple(f"joints.{name}.near={{{', '.join(angles[body] for body in bodies[name])}}}" for name in names)
+    yield ()
+
+
+def _without_their_joint(scene: Scene, names: Sequence[str], welded: Sequence[str]) -> tuple[str, ...]:
+    """Sensors of what isn't there without the clearances: their contacts, places in them, and what welds have not."""
+    found = []
+    for name, sensor in scene.sensors.items():
+        target = sensor.target
+        joint = target.body if isinstance(target, Address) else target
+        contact = scene.contacts.get(str(target))
+        in_it = sensor.kind.startswith("contact") and isinstance(contact, ClearanceContact) and contact.of in names
+        placed = sensor.kind == "position" and joint in names
+        driven = sensor.kind.startswith("drive") and joint in welded
+        if in_it or placed or driven:
+            found.append(name)
+    return tuple(found)
+
+
+def _change(scene: Scene, sensor: str, whole: Curves, without: Curves, finer: Curves | None) -> Change:
+    peak, rms = zip(*(_statistics(curves, sensor) for curves in (whole, without)), strict=True)
+    doubt = (math.nan, math.nan)
+    if finer is not None:
+        again = _statistics(finer, sensor)
+        doubt = abs(again[0] - peak[0]), abs(again[1] - rms[0])
+    return Change(sensor, scene.sensors[sensor].unit, peak, rms, doubt)
+
+
+def _statistics(curves: Curves, sensor: str) -> tuple[float, float]:
+    """Largest absolute value and rms over time."""
+    values, times = curves.values[sensor], curves.times
+    mean = np.trapezoid(values**2, times) / (times[-1] - times[0])
+    return float(abs(values).max()), math.sqrt(mean)
