@@ -60,6 +60,14 @@ def test_bending_of_a_pendulum_that_rings_in_tension(peer):
     assert shares(found)["mid_moment"] < 0.03
 
 
+def test_a_motor_starts_a_four_bar_with_an_elastic_coupler(peer):
+    """Nonlinear in both: the motor's torque falls with the speed that it brings about."""
+    peer("exudyn")
+    apart = shares(compared("four-bar-motor", "solve.duration=0.3 s", "solve.steps=600", elements=8, steps=2400))
+    assert apart["crank_speed"] < 1e-4 and apart["rocker_angle"] < 1e-5
+    assert apart["coupler_mid"] < 3e-3 and apart["coupler_force"] < 0.01
+
+
 def test_a_driven_elastic_link_is_held_by_a_hub(peer):
     """Spin-up, up to its largest deflection."""
     peer("exudyn")
@@ -80,7 +88,9 @@ def test_lumped_masses_join_their_rigid_body():
 @pytest.mark.parametrize(
     ("scene", "settings", "words"),
     [
-        ("engine-torque", (), ("loads.motor", "a torque at a joint")),
+        ("four-bar-motor", ("loads.motor.law=0.6 - main_speed**2",), ("loads.motor", "not linear in the speed")),
+        ("four-bar-motor", ("loads.motor.law=0.6 - main_speed*t",), ("loads.motor", "of that joint alone")),
+        ("four-bar-motor", ("loads.motor.law=0.6 - abs(main_speed)",), ("loads.motor", "not linear in the speed")),
         ("engine", ("bodies.rod.beam.theory=rayleigh",), ("bodies.rod.beam.theory", "rotary inertia")),
         ("engine", ("damping.rayleigh=none", "damping.modal={ratio=0.02}"), ("damping", "other than Rayleigh's")),
         ("engine", ("damping=none",), ("solve.start", "nothing settles")),

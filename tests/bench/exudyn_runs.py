@@ -67,6 +67,10 @@ RACES = (
         "slider-crank-150-coupled", ("solve.integrator=radau",), "rod", "mid_transverse",
         (125, 250, 500, 1000, 2000, 4000, 8000), 16000, _NONLINEAR, recorded=60,
     ),
+    Race(
+        "four-bar-motor", ("solve.duration=0.3 s",), "coupler", "coupler_mid",
+        (300, 600, 1200, 2400, 4800, 9600), 19200, _NONLINEAR, recorded=60,
+    ),
 )  # fmt: skip
 TOLERANCES = tuple(10.0 ** (-k / 2) for k in range(4, 17))
 """Errors allowed of the coupled equations."""

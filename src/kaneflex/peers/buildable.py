@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.start import Start
@@ -71,7 +73,9 @@ def _forces(scene: Scene) -> Iterator[Problem]:
     free = any(drive.kind == "free" for drive in scene.drives.values())
     for name, load in scene.loads.items():
         if load.torque_at is not None:
-            yield _problem(f"loads.{name}", "torque_at", "a torque at a joint")
+            if torque_by_speed(scene, name) is None:
+                what = "a torque at a joint that is not linear in the speed of that joint alone"
+                yield _problem(f"loads.{name}", "torque_at", what)
         elif load.axes == "body":
             yield _problem(f"loads.{name}.axes", "body", "a force that turns with its body")
         elif free and load.kind != "value":
@@ -82,6 +86,22 @@ def _forces(scene: Scene) -> Iterator[Problem]:
         yield _problem(f"contacts.{name}", None, "a contact")
     if scene.damping is not None and scene.damping.kind != "rayleigh":
         yield _problem("damping", scene.damping.kind, "damping other than Rayleigh's")
+
+
+def torque_by_speed(scene: Scene, name: str) -> tuple[float, float] | None:
+    """T_0 [N m] and c [N m s/rad] of a load T_0 + c omega, omega being its joint's speed; None of one that is another.
+    """
+    load, law = scene.loads[name], scene.law(name)
+    if law is None:
+        return (load.value, 0.0) if load.kind == "value" else None
+    own = f"{load.torque_at}_speed"
+    if law.kinks() or any(law.uses(other) for other in scene.law_names() if other != own):
+        return None
+    speeds = np.array([0.0, 1.0, -100.0, 1e4])
+    sizes = law.on_arrays({own: speeds, "t": np.zeros(4)})
+    at_rest, slope = sizes[0], sizes[1] - sizes[0]
+    straight = at_rest + slope * speeds
+    return (float(at_rest), float(slope)) if np.allclose(sizes, straight, rtol=1e-9, atol=1e-12) else None
 
 
 def _solving(scene: Scene) -> Iterator[Problem]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaneflex.mechanism.body_frame import normal, rotate
-from kaneflex.peers.buildable import lumped
+from kaneflex.peers.buildable import lumped, torque_by_speed
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
@@ -62,6 +62,8 @@ def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
         builder.drive(name)
     for name in model.scene.forces:
         builder.force(name)
+    for name in model.scene.torques:
+        builder.torque(name)
     return built
 
 
@@ -233,3 +235,12 @@ class _Builder:
 
         item = self.items.LoadForceVector(markerNumber=self._marker(load.force_on), loadVectorUserFunction=push)
         self.system.AddLoad(item)
+
+    def torque(self, name: str) -> None:
+        """What turns a joint, T_0 + c omega: a damper with a torque of its own, whose sign is that of a resistance."""
+        found = torque_by_speed(self.scene, name)
+        assert found is not None  # `check_buildable` has looked
+        markers = [self._marker(side) for side in self.scene.joints[self.scene.loads[name].torque_at].addresses]
+        self.system.AddObject(self.items.ObjectConnectorTorsionalSpringDamper(
+            markerNumbers=markers, damping=-found[1], torque=-found[0]
+        ))  # fmt: skip

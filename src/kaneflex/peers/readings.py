@@ -143,7 +143,8 @@ class Recorder:
         if sensor.component == "angle":
             return _NO_COUNTERPART
         if self.free:
-            return "there is no rigid motion that both share"
+            no_frame = "there is no rigid motion that both share"
+            return self._off_chord(sensor) if sensor.relative_to == "chord" and sensor.axes == "body" else no_frame
         gap = self._gap(address)
         body = self.scene.bodies[address.body]
         if sensor.relative_to != "frame":
@@ -151,6 +152,15 @@ class Recorder:
             share = self.scene.point(address)[0] / body.length if sensor.relative_to == "chord" else 0.0
             gap = gap - start - share * (self._gap(Address(address.body, "end")) - start)
         return self._component(sensor, gap)
+
+    def _off_chord(self, sensor: Sensor) -> np.ndarray:
+        """How far a point of a link is along and across its chord from where it would be, were the link straight."""
+        body, x = sensor.target.body, self.scene.point(sensor.target)[0]
+        start, end = (self._point(Address(body, point)) for point in ("start", "end"))
+        length = np.hypot(*(end - start))
+        away = rotate_back(*((end - start) / length), self._point(sensor.target) - start)
+        away[0] = away[0] - x / self.scene.bodies[body].length * length
+        return away["xy".index(sensor.component)]
 
     def _gap(self, address: Address) -> np.ndarray:
         """Place of a point less that in the rigid mechanism, global."""
@@ -174,14 +184,20 @@ class Recorder:
             return np.unwrap(np.arctan2(slope[1], slope[0]))
         return self._coordinates(*self.built.nodes[address.body], 0)[2]
 
+    def _turning(self, body: str, order: int) -> np.ndarray | str:
+        """Angular velocity or acceleration of a rigid body."""
+        if self.scene.bodies[body].elastic:
+            return _NO_COUNTERPART
+        return self._coordinates(*self.built.nodes[body], order)[2]
+
     def _velocity(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
-            return _NO_COUNTERPART
+            return self._turning(sensor.target.body, 1)
         return self._component(sensor, self._point(sensor.target, 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
-            return _NO_COUNTERPART
+            return self._turning(sensor.target.body, 2)
         gravity = np.array(self.scene.gravity) if sensor.reading == "accelerometer" else np.zeros(2)
         return self._component(sensor, self._point(sensor.target, 2) - gravity[:, None])
 
