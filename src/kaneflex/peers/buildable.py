@@ -93,7 +93,7 @@ def torque_by_speed(scene: Scene, name: str) -> tuple[float, float] | None:
     """
     load, law = scene.loads[name], scene.law(name)
     if law is None:
-        return (load.value, 0.0) if load.kind == "value" else None
+        return None if load.value is None else (load.value, 0.0)
     own = f"{load.torque_at}_speed"
     if law.kinks() or any(law.uses(other) for other in scene.law_names() if other != own):
         return None

@@ -55,7 +55,12 @@ class Recorder:
         self.window = slice(None)
 
     def _size(self, link: str) -> float:
-        return self.scene.bodies[link].length / len(self.built.elements[link])
+        return self._length(link) / len(self.built.elements[link])
+
+    def _length(self, link: str) -> float:
+        length = self.scene.bodies[link].length
+        assert length is not None
+        return length
 
     def _record(self, kind: type, variable: str, **where: object) -> int:
         quantity = getattr(self.built.exudyn.OutputVariableType, variable)
@@ -101,7 +106,7 @@ class Recorder:
         """Cosine and sine of the angle of a rigid body, or of the rigid mechanism's link, (n_times,) each."""
         if self.scene.bodies[body].elastic:
             return self.rigid[f"{body}.c"], self.rigid[f"{body}.s"]
-        angle = self._coordinates(*self.built.nodes[body], 0)[2]
+        angle = self._coordinates(self.built.nodes[body][0], 0)[2]
         return np.cos(angle), np.sin(angle)
 
     def _point(self, address: Address, order: int = 0) -> np.ndarray:
@@ -135,31 +140,31 @@ class Recorder:
 
     def _component(self, sensor: Sensor, vector: np.ndarray) -> np.ndarray:
         if sensor.axes == "body":
-            vector = rotate_back(*self._axes(sensor.target.body), vector)
+            vector = rotate_back(*self._axes(_address(sensor).body), vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray | str:
-        address = sensor.target
+        address = _address(sensor)
         if sensor.component == "angle":
             return _NO_COUNTERPART
         if self.free:
             no_frame = "there is no rigid motion that both share"
             return self._off_chord(sensor) if sensor.relative_to == "chord" and sensor.axes == "body" else no_frame
         gap = self._gap(address)
-        body = self.scene.bodies[address.body]
         if sensor.relative_to != "frame":
             start = self._gap(Address(address.body, "start"))
-            share = self.scene.point(address)[0] / body.length if sensor.relative_to == "chord" else 0.0
+            share = self.scene.point(address)[0] / self._length(address.body) if sensor.relative_to == "chord" else 0.0
             gap = gap - start - share * (self._gap(Address(address.body, "end")) - start)
         return self._component(sensor, gap)
 
     def _off_chord(self, sensor: Sensor) -> np.ndarray:
         """How far a point of a link is along and across its chord from where it would be, were the link straight."""
-        body, x = sensor.target.body, self.scene.point(sensor.target)[0]
-        start, end = (self._point(Address(body, point)) for point in ("start", "end"))
+        address = _address(sensor)
+        start, end = (self._point(Address(address.body, point)) for point in ("start", "end"))
         length = np.hypot(*(end - start))
-        away = rotate_back(*((end - start) / length), self._point(sensor.target) - start)
-        away[0] = away[0] - x / self.scene.bodies[body].length * length
+        c, s = (end - start) / length
+        away = rotate_back(c, s, self._point(address) - start)
+        away[0] -= self.scene.point(address)[0] / self._length(address.body) * length
         return away["xy".index(sensor.component)]
 
     def _gap(self, address: Address) -> np.ndarray:
@@ -167,7 +172,7 @@ class Recorder:
         return self._point(address) - self.rigid.frame(address.body).place(self.scene.point(address))
 
     def _position(self, sensor: Sensor) -> np.ndarray | str:
-        address = sensor.target
+        address = _address(sensor)
         if address.body in self.scene.joints:
             joint = self.scene.joints[address.body]
             if joint.kind != "revolute":
@@ -182,24 +187,24 @@ class Recorder:
         if self.scene.bodies[address.body].elastic:
             slope = self._along(address.body, self.scene.point(address)[0])[2:]
             return np.unwrap(np.arctan2(slope[1], slope[0]))
-        return self._coordinates(*self.built.nodes[address.body], 0)[2]
+        return self._coordinates(self.built.nodes[address.body][0], 0)[2]
 
     def _turning(self, body: str, order: int) -> np.ndarray | str:
         """Angular velocity or acceleration of a rigid body."""
         if self.scene.bodies[body].elastic:
             return _NO_COUNTERPART
-        return self._coordinates(*self.built.nodes[body], order)[2]
+        return self._coordinates(self.built.nodes[body][0], order)[2]
 
     def _velocity(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
-            return self._turning(sensor.target.body, 1)
-        return self._component(sensor, self._point(sensor.target, 1))
+            return self._turning(_address(sensor).body, 1)
+        return self._component(sensor, self._point(_address(sensor), 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
-            return self._turning(sensor.target.body, 2)
+            return self._turning(_address(sensor).body, 2)
         gravity = np.array(self.scene.gravity) if sensor.reading == "accelerometer" else np.zeros(2)
-        return self._component(sensor, self._point(sensor.target, 2) - gravity[:, None])
+        return self._component(sensor, self._point(_address(sensor), 2) - gravity[:, None])
 
     # ---- forces -----------------------------------------------------------------------------------------------
 
@@ -208,7 +213,7 @@ class Recorder:
 
         An ANCF cable's axial strain varies within the element with the square of its slopes; its mean converges.
         """
-        link, x = sensor.target.body, self.scene.point(sensor.target)[0]
+        link, x = _address(sensor).body, self.scene.point(_address(sensor))[0]
         elements = self.built.elements[link]
         means = np.array([
             np.mean([self._stored(self.sections[element, kind, share])[0] for share in _GAUSS], axis=0)
@@ -227,7 +232,7 @@ class Recorder:
         return self._section(sensor, "TorqueLocal")
 
     def _strain(self, sensor: Sensor) -> np.ndarray:
-        body = self.scene.bodies[sensor.target.body]
+        body = self.scene.bodies[_address(sensor).body]
         bent = sensor.fibre * self._section(sensor, "TorqueLocal") / body.E_I
         return self._section(sensor, "ForceLocal") / body.E_A - bent
 
@@ -244,6 +249,12 @@ class Recorder:
         sign = 1.0 if sensor.body == joint.addresses[0].body else -1.0
         force = self._stored(self.multipliers[self.built.joints[sensor.target]])
         return sign * force["xy".index(sensor.component)]
+
+
+def _address(sensor: Sensor) -> Address:
+    """The point that a sensor reads."""
+    assert isinstance(sensor.target, Address)
+    return sensor.target
 
 
 _GAUSS = (0.5 - 0.5 / 3**0.5, 0.5 + 0.5 / 3**0.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from kaneflex.mechanism.contacts import hysteresis, returned
-from kaneflex.scene.contacts import Contact
+from kaneflex.scene.contacts import ClearanceContact, Contact
 
 _SIDES = {
     "point-line": "{1} before the line through {0}", "circle-circle": "circles about {1} and {0}",
@@ -19,7 +19,7 @@ def contact_line(contact: Contact) -> str:
     if contact.corner:
         where = f"corner of {contact.sides[1].body} at a face of {contact.sides[0]}"
     stiffness, exponent = contact.pushing
-    if contact.kind == "angle":
+    if isinstance(contact, ClearanceContact) and contact.kind == "angle":
         room = contact.direction[0] * contact.clearance.middle - contact.reach
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
         return f"{where}, play {math.degrees(room):.6g} deg, {law}, {restitution_line(contact)}"

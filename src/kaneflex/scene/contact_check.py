@@ -15,7 +15,7 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
     """Who counts on a joint with a clearance, as the scene is written: it has no drive and no force."""
     loose = {name: joint for name, joint in scene.joints.items() if joint.clearance is not None}
     for name, joint in loose.items():
-        if joint.clearance.angle is not None and name in scene.drives and not scene.drives[name].free:
+        if joint.has_backlash and name in scene.drives and not scene.drives[name].free:
             reason = f"{name} has backlash, and its drive prescribes the angle in it"
             yield Problem(f"drives.{name}", None, reason, "Let the drive be free, or leave the clearance out")
     for name, joint in loose.items():
@@ -27,7 +27,7 @@ def clearance_problems(scene: Scene) -> Iterator[Problem]:
                 reason = f"a contact of the clearance of joint {name} has this name"
                 yield Problem(f"joints.{made}", None, reason, "Choose another name")
     for key, name, verb in _counting_on(scene):
-        if name in loose and loose[name].clearance.angle is None:
+        if name in loose and not loose[name].has_backlash:
             reason = f"{name} has a clearance: {verb}"
             yield Problem(key, None if key == f"drives.{name}" else name, reason, "Leave the clearance out, or this")
 

@@ -79,6 +79,11 @@ class Joint(SceneTable):
             self._check_clearance(kind, self.clearance)
         return self
 
+    @property
+    def has_backlash(self) -> bool:
+        """Whether its clearance is in its angle alone: it holds its two points together all the same."""
+        return self.clearance is not None and self.clearance.angle is not None
+
     def _check_clearance(self, kind: str, room: Clearance) -> None:
         wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())
         if all(getattr(room, key) is None for key in wanted):

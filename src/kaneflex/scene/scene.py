@@ -111,8 +111,7 @@ class Scene(SceneTable):
         loose = {name: joint for name, joint in self.joints.items() if joint.clearance is not None}
         if not loose:
             return self
-        stays = {name for name, joint in loose.items() if joint.clearance.angle is not None}
-        joints = {name: joint for name, joint in self.joints.items() if name not in loose or name in stays}
+        joints = {name: joint for name, joint in self.joints.items() if name not in loose or joint.has_backlash}
         made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
         return self.seen(joints=joints, contacts={**self.contacts, **made})
 
