@@ -9,6 +9,7 @@ from kaneflex import SceneError, load, simulate
 from kaneflex.report.contacts import contact_line
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.quantities import CONTACT_RESULTS
 
 PLAY, SHAFT, WHEEL, SPEED = math.radians(0.5), 0.01, 0.02, 10.0
 SCENE = """
@@ -109,6 +110,9 @@ def test_units_are_those_of_angles_and_torques(tmp_path):
              "flank_impact_impulse": "N m s", "on": "N m", "room": "rad"}  # fmt: skip
     assert {name: data[name].attrs["units"] for name in units} == units
     assert "contact_gap" not in data
+    assert set(data.data_vars) - set(solution.series) < set(CONTACT_RESULTS)
+    peaks = [impact.peak for impact in solution.impacts if impact.contact == "coupling_1"]
+    assert solution.statistics("on").max == max(peaks) > solution.series["on"].values.max()
     assert data.flank_gap.values[:, 1] == pytest.approx(PLAY - solution.trajectory.q[:, 5], abs=1e-15)
     flank = summarise(solution).contacts["coupling_2"]
     assert (flank.fastest_m_s, flank.largest_force) == (None, None)

@@ -52,6 +52,9 @@ preset = "coupled"
 """
 WRIST = "contact = {stiffness = 1e9, restitution = 0.9}"
 STOP = 'contact = {stiffness = "1e9 N/m^1.5", restitution = 0.5}'
+WRIST_JOINT = """revolute = ["rod.end", "piston"]
+clearance = {radial = "0.5 mm", contact = {stiffness = 1e9, restitution = 0.9}}
+"""
 BORE = 'bore = {prismatic = ["ground", "piston"], direction = [1, 0]'
 BLOCK = BORE + ', clearance = {gap = "80 um", length = "60 mm", height = "50 mm", ' + WRIST + "}"
 
@@ -263,6 +266,11 @@ def test_what_is_wrong_is_named_with_its_cure(tmp_path, old, new, message):
 def test_a_block_is_refused_where_it_can_not_be(tmp_path):
     assert refused(tmp_path, (BORE, BLOCK)) == [
         "drives.bore: bore has a clearance: nothing there can be driven. Leave the clearance out, or this.",
+    ]
+    tight_wrist = WRIST_JOINT, WRIST_JOINT.split("clearance")[0]
+    free_wrist = 'bore = {free = true, position = "459 mm"}', "wrist = {free = true}"
+    assert refused(tmp_path, (BORE, BLOCK), tight_wrist, free_wrist, (", inertia = 2.7e-6", "")) == [
+        "bodies.piston.inertia = 0: it turns in the clearance of bore, and has no moment of inertia. Give one."
     ]
     materials = BLOCK.replace(WRIST, 'contact = {materials = ["steel", "steel"], restitution = 0.9}')
     assert refused(tmp_path, (BORE, materials)) == [

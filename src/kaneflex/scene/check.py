@@ -6,7 +6,7 @@ import keyword
 import math
 from collections.abc import Iterator
 
-from kaneflex.scene.contact_check import clearance_problems, contact_problems
+from kaneflex.scene.contact_check import clearance_problems, contact_problems, tilt_problems
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
@@ -50,7 +50,7 @@ def _problems(scene: Scene) -> list[Problem]:
         *modal_problems(scene),
         *_horizon(scene),
     ]
-    return found or list(_periods(scene))
+    return found or [*_periods(scene), *tilt_problems(scene)]
 
 
 def _names(scene: Scene) -> Iterator[Problem]:

@@ -69,6 +69,21 @@ def contact_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(key, None, "bodies with poses don't move", "Leave the contact out, or the poses")
 
 
+def tilt_problems(scene: Scene) -> Iterator[Problem]:
+    """Blocks that turn in the clearance of their guide, which else has held them, and have nothing that resists."""
+    for name, loose in scene.loose.items():
+        rider = loose.sides[1].body
+        body = scene.bodies.get(rider)
+        if loose.direction is None or body is None or body.elastic or body.modal is not None or body.inertia:
+            continue
+        held = [(joint.kind, side) for joint in scene.joints.values() for side in joint.addresses if side.body == rider]
+        pins = {scene.point(side) for kind, side in held if kind == "revolute"}
+        turns = all(kind == "revolute" for kind, _ in held) and len(pins) < 2
+        if turns and pins <= {body.centre} and all(mass.at.body != rider for mass in scene.masses.values()):
+            reason = f"it turns in the clearance of {name}, and has no moment of inertia"
+            yield Problem(f"bodies.{rider}.inertia", 0, reason, "Give one")
+
+
 def key_of(name: str, contact: Contact) -> str:
     """Where the two points of a contact stand in the scene."""
     if contact.joint is None:

@@ -18,10 +18,13 @@ from kaneflex.support.units import Dimension, to_si
 
 RESULT_NAMES = {"time": "the results are over it"}
 """What a sensor can't be called, and why: its name is that of a variable of the results, and stands nowhere else."""
+_OF_IMPACTS = ("begin", "end", "approach", "separation", "impulse", "peak", "lost")
 CONTACT_RESULTS = (
-    *(f"contact_{key}" for key in ("gap", "force", "lost")), "contact", "clearance", "eccentricity", "state",
-    *(f"impact_{key}" for key in ("contact", "begin", "end", "approach", "separation", "impulse", "peak", "lost")),
-    *(f"clearance_{key}" for key in ("x", "y", "angle")), "last_state", "last_rate",
+    *(f"contact_{key}" for key in ("gap", "force", "lost")), *(f"flank_{key}" for key in ("gap", "torque", "lost")),
+    *(f"impact_{key}" for key in ("contact", *_OF_IMPACTS)),
+    *(f"flank_impact_{key}" for key in ("flank", *_OF_IMPACTS)),
+    *(f"clearance_{key}" for key in ("x", "y", "angle")), "contact", "flank", "clearance", "eccentricity",
+    "state", "last_state", "last_rate",
 )  # fmt: skip
 """What the results of a scene with contacts have beside its sensors: no sensor of one can be called so."""
 RESERVED_NAMES = RESULT_NAMES | {

@@ -198,11 +198,13 @@ class Solution:
     def statistics(self, name: str) -> Statistics:
         """Least, greatest, mean and root mean square of a series of :attr:`series` over the stored times.
 
-        The greatest of a contact's force is that of its impacts, which may lie between stored times, at the nearest.
+        The greatest of a contact's force or torque is that of its impacts, which may lie between stored times, at the
+        nearest of them.
         """
         found = statistics(self.series[name].values, self.times)
         sensor = self.model.scene.sensors.get(name)
-        own = [] if sensor is None else [impact for impact in self.impacts if impact.contact == sensor.contact_force]
+        contact = sensor and (sensor.contact_force or sensor.contact_torque)
+        own = [impact for impact in self.impacts if impact.contact == contact]
         hardest = max(own, key=lambda impact: impact.peak, default=None)
         if hardest is None or hardest.peak <= found.max:
             return found
