@@ -286,3 +286,80 @@ def test_a_slider_in_a_wide_guide_rests_between_its_knocks(tmp_path):
     assert energy.drift < 1e-7
     rest = [impact for impact in solution.impacts if impact.end - impact.begin > 1e-3]
     assert {impact.contact for impact in rest} == {"bore_3", "bore_4"}
+
+
+PLAY = """
+schema = 1
+[bodies]
+wheel = {inertia = 0.02, mass = 1}
+arm = {inertia = 0.01, mass = 1}
+[joints]
+axle = {revolute = ["ground", "wheel"]}
+hub = {revolute = ["wheel", "arm"], clearance = {angle = "2 deg", contact = {law = "newton", restitution = 0.5}}}
+[drives]
+axle = {free = true}
+hub = {free = true, initial_speed = 3}
+[solve]
+preset = "coupled"
+duration = "0.2 s"
+steps = 50
+"""
+
+
+BAR = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[ground]
+stop = ["0.5 m", "-10 mm"]
+[bodies]
+bar = {length = "0.5 m", beam = {material = "steel", section = {rectangle = ["10 mm", "20 mm"]}, elements = 8}}
+[joints]
+hinge = {revolute = ["ground", "bar"]}
+[drives]
+hinge = {free = true, angle = "2 deg"}
+[contacts.stop]
+point_on_line = ["bar.end", "ground.stop"]
+normal = [0, 1]
+radius = "10 mm"
+contact = {law = "newton", restitution = 0.3}
+[damping]
+rayleigh = {ratio = "5 %", at = ["300 Hz", "3000 Hz"]}
+[sensors]
+tip = {position = "bar.end", component = "y"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 1000
+"""
+
+
+def test_an_elastic_bar_jumps_in_all_its_shapes_and_comes_to_rest(tmp_path):
+    """At rest on hinge and stop it bears w l/2; the books are closed over all impacts, in which shapes take part."""
+    solution = solved(tmp_path, BAR)
+    assert solution.outcome is Outcome.COMPLETED
+    impacts, energy = solution.impacts, solution.trajectory.energy
+    assert len(impacts) > 3 and impacts[-1].lasts
+    assert solution.trajectory.contacts.force[-1, 0] == pytest.approx(7850 * 2e-4 * G * 0.5 / 2, rel=1e-2)
+    assert solution.trajectory.contacts.gap.min() > -1e-12
+    assert sum(impact.lost for impact in impacts) == pytest.approx(solution.trajectory.contacts.lost[-1, 0], rel=1e-9)
+    assert energy.drift < 1e-5
+    between = solution.at(solution.times[-3:] - 0.3e-3)
+    assert abs(between.trajectory.contacts.gap).max() < 1e-12
+    assert between.trajectory.contacts.force == pytest.approx(solution.trajectory.contacts.force[-3:], rel=1e-3)
+
+
+def test_backlash_with_rigid_flanks_rattles_by_its_closed_form(tmp_path):
+    """The angle between two free wheels goes to and fro between flanks 2 a apart, at every impact e times as fast."""
+    solution = solved(tmp_path, PLAY)
+    half, rate, begun = math.radians(2), 3.0, [math.radians(2) / 3]
+    for _ in range(2):
+        rate *= 0.5
+        begun.append(begun[-1] + 2 * half / rate)
+    assert [impact.begin for impact in solution.impacts] == pytest.approx(begun, rel=1e-9)
+    assert [impact.approach for impact in solution.impacts] == pytest.approx([3, 1.5, 0.75], rel=1e-9)
+    resisting = 1 / (1 / 0.02 + 1 / 0.01)
+    assert [impact.impulse for impact in solution.impacts] == pytest.approx(
+        [resisting * 1.5 * rate for rate in (3, 1.5, 0.75)], rel=1e-9
+    )
+    assert solution.trajectory.energy.drift < 1e-9
+    assert "play 2 deg, rigid, newton returns 0.5 at once" in parts(solution.model.scene)

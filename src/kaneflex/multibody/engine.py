@@ -262,6 +262,7 @@ class Engine:
         done = 0
         while done < len(times):
             self.fold(parts[1][done], parts[2][done])
+            self.contacts[:, at.BEGUN_AT] = begun[done]  # of which some rest, and are kept closed
             self.choose(float(times[done]))
             now = self._call(unfolding.states, parts[0], len(times), *parts[1:], done, held, rows)
             if now == done:

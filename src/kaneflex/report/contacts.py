@@ -22,6 +22,7 @@ def contact_line(contact: Contact) -> str:
     if isinstance(contact, ClearanceContact) and contact.kind == "angle":
         room = contact.direction[0] * contact.clearance.middle - contact.reach
         law = f"{stiffness:.4g} N m/rad" + ("" if exponent == 1 else f"^{exponent:.4g}")
+        law = "rigid" if contact.law == "newton" else law
         return f"{where}, play {math.degrees(room):.6g} deg, {law}, {restitution_line(contact)}"
     if contact.joint is not None:
         room = contact.reach if contact.kind == "circle-in-circle" else -contact.reach - contact.number("height") / 2

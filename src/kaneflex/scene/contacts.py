@@ -68,7 +68,7 @@ class Clearance(SceneTable):
                 raise Fault(f"has no meaning for a {given} clearance", "Leave it out", below=field)
         if given == "gap" and self.length is None:
             raise Fault("the corners of a block without length are one", "Give its length along the guide")
-        if given == "angle" and self.contact.stiffness is None:
+        if given == "angle" and self.contact.stiffness is None and self.contact.law != "newton":
             reason = "Hertz's theory knows no torque of flanks"
             raise Fault(reason, "Give stiffness, a torque per angle^n", below="contact")
         return self
