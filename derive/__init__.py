@@ -15,6 +15,7 @@ The pipeline, one file a stage:
     flexible    Kane's equations of one free body with modal coordinates
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text
     contact     what two sections do to each other where they touch: contact_text() -> module text
+    friction    what resists sliding: friction_text() -> module text
     coupled_module  a structure's part in the coupled equations: generate_coupled(scene, counts, structure) -> text
 """
 

@@ -11,6 +11,7 @@ from kaneflex.derive.contact import contact_text
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
 from kaneflex.derive.emit import laws_text, tables_text
+from kaneflex.derive.friction import friction_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
 from kaneflex.mechanism.floating_frames import shape_counts
@@ -33,7 +34,7 @@ def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = {f"{name}.py": text for name, text in element_texts().items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
-    texts["contact.py"] = contact_text()
+    texts["contact.py"], texts["friction.py"] = contact_text(), friction_text()
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}
     for name in sorted(shipped_scenes()):

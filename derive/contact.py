@@ -57,6 +57,11 @@ _ODD = "\n\nd = -g is the depth; apart, where d is below zero, the same law goes
 _FUNCTION = {"hertz": "elastic", "kelvin-voigt": "damped", "hunt-crossley": "hysteretic"}
 """Law -> its kernel; chi alone tells the others from Hunt and Crossley's."""
 
+_SLIDING = """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
+
+Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
+first of them by the twists of both sections."""
+
 _DISPATCH = '''@njit(**OPTIONS)
 def gap(kind, w, a, b, p, c, out, k):
     """How far apart the sides of a contact of this kind are, by its number in KINDS: see its kernels."""
@@ -80,6 +85,17 @@ def gap_acceleration(kind, w, a, b, p, c):
     if kind == 2:
         return circle_in_circle_acceleration(w, a, b, p, c)
     return angle_acceleration(w, a, b, p, c)
+
+
+@njit(**OPTIONS)
+def along(kind, w, a, b, p, c, out, k):
+    """What slides at a contact of this kind as a row, by its number in KINDS: see its kernels."""
+    if kind == 0:
+        point_line_along(w, a, b, p, c, out, k)
+    elif kind == 1:
+        circle_circle_along(w, a, b, p, c, out, k)
+    else:
+        circle_in_circle_along(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)
@@ -112,7 +128,8 @@ def contact_text() -> str:
     """Text of the module."""
     kernels = [
         *(_gap_kernel(kind) for kind in contacts.KINDS),
-        *(_gap_kernel(kind, acceleration=True) for kind in contacts.KINDS), *(_force_kernel(law) for law in _FORCES),
+        *(_gap_kernel(kind, acceleration=True) for kind in contacts.KINDS),
+        *(_sliding_kernel(kind) for kind in contacts.KINDS[:3]), *(_force_kernel(law) for law in _FORCES),
         *(_force_kernel(law, slopes=True) for law in _FORCES), _energy_kernel(),
     ]  # fmt: skip
     counts = emit.operations(kernels)
@@ -145,6 +162,34 @@ _OWN = tuple((symbol, f"p[{emit.offset('c', k)}]") for k, symbol in enumerate(_n
 
 def _place(side: int, letters: tuple[str, str]) -> Vector:
     return tuple(_symbol(letter, side) for letter in letters)
+
+
+def _sliding_kernel(kind: str) -> tuple[emit.Kernel, Program]:
+    """What the gap's kernel says of what slides, differentiated by time once more, and by the twists."""
+    _, gap = _gap_kernel(kind)
+    meant = dict(gap.assignments)
+
+    def written_out(value: sm.Expr) -> sm.Expr:
+        for _ in meant:
+            value = value.xreplace(meant)
+        return value
+
+    rate, place = written_out(gap.outputs[6][1]), sm.S.Zero
+    if kind == "point-line":
+        turned = _symbol("theta", 2) - _symbol("theta", 1)
+        place = written_out(dot(quarter_turn(_NORMAL), _D)) - _number["radius"] * turned
+    found, twists = sm.S.Zero, []
+    for side in _SIDES:
+        for level in range(2):
+            for k in range(3):
+                now, then = (_symbol(SECTION[3 * n + k], side) for n in (level, level + 1))
+                found += rate.diff(now) * then
+        twists += [_symbol(letter, side) for letter in SECTION[3:6]]
+    entries = (place, rate, found, *(rate.diff(twist) for twist in twists))
+    outputs = tuple((f"out[{emit.offset('k', n)}]", sm.sympify(entry)) for n, entry in enumerate(entries))
+    reads = (*_SECTIONS, *_OWN)
+    raw = Program(f"{kind.replace('-', '_')}_along", tuple(symbol for symbol, _ in reads), (), outputs)
+    return emit.Kernel(share(raw), ("w", "a", "b", "p", "c", "out", "k"), reads, _SLIDING, zeros=True), raw
 
 
 def _gap_kernel(kind: str, acceleration: bool = False) -> tuple[emit.Kernel, Program]:

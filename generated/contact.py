@@ -19,6 +19,9 @@ Operations of one call, written out -> with shared subexpressions:
     circle_circle_acceleration         64 -> 31
     circle_in_circle_acceleration      64 -> 31
     angle_acceleration                  2 -> 2
+    point_line_along                  357 -> 85
+    circle_circle_along              1114 -> 179
+    circle_in_circle_along           1114 -> 182
     elastic                             5 -> 5
     damped                              7 -> 7
     hysteretic                         14 -> 9
@@ -78,6 +81,9 @@ OPERATIONS = {
     'circle_circle_acceleration': (64, 31),
     'circle_in_circle_acceleration': (64, 31),
     'angle_acceleration': (2, 2),
+    'point_line_along': (357, 85),
+    'circle_circle_along': (1114, 179),
+    'circle_in_circle_along': (1114, 182),
     'elastic': (5, 5),
     'damped': (7, 7),
     'hysteretic': (14, 9),
@@ -332,6 +338,211 @@ def angle_acceleration(w, a, b, p, c):
 
 
 @njit(**OPTIONS)
+def point_line_along(w, a, b, p, c, out, k):
+    """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
+
+    Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
+    first of them by the twists of both sections."""
+    x_1 = w[a]
+    y_1 = w[a + 1]
+    theta_1 = w[a + 2]
+    v_x_1 = w[a + 3]
+    v_y_1 = w[a + 4]
+    omega_1 = w[a + 5]
+    a_x_1 = w[a + 6]
+    a_y_1 = w[a + 7]
+    epsilon_1 = w[a + 8]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    theta_2 = w[b + 2]
+    v_x_2 = w[b + 3]
+    v_y_2 = w[b + 4]
+    omega_2 = w[b + 5]
+    a_x_2 = w[b + 6]
+    a_y_2 = w[b + 7]
+    epsilon_2 = w[b + 8]
+    direction_x = p[c]
+    direction_y = p[c + 1]
+    radius = p[c + 7]
+    w0 = x_1 - x_2
+    w1 = math.sin(theta_1)
+    w2 = direction_x*w1
+    w3 = math.cos(theta_1)
+    w4 = direction_y*w3
+    w5 = w2 + w4
+    w6 = y_1 - y_2
+    w7 = direction_x*w3
+    w8 = direction_y*w1
+    w9 = w7 - w8
+    w10 = -v_x_1 + v_x_2
+    w11 = -v_y_1 + v_y_2
+    w12 = -radius*(w5*w5) - radius*(w9*w9)
+    w13 = radius*w5
+    w14 = w13 + w6
+    w15 = radius*w9
+    w16 = -w0 - w15
+    w17 = w14*w5 - w16*w9
+    w18 = -w9
+    w19 = -w5
+    out[k] = -radius*(-theta_1 + theta_2) + w0*w5 - w6*w9
+    out[k + 1] = omega_1*w17 + omega_2*w12 - w10*w5 + w11*w9
+    out[k + 2] = a_x_1*w5 + a_x_2*w19 + a_y_1*w18 + a_y_2*w9 + epsilon_1*w17 + epsilon_2*w12 - omega_1*v_x_1*w18 - omega_1*v_x_2*w9 - omega_1*v_y_1*w19 - omega_1*v_y_2*w5 + omega_1*(-omega_1*(-w14*w9 - w15*w19 - w15*w5 + w16*w19) + omega_2*(-w13*(2.0*w7 - 2.0*w8) - w15*(-2.0*w2 - 2.0*w4)) - w10*w9 + w11*w19)
+    out[k + 3] = w5
+    out[k + 4] = w18
+    out[k + 5] = w17
+    out[k + 6] = w19
+    out[k + 7] = w9
+    out[k + 8] = w12
+
+
+@njit(**OPTIONS)
+def circle_circle_along(w, a, b, p, c, out, k):
+    """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
+
+    Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
+    first of them by the twists of both sections."""
+    x_1 = w[a]
+    y_1 = w[a + 1]
+    v_x_1 = w[a + 3]
+    v_y_1 = w[a + 4]
+    omega_1 = w[a + 5]
+    a_x_1 = w[a + 6]
+    a_y_1 = w[a + 7]
+    epsilon_1 = w[a + 8]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    v_x_2 = w[b + 3]
+    v_y_2 = w[b + 4]
+    omega_2 = w[b + 5]
+    a_x_2 = w[b + 6]
+    a_y_2 = w[b + 7]
+    epsilon_2 = w[b + 8]
+    radius = p[c + 7]
+    w0 = y_1 - y_2
+    w1 = -w0
+    w2 = -v_x_1 + v_x_2
+    w3 = x_1 - x_2
+    w4 = -w3
+    w5 = w4*w4
+    w6 = w1*w1
+    w7 = w5 + w6 + 1e-300
+    w8 = 1.0/math.sqrt(w7)
+    w9 = w2*w8
+    w10 = -v_y_1 + v_y_2
+    w11 = radius/w7
+    w12 = -w11*w5 - w11*w6
+    w13 = radius*w8
+    w14 = -w13*w4 - w3
+    w15 = w14*w8
+    w16 = w0 + w1*w13
+    w17 = w16*w8
+    w18 = -w1*w17 + w15*w4
+    w19 = w1*w8
+    w20 = w4*w8
+    w21 = -w18
+    w22 = w7**(-1.5)
+    w23 = w22*w6
+    w24 = w22*w4
+    w25 = w1*w24
+    w26 = 2.0*y_1 - 2.0*y_2
+    w27 = -w26
+    w28 = radius/(w7*w7)
+    w29 = w28*w5
+    w30 = w28*w6
+    w31 = 1.0 - w13
+    w32 = w10*w8
+    w33 = 2.0*x_1 - 2.0*x_2
+    w34 = -w33
+    w35 = w28*w34
+    w36 = w24*w3
+    w37 = w1*w22
+    w38 = w3*w37
+    w39 = w13 - 1.0
+    w40 = w0*w37
+    out[k] = 0.0
+    out[k + 1] = -omega_1*w18 + omega_2*w12 - w1*w9 + w10*w4*w8
+    out[k + 2] = a_x_1*w19 - a_x_2*w19 - a_y_1*w20 + a_y_2*w20 + epsilon_1*w21 + epsilon_2*w12 + v_x_1*(-omega_1*(w14*w22*w5 - w15 - w16*w25 - w30*w4 + w4*w8*(-radius*w22*w5 - w31)) + omega_2*(-w11*w33 - w35*w5 - w35*w6) + w10*w22*w5 - w2*w25 - w32) + v_x_2*(-omega_1*(w14*w36 + w15 - w16*w38 + w20*(-radius*w36 - w39) - w3*w30) + omega_2*(-w11*w34 - w29*w33 - w30*w33) + w10*w36 - w2*w38 + w32) + v_y_1*(-omega_1*(w1*w14*w22*w4 - w1*w29 - w16*w23 + w17 - w19*(radius*w23 + w31)) + omega_2*(-w11*w26 - w27*w29 - w27*w30) + w10*w25 - w2*w23 + w9) + v_y_2*(-omega_1*(w0*w14*w22*w4 - w0*w29 - w16*w40 - w17 - w19*(radius*w40 + w39)) + omega_2*(-w11*w27 - w26*w29 - w26*w30) + w0*w10*w22*w4 - w2*w40 - w9)
+    out[k + 3] = w19
+    out[k + 4] = -w20
+    out[k + 5] = w21
+    out[k + 6] = -w19
+    out[k + 7] = w20
+    out[k + 8] = w12
+
+
+@njit(**OPTIONS)
+def circle_in_circle_along(w, a, b, p, c, out, k):
+    """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
+
+    Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
+    first of them by the twists of both sections."""
+    x_1 = w[a]
+    y_1 = w[a + 1]
+    v_x_1 = w[a + 3]
+    v_y_1 = w[a + 4]
+    omega_1 = w[a + 5]
+    a_x_1 = w[a + 6]
+    a_y_1 = w[a + 7]
+    epsilon_1 = w[a + 8]
+    x_2 = w[b]
+    y_2 = w[b + 1]
+    v_x_2 = w[b + 3]
+    v_y_2 = w[b + 4]
+    omega_2 = w[b + 5]
+    a_x_2 = w[b + 6]
+    a_y_2 = w[b + 7]
+    epsilon_2 = w[b + 8]
+    radius = p[c + 7]
+    w0 = x_1 - x_2
+    w1 = -w0
+    w2 = -v_y_1 + v_y_2
+    w3 = w1*w1
+    w4 = y_1 - y_2
+    w5 = -w4
+    w6 = w5*w5
+    w7 = w3 + w6 + 1e-300
+    w8 = 1.0/math.sqrt(w7)
+    w9 = w2*w8
+    w10 = -v_x_1 + v_x_2
+    w11 = radius/w7
+    w12 = -w11*w3 - w11*w6
+    w13 = radius*w8
+    w14 = w1*w13 - x_1 + x_2
+    w15 = w14*w8
+    w16 = -w13*w5 + y_1 - y_2
+    w17 = w1*w15 - w16*w5*w8
+    w18 = w5*w8
+    w19 = w1*w8
+    w20 = w7**(-1.5)
+    w21 = w20*w3
+    w22 = w1*w20
+    w23 = w22*w5
+    w24 = 2.0*x_1 - 2.0*x_2
+    w25 = -w24
+    w26 = radius/(w7*w7)
+    w27 = w25*w26
+    w28 = w26*w6
+    w29 = w13 + 1.0
+    w30 = w10*w8
+    w31 = 2.0*y_1 - 2.0*y_2
+    w32 = -w31
+    w33 = w26*w3
+    w34 = w16*w8
+    w35 = w0*w22
+    w36 = w20*w4*w5
+    w37 = w22*w4
+    out[k] = 0.0
+    out[k + 1] = omega_1*w17 + omega_2*w12 - w1*w9 + w10*w5*w8
+    out[k + 2] = -a_x_1*w18 + a_x_2*w18 + a_y_1*w19 - a_y_2*w19 + epsilon_1*w17 + epsilon_2*w12 + v_x_1*(-omega_1*(w1*w16*w20*w5 - w1*w28 - w14*w21 + w15 - w19*(radius*w20*w3 - w29)) + omega_2*(-w11*w24 - w27*w3 - w27*w6) + w10*w23 - w2*w21 + w9) + v_x_2*(-omega_1*(w0*w16*w20*w5 - w0*w28 - w14*w35 - w15 - w19*(radius*w35 + w29)) + omega_2*(-w11*w25 - w24*w28 - w24*w33) + w0*w10*w20*w5 - w2*w35 - w9) + v_y_1*(-omega_1*(-w14*w23 + w16*w20*w6 - w33*w5 - w34 + w5*w8*(-radius*w20*w6 + w29)) + omega_2*(-w11*w31 - w28*w32 - w32*w33) + w10*w20*w6 - w2*w23 - w30) + v_y_2*(-omega_1*(-w14*w37 + w16*w36 + w18*(-radius*w36 - w29) - w33*w4 + w34) + omega_2*(-w11*w32 - w28*w31 - w31*w33) + w10*w36 - w2*w37 + w30)
+    out[k + 3] = -w18
+    out[k + 4] = w19
+    out[k + 5] = w17
+    out[k + 6] = w18
+    out[k + 7] = -w19
+    out[k + 8] = w12
+
+
+@njit(**OPTIONS)
 def elastic(p, c, g):
     """Force [N] on the second side along the normal, of an elastic contact, K d^n.
 
@@ -432,6 +643,17 @@ def gap_acceleration(kind, w, a, b, p, c):
     if kind == 2:
         return circle_in_circle_acceleration(w, a, b, p, c)
     return angle_acceleration(w, a, b, p, c)
+
+
+@njit(**OPTIONS)
+def along(kind, w, a, b, p, c, out, k):
+    """What slides at a contact of this kind as a row, by its number in KINDS: see its kernels."""
+    if kind == 0:
+        point_line_along(w, a, b, p, c, out, k)
+    elif kind == 1:
+        circle_circle_along(w, a, b, p, c, out, k)
+    else:
+        circle_in_circle_along(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)

@@ -89,6 +89,34 @@ def test_flanks_know_angles_alone(way):
     assert found[2:].tolist() == [0.0, 0.0, *places[1, :2], 0.0, way]
 
 
+@pytest.mark.parametrize("kind", contact.KINDS[:3])
+def test_what_slides_is_a_row_with_its_rates_and_jacobian(kind):
+    """The rate is the gap kernel's, the second one its difference along a motion, the Jacobian its slope by twists."""
+    motion, t, h, which = Motion(1), 0.37, 1e-5, 6
+
+    def sections(t):
+        return motion.sections(t).reshape(4, 9)[1::2].copy()
+
+    def filled(sections):
+        out, w = np.full(11, 3.5), np.concatenate([[np.nan, np.nan], *sections])
+        contact.along(contact.KINDS.index(kind), w, 2, 11, numbers(), BEFORE, out, 1)
+        return out[1:10]
+
+    found = filled(sections(t))
+    assert found[1] == pytest.approx(geometry(kind, sections(t))[which], abs=1e-13)
+    later, before = (geometry(kind, sections(t + sign * h))[which] for sign in (1, -1))
+    assert found[2] == pytest.approx((later - before) / (2 * h), rel=1e-6, abs=1e-7)
+    if kind == "point-line":
+        later, before = (filled(sections(t + sign * h))[0] for sign in (1, -1))
+        assert found[1] == pytest.approx((later - before) / (2 * h), rel=1e-7, abs=1e-7)
+    for side in range(2):
+        for k in range(3):
+            moved = sections(t)
+            moved[side, 3 + k] += 1.0
+            change = geometry(kind, moved)[which] - found[1]
+            assert found[3 + 3 * side + k] == pytest.approx(change, abs=1e-12)
+
+
 @pytest.mark.parametrize("kind", contact.KINDS[1:3])
 def test_circles_about_one_centre_have_no_normal_and_no_nan(kind):
     sections = np.zeros((2, 9))

@@ -281,7 +281,7 @@ def test_no_start_from_an_equilibrium_or_a_cycle(tmp_path):
 
 
 def test_scipys_integrator_is_refused(tmp_path):
-    with pytest.raises(SceneError, match=r"with contacts\.floor it would step over their impacts"):
+    with pytest.raises(SceneError, match=r"with contacts\.floor it would step over what changes there"):
         solved(tmp_path, BALL, "solve.integrator=scipy")
 
 

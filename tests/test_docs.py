@@ -31,7 +31,7 @@ HEADING_OF = {
     "Scene": "The file", "Body": "Bodies", "Beam": "Beams", "Joint": "Joints", "Drive": "Drives", "Load": "Loads",
     "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
     "Viscous": "Viscous damping", "Sensor": "Sensors", "Event": "Events", "Solve": "Solve",
-    "Contact": "Contacts", "ContactLaw": "Contact laws", "Clearance": "Clearances",
+    "Contact": "Contacts", "ContactLaw": "Contact laws", "Clearance": "Clearances", "Friction": "Friction",
     "Forward": "Forward dynamics", "Start": "Starting from a state",
 }  # fmt: skip
 SCHEMA = Scene.model_json_schema(by_alias=True)
@@ -161,7 +161,8 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 def test_every_complete_scene_runs(solved):
     assert set(solved) == {
-        "cantilever", "arm", "flying", "frame", "shaft", "band-brake", "belt", "coupling", "knock", "slow-engine",
+        "cantilever", "arm", "flying", "frame", "shaft", "band-brake", "belt", "brake", "coupling", "knock",
+        "slow-engine",
     }  # fmt: skip
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"

@@ -204,7 +204,14 @@ def run(
 
 
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.report.presentation import contact_table, envelope_table, run_lines, sensitivity_table, summary_table
+    from kaneflex.report.presentation import (
+        contact_table,
+        envelope_table,
+        friction_table,
+        run_lines,
+        sensitivity_table,
+        summary_table,
+    )
 
     if summary.sensors:
         click.echo(summary_table(summary))
@@ -212,6 +219,8 @@ def _report(summary: Summary, folder: Path) -> None:
         click.echo(envelope_table(summary))
     if summary.contacts:
         click.echo(contact_table(summary))
+    if summary.frictions:
+        click.echo(friction_table(summary))
     if summary.sensitivities:
         click.echo(sensitivity_table(summary))
     click.echo(run_lines(summary))

@@ -16,6 +16,7 @@ class Outcome(Enum):
     SINGULAR = "singular step: a pivot of its equations vanishes"
     NO_PERIODIC_STATE = "no periodic state: a Floquet multiplier equals one"
     CASCADE = "cascade: contacts close and open without end at one instant"
+    PARADOX = "paradox: friction that no way to stick or slip agrees with"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from kaneflex.mechanism.parts import Body, Contact, Drive, Joint, Load, Mass, Mechanism, Spring
+from kaneflex.mechanism.parts import Body, Contact, Drive, Friction, Joint, Load, Mass, Mechanism, Spring
 from kaneflex.mechanism.planar import GROUND, BodyPoint, Number, Vector, quarter_turn
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.scene import Scene
@@ -21,9 +21,11 @@ Numbers = Callable[[str, str, Any], Number]
 
 @dataclass(frozen=True)
 class NumericMechanism(Mechanism):
-    """A mechanism by floats in SI; ``size`` [m] is its longest reach from a body's start, to compare lengths with."""
+    """A mechanism by floats in SI; ``size`` [m] is its longest reach from a body's start, to compare lengths with;
+    ``frictions`` are those of its joints and contacts, by their names."""
 
     size: float
+    frictions: Mapping[str, Friction] = field(default_factory=dict)
 
 
 def mechanism_of(scene: Scene) -> NumericMechanism:
@@ -50,9 +52,18 @@ def _made(scene: Scene) -> NumericMechanism:
         name: replace(contact, law=scene.contacts[name].law, joint=scene.contacts[name].joint)
         for name, contact in found.contacts.items()
     }
+    frictions = {name: _friction(held) for name, held in scene.frictions.items()}
     reach = [math.hypot(*side.at) for joint in joints.values() for side in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())]) or 1.0
-    return NumericMechanism(**vars(found) | {"bodies": bodies, "joints": joints, "contacts": contacts}, size=size)
+    tables = vars(found) | {"bodies": bodies, "joints": joints, "contacts": contacts}
+    return NumericMechanism(**tables, size=size, frictions=frictions)
+
+
+def _friction(held: Any) -> Friction:
+    """A friction's numbers: without a static coefficient of its own it has the kinetic one."""
+    static = held.mu if held.mu_static is None else held.mu_static
+    dry = held.mu, static, held.stribeck_speed or 0.0, held.stribeck_exponent, held.viscous, held.preload
+    return Friction(held.law, *dry, held.arm)
 
 
 def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:

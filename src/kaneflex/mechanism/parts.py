@@ -224,6 +224,41 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Friction:
+    """What resists sliding at a contact, in a pin or along a guide (:mod:`kaneflex.mechanism.friction`).
+
+    Attributes
+    ----------
+    law : str
+        One of ``friction.LAWS``.
+    mu, mu_static : float
+        Kinetic and static coefficient.
+    speed, exponent : float
+        At which Stribeck's excess of the static over the kinetic one has gone to 1/e [m/s or rad/s]; of its
+        exponential.
+    viscous : float
+        Force [N s/m] or torque [N m s/rad] by the speed.
+    preload : float
+        Dry friction without any normal force [N or N m].
+    arm : float
+        Of a pin its radius [m]; of a guide 2 over the block's length [1/m], 0 where moments press nothing on.
+    stiffness, damping : float
+        Of LuGre's bristles [N/m, N s/m; N m/rad, N m s/rad].
+    """
+
+    law: str
+    mu: float
+    mu_static: float
+    speed: float = 0.0
+    exponent: float = 2.0
+    viscous: float = 0.0
+    preload: float = 0.0
+    arm: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """Bodies, joints and what acts on them.
 

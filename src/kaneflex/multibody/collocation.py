@@ -24,24 +24,25 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
-from kaneflex.multibody import contact_search, contacts
+from kaneflex.multibody import contact_search, contacts, holds, sticking
 from kaneflex.multibody.coefficients import TABLE, basis
 from kaneflex.multibody.loops import (
     close, copy, factorise_closed, follow, give, mend, middle, row_size, settle_now, solve_closed, works_at, worn,
 )  # fmt: skip
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.tables import (
-    ACCEL, ACCEL_SCALE, ACTS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
+    ACCEL, ACCEL_SCALE, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
     DEMAND, DRIVES, ENTRY, FIRST, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS,
     RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C,
     STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
-DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED = range(8)
+DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARADOX = range(9)
 """How a piece of the integration ended: at its end, with a vanishing step, at a singular state, in a fixed step whose
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
-independent, where contacts change over and over without time between, where other contacts rest than before."""
+independent, where contacts change over and over without time between, where other contacts rest than before,
+where no way to stick or slip agrees with what friction there is."""
 
 
 @njit(**OPTIONS)
@@ -72,8 +73,7 @@ def _factors(m, table, t, h, here, A, B):
     prescribe(m, t + 0.5 * h)
     if not close(m):
         return False
-    if plan[CONTACTS] < plan[ACTS]:
-        contacts.let_yield(m, h, here)
+    contacts.let_yield(m, h, here)
     middle(m)
     if not factorise_closed(m, h * table.real[0], A, plan[PIVOTS]):
         return False
@@ -100,8 +100,8 @@ def _stage(m, table, t, h, i, here):
     count = courses(m)
     for k in range(count):
         w[plan[STAGE_C] + count * i + k] = w[plan[COURSE] + 3 * k + 1]
-    if plan[CONTACTS] < plan[ACTS]:
-        contact_search.note(m, i + 1)
+    contact_search.note(m, t + c * h, i + 1)
+    holds.kept_of_stage(m, i)
     return True
 
 
@@ -127,6 +127,7 @@ def _improve(m, table, h, A, B):
         r_0, r_1, r_2 = w[j], w[j + n], w[j + 2 * n]
         A[answer + k] = -(into[0].real * r_0 + into[1].real * r_1 + into[2].real * r_2)
         B[answer + k] = -(into[3] * r_0 + into[4] * r_1 + into[5] * r_2)
+    holds.ask(m, into, A, B)
     solve_closed(m, A, plan[PIVOTS])
     solve_closed(m, B, plan[PAIR_PIVOTS])
     change = 0.0
@@ -147,6 +148,7 @@ def _improve(m, table, h, A, B):
             w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
         if m.pivots[YIELDING]:
             change = larger(change, contacts.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B))
+            holds.answered(m, i, one, two, A, B)
         for cut in range(plan[CUTS], plan[DRIVES]):
             if m.acts[cut, COURSE_AT] >= 0:
                 force = w[plan[STAGE_R] + plan[REACTIONS] * i + m.acts[cut, ROW_AT]]
@@ -210,6 +212,7 @@ def _error(m, table, h, here, A):
         A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
     if m.pivots[YIELDING]:
         contacts.resist_defect(m, step, A, answer)
+    holds.want_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
     for b in range(plan[BODIES]):
         first = m.bodies[b, MODAL] if m.bodies[b, COURSE_OF] >= 0 else m.bodies[b, FIRST]
@@ -244,7 +247,7 @@ def _finish(m, table, t, end, here, A):
         w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
     if not follow(m, end):
         return False
-    if table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1):
+    if not sticking.keep(m, end, h, A) or (table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1)):
         return False
     copy(w, plan[STAGE_A], plan[LAST_A], 3 * n)
     copy(w, plan[STAGE_R], plan[LAST_R], 3 * r)
@@ -259,7 +262,8 @@ def settle(m, t):
     The motion is that of the tables, at Y, RATE, ACCEL and NOW; contacts are closed where their sides overlap. False at
     a singular state.
     """
-    return settle_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
+    closed = settle_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
+    return closed and sticking.decide(m, t, m.real) != 1
 
 
 @njit(**ENTRY)
@@ -269,13 +273,12 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
     control: [next step, longest step, steps to try at most, last row filled, steps taken, length of the last one or 0,
     1 where the dependent coordinates are to stay].
     here: where it stands, before row 1 in time, and is left: t, then coordinates, rates, accelerations, reactions of
-    the cuts, states of the contacts, works: a row of the table. given: the ends [s] of the ``fixed`` steps to take from
-    there, with the ``times`` among them; none where the control of the error chooses them. Works are time integrals of
-    powers (dissipation, loads, drives, contacts). counts: accepted and rejected steps, Newton iterations,
-    factorisations. ends: filled with those of the steps that are taken, at most as many as may be tried. Returns a
-    status.
-    """
-    A, B, width, touching = m.real, m.pair, row_size(m), m.plan[CONTACTS] < m.plan[ACTS]
+    the cuts and holds, how contacts and holds stand, works: a row of the table. given: the ends [s] of the ``fixed``
+    steps to take from there, with the ``times`` among them; none where the control of the error chooses them. Works are
+    time integrals of powers (dissipation, loads, drives, holds, contacts). counts: accepted and rejected steps, Newton
+    iterations, factorisations. ends: filled with those of the steps that are taken, at most as many as may be tried.
+    Returns a status. """
+    A, B, width, touching = m.real, m.pair, row_size(m), contact_search.searched(m)
     trial, found = 0.0, contact_search.PASSED
     if touching and not contact_search.back(m, here):
         return SINGULAR
@@ -338,7 +341,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             wanted = contact_search.go_on(m, table, h, here, A, wanted, found)
             length = length if found == contact_search.PASSED else 0.0
         if not solved or wanted <= 0.0:
-            status = CASCADE if solved and wanted == 0.0 else SINGULAR
+            status = CASCADE if solved and wanted == 0.0 else PARADOX if wanted == -2.0 else SINGULAR
             break
         if here[0] == times[row + 1]:
             row += 1

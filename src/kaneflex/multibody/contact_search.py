@@ -13,16 +13,17 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody import holds, sticking
 from kaneflex.multibody.contacts import (
-    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, at, change, extent, near, no_force, pushed_on, rigid, switches,
-    tolerance,
+    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, at, change, extent, near, no_force, pushed_on, rigid,
+    switches, tolerance,
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, mend, take
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, LARGEST, LAW,
-    LOW, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS, RESTED, RIGID, ROW_AT,
-    SEC, SECTION, SHIFT, STAGE_A, STAGE_R, SWITCH, TARGET, TOUCH, TRIAL, TRIES, WHAT, Y, apart, larger, of_contacts,
-    smaller,
+    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS,
+    LARGEST, LAW, LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS,
+    RESTED, RIGID, ROW_AT, SEC, SECTION, SHIFT, SLIP, SLIP_RATE, STAGE_A, STAGE_R, SWITCH, TARGET, TOUCH, TRIAL, TRIES,
+    WHAT, Y, apart, larger, of_contacts, of_holds, smaller,
 )  # fmt: skip
 from kaneflex.multibody.rigid_contacts import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
 from kaneflex.multibody.tree import load_sizes, meet, rests
@@ -35,15 +36,24 @@ _MANY = 30
 """Steps that are taken again before their ends only halve what is left."""
 _PRESSED = 1e-8
 """Of their accelerations, that with which sides come together that loads press on each other."""
+_NONE = -1000000
+"""Number of no contact, and of no hold."""
 _FIRST_HYSTERETIC = 2
 """Of the laws, by their numbers, that which is the first to divide by an approach speed."""
 _FAR_FASTER = 3.0
 """An impact only becomes slower than it began; loads that press it on make it 1.4 times as fast at most."""
 
 
+@of_contacts(False)
+@njit(**OPTIONS)
+def searched(m):
+    """Whether steps are searched for changes."""
+    return True
+
+
 @of_contacts(None)
 @njit(**OPTIONS)
-def note(m, i):
+def note(m, t, i):
     """Keep gap, its rate, force and its sign of all contacts as they are now, as those of the step's node i."""
     apart()
     plan, w = m.plan, m.w
@@ -61,6 +71,7 @@ def note(m, i):
             begun_at = abs(w[k + BEGUN_AT])
             law, own = m.acts[act, LAW], m.acts[act, NUMBERS_AT]
             w[j + 3] = touching.normal_force(law, w, own, begun_at, gap, w[k + GAP_RATE])
+    sticking.note(m, t, i)
 
 
 @njit(**OPTIONS)
@@ -123,7 +134,8 @@ def begin(m, t):
             w[k + SHIFT] = 0.0
             if abs(rate) <= slow and w[k + GAP] <= zero and acceleration(m, act) >= -_PRESSED * size_of(m, act, 6):
                 w[k + SHIFT] = 8.0 * zero
-    note(m, 0)
+    sticking.begin(m)
+    note(m, t, 0)
 
 
 @njit(**OPTIONS)
@@ -183,24 +195,28 @@ def look(m, table, t, h, here, searched):
     last = 3 if table.ends[0] != 0.0 else 4
     if not between(m, table, t, h, here, 1.0):
         return ASTRAY
-    note(m, last)
+    note(m, t + h, last)
+    sticking.end(m, table, last)
     if plan[RIGID] and not _note_rests(m, t, h, last):
         return ASTRAY
     if not searched:
         forget(m)
-    first, which, how, at_end = _NEVER, -1, 0, True
-    for c in range(plan[ACTS] - plan[CONTACTS]):
+    first, which, how, at_end = _NEVER, _NONE, 0, True
+    for c in range(plan[HOLDS] - plan[DRIVES], plan[ACTS] - plan[CONTACTS]):
         w[at(m, c) + DUE] = 0.0
-        x, kind = _first_change(m, table, t, h, here, c, last)
+        if c >= 0:
+            x, kind = _first_change(m, table, t, h, here, c, last)
+        else:
+            x, kind = _first_shift(m, table, t, h, here, c, last), SHIFTS
         at_end = at_end and (x == _NEVER or (x > 0.9 and _due(m, t, c, kind, last)))
         if x < first:
             first, which, how = x, c, kind
     high = w[shared + HIGH]
     finest = 4.0 * EPS * larger(abs(t), h)
-    if which >= 0 and first * h <= finest and not (searched and w[shared + LOW] > 0.0):
+    if which != _NONE and first * h <= finest and not (searched and w[shared + LOW] > 0.0):
         w[at(m, which) + DUE] = how
         return AT_ONCE
-    if which < 0:
+    if which == _NONE:
         if not searched:
             return CHANGED if _harden(m, last) else PASSED
         which, how = int(w[shared + TARGET]), int(w[shared + FOUND_AT])
@@ -278,11 +294,39 @@ def _first_change(m, table, t, h, here, c, last):
     return _NEVER, 0
 
 
+@of_holds(_NEVER)
+@njit(**OPTIONS)
+def _first_shift(m, table, t, h, here, n, last):
+    """Where in the step a hold sticks, slips or turns round first, as a share of it."""
+    apart()
+    w, k = m.w, at(m, n)
+    mode = w[k + MODE]
+    if mode == holds.IDLE or mode == holds.FLOWS:
+        return _NEVER
+    for i in range(last):
+        x_a, x_b = _shares(table, i, last)
+        j = k + NODES + 4 * i
+        p_0, m_0, p_1, m_1, near = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h, w[j + 6]
+        wide = x_b - x_a
+        if mode == holds.STUCK:
+            if p_1 < -near:
+                return x_a + wide * (p_0 / (p_0 - p_1) if p_0 > 0.0 else 0.0)
+        elif p_1 < -near or (p_1 <= near and m_1 < 0.0 and p_0 > near):
+            return x_a + wide * _falls(p_0, m_0 * wide, p_1, m_1 * wide)
+        elif p_1 > near:
+            x = _dips(m, table, t, h, here, n, i, last)
+            if x < _NEVER:
+                return x
+    return _NEVER
+
+
 @njit(**OPTIONS)
 def _due(m, t, c, how, last):
     """Whether a contact is where it changes at the step's end, but for rounding."""
     w = m.w
     j = at(m, c) + NODES + 4 * last
+    if how == SHIFTS:
+        return sticking.due(m, c, last)
     if how == CLOSES or how == OPENS:
         return abs(w[j]) <= near(m, c, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
     return abs(w[j + 3]) <= no_force(m, c)
@@ -292,7 +336,7 @@ def _due(m, t, c, how, last):
 def _ahead(m, table, h, c, how, last):
     """How long after a step's end a contact changes, as things go there [s]."""
     w, j = m.w, at(m, c) + NODES + 4 * last
-    if how == CLOSES or how == OPENS:
+    if how == CLOSES or how == OPENS or (how == SHIFTS and w[at(m, c) + MODE] != holds.STUCK):
         return -w[j] / w[j + 1] if w[j + 1] != 0.0 else 0.0
     slope = (w[j + 3] - w[j - 1]) / (h * (1.0 - table.nodes[last - 2]))
     return -w[j + 3] / slope if slope != 0.0 else 0.0
@@ -334,6 +378,8 @@ def between(m, table, t, h, here, x):
     if not follow(m, t + x * h):
         return False
     meet_all(m, t + x * h)
+    for n in range(plan[HOLDS] - plan[DRIVES], 0):
+        holds.row_of(m, n)
     return True
 
 
@@ -346,7 +392,7 @@ def _dips(m, table, t, h, here, c, i, last):
     j = k + NODES + 4 * i
     p_0, m_0, p_1, m_1 = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h
     begin_x, g_0, r_0 = x_a, p_0, m_0
-    tiny = near(m, c, 0.0, 0.0)
+    tiny = near(m, c, 0.0, 0.0) if c >= 0 else w[j + 6]
     for _ in range(20):
         wide = x_b - x_a
         s = _lowest(p_0, m_0 * wide, p_1, m_1 * wide)
@@ -359,6 +405,8 @@ def _dips(m, table, t, h, here, c, i, last):
         if not between(m, table, t, h, here, x):
             return _NEVER
         gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
+        if c < 0:
+            gap, rate = w[k + MODE] * w[k + SLIP] + tiny, w[k + MODE] * w[k + SLIP_RATE] * h
         if gap <= 0.0:
             wide = x - begin_x
             return begin_x + wide * _falls(g_0, r_0 * wide, gap, rate * wide)

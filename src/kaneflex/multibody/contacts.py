@@ -20,18 +20,20 @@ from numba import njit
 
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody import holds, sticking
 from kaneflex.multibody.loops import bent, factorise_closed, give, gradient, mend, middle, solve_closed, works_at
 from kaneflex.multibody.tables import (
     ABOVE, ACCEL, ACTS, ALLOWED, APPROACH, BEGUN_AT, BELOW, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE,
-    COORDINATES, COURSE_OF, DUE, EXTENT, FIRST, FLANK, FLIGHT, GAP, GAP_RATE, HELD, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT,
-    LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, ON, OPTIONS, PEAK, PIVOTS,
-    PRECISION, RATE, REACTION, RESISTING_MASS, ROOM, ROW_AT, SEC, SECTION, SHARED, SINCE, SIZE, SPEEDS, SPRINGS, STAYS,
-    STIFF, STUCK, SWITCH, TOUCH, TOUCHING, VISCOUS, WHAT, WORKS, YIELDING, apart, larger, of_contacts, shifted, smaller,
+    COORDINATES, COURSE_OF, DRIVES, DUE, EXTENT, FIRST, FLANK, FLIGHT, GAP, GAP_RATE, HELD, HOLDS, IMPACTS, IMPACT_SIZE,
+    IMPULSE, KEPT, LARGEST, LAST_CHANGE, LAW, LOADS, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, ON, OPTIONS, PEAK,
+    PIVOTS, PRECISION, RATE, REACTION, RESISTING_MASS, ROOM, ROW_AT, SEC, SECTION, SHARED, SINCE, SIZE, SLOPE, SPEEDS,
+    SPRINGS, STAYS, STIFF, STUCK, SWITCH, TOUCH, TOUCHING, VISCOUS, WHAT, WORKS, YIELDING, apart, larger, of_contacts,
+    shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, lean, load_sizes, meet, move
 
-CLOSES, LETS_GO, PUSHES, OPENS, HARDENS = range(1, 6)
-"""How a contact changes."""
+CLOSES, LETS_GO, PUSHES, OPENS, HARDENS, SHIFTS = range(1, 7)
+"""How a contact changes, and SHIFTS a hold."""
 _ROUNDING = 1e-14
 """Of a gap, in sizes of the mechanism."""
 EPS = 2.3e-16
@@ -105,16 +107,24 @@ def no_force(m, c):
 
 
 @njit(**OPTIONS)
+def gradient_at(m, c):
+    """Where a contact's gradient is, or a hold's, which come last."""
+    place = c if c >= 0 else m.plan[ACTS] - m.plan[CONTACTS] - 1 - c
+    return m.plan[TOUCH] + SHARED + m.plan[COORDINATES] * place
+
+
+@njit(**OPTIONS)
 def along(m, c):
     """A contact's row by the twists of its sections, and where its gap's gradient by all but prescribed coordinates is.
 
-    It has been met where everything is now.
+    It has been met where everything is now; of a hold, by its number below zero, the row is known already.
     """
     apart()
     plan, w = m.plan, m.w
-    act, n = plan[CONTACTS] + c, plan[COORDINATES]
-    row, out = m.acts[act, ROW_AT], plan[TOUCH] + SHARED + n * c
-    lean(m, act)
+    act, n = (plan[CONTACTS] if c >= 0 else plan[DRIVES]) + c, plan[COORDINATES]
+    row, out = m.acts[act, ROW_AT], gradient_at(m, c)
+    if c >= 0:
+        lean(m, act)
     for i in range(n):
         w[out + i] = 0.0
     gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
@@ -127,7 +137,8 @@ def along(m, c):
 @of_contacts(None)
 @njit(**OPTIONS)
 def let_yield(m, h, here):
-    """Have the factors of a step know the contacts that push, by their slopes half way; positions are those there."""
+    """Have the factors of a step know contacts that push, by their slopes half way, and holds; positions are those
+    there."""
     apart()
     plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], 0
     for c in range(plan[ACTS] - plan[CONTACTS]):
@@ -135,7 +146,7 @@ def let_yield(m, h, here):
             m.pivots[plan[TOUCHING] + count] = c
             count += 1
     m.pivots[YIELDING] = count
-    if count == 0:
+    if count == 0 and plan[HOLDS] == plan[DRIVES]:
         return
     for k in range(n):
         w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
@@ -152,6 +163,10 @@ def let_yield(m, h, here):
         )
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
         along(m, c)
+    more = holds.known_rows(m, count)
+    m.pivots[YIELDING] = count + more
+    for r in range(count, count + more):
+        along(m, m.pivots[plan[TOUCHING] + r])
 
 
 @njit(**OPTIONS)
@@ -172,6 +187,8 @@ def change_of_gaps(m, h, real, pair, one, two, A, B):
     for r in range(m.pivots[YIELDING]):
         touching, x = m.pivots[plan[TOUCHING] + r], plan[REACTION] + plan[KEPT] + r
         k = at(m, touching)
+        if touching < 0:
+            continue
         c, s = w[k + VISCOUS], w[k + STIFF]
         d = one * A[x] / (step * (c + step * s)) + (two * B[x] / (steps * (c + steps * s))).real
         largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * extent(m, touching)) / w[k + ALLOWED])
@@ -186,8 +203,9 @@ def resist_defect(m, step, A, answer):
     plan, w, n = m.plan, m.w, m.plan[COORDINATES]
     for r in range(m.pivots[YIELDING]):
         c = m.pivots[plan[TOUCHING] + r]
-        k, g = at(m, c), plan[TOUCH] + SHARED + n * c
-        size = step * (w[k + VISCOUS] + step * w[k + STIFF]) * product(w, g, shifted(w, plan[ACCEL]), n)
+        k, g = at(m, c), gradient_at(m, c)
+        slope = w[k + VISCOUS] + step * w[k + STIFF] if c >= 0 else w[k + SLOPE]
+        size = step * slope * product(w, g, shifted(w, plan[ACCEL]), n)
         for i in range(n):
             A[answer + i] -= size * w[g + i]
 
@@ -200,7 +218,9 @@ def error_of_gaps(m, h, A, answer):
     plan, w, n, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
     for r in range(m.pivots[YIELDING]):
         c = m.pivots[plan[TOUCHING] + r]
-        k, g = at(m, c), plan[TOUCH] + SHARED + n * c
+        k, g = at(m, c), gradient_at(m, c)
+        if c < 0:
+            continue
         error = abs(product(w, g, shifted(w, plan[ACCEL]), n) + product(w, g, shifted(A, answer), n))
         largest = larger(largest, (error - 16.0 * EPS * extent(m, c) / (h * h)) / w[k + ALLOWED])
     return largest
@@ -322,6 +342,9 @@ def change(m, here, A, wanted):
             return wanted
     if changing and not mend(m, t, A, 0.0, 2):
         return -1.0
+    unsettled = sticking.decide(m, t, A)
+    if unsettled:
+        return -1.0 * unsettled
     give(m, t, here)
     return wanted
 

@@ -17,7 +17,7 @@ from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.library import library
-from kaneflex.multibody.tables import Handle
+from kaneflex.multibody.tables import Handed, Handle
 from kaneflex.multibody.topology import Layout, build_tables
 
 _HUGE = 1e9
@@ -74,14 +74,21 @@ class Engine:
 
     def row(self, t: float) -> np.ndarray:
         """The motion as it stands at t [s], as a row of the integration; no work has been done."""
-        return np.concatenate([[t], *self.motion, self.contacts[:, at.BEGUN_AT], np.zeros(self.count(at.WORKS))])
+        return np.concatenate([[t], *self.motion, self.standing, np.zeros(self.count(at.WORKS))])
 
     def stand(self, row: np.ndarray) -> None:
         """Take the motion of a row."""
-        first = 1
-        for part in (*self.motion, self.contacts[:, at.BEGUN_AT]):
+        first, held = 1, len(self.holds)
+        for part in (*self.motion, self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT]):
             part[:] = row[first : first + len(part)]
             first += len(part)
+        self.holds[:, [at.STUCK_AT, at.BRISTLE]] = row[first : first + 2 * held].reshape(held, 2)
+
+    @property
+    def standing(self) -> np.ndarray:
+        """How holds and contacts stand: modes, BEGUN_AT, then where each hold stuck and how its bristles are bent."""
+        bristles = self.holds[:, [at.STUCK_AT, at.BRISTLE]].ravel()
+        return np.concatenate([self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT], bristles])
 
     def take_impacts(self) -> np.ndarray:
         """The impacts that are over and were not taken yet, (impacts, IMPACT_SIZE)."""
@@ -97,7 +104,7 @@ class Engine:
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Take coordinates and rates of the bodies, in the order of the tree."""
-        self.contacts[:, at.BEGUN_AT] = 0.0
+        self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = 0.0
         self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
@@ -118,7 +125,7 @@ class Engine:
         plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
         G = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
         joints, shapes = self._free_columns()
-        cut_rows = self.count(at.CUT_ROWS)
+        cut_rows = self.count(at.JOINT_ROWS)
         resting = self._rest()
         kept: list[int] = []
         dependent: list[int] = []
@@ -199,13 +206,21 @@ class Engine:
     @property
     def inputs(self) -> int:
         """Loads and prescribed accelerations."""
-        return self.count(at.WORKS) - 1 - len(self.contacts)
+        return self.count(at.WORKS) - 1 - len(self.holds) - len(self.contacts)
 
     @property
     def contacts(self) -> np.ndarray:
         """A view of the contacts' numbers, and of what switches laws after them, (contacts, CONTACT_SIZE)."""
         count = self.count(at.ACTS) - self.count(at.CONTACTS)
         return self.numbers(at.CONTACT, at.CONTACT_SIZE * count).reshape(-1, at.CONTACT_SIZE)
+
+    @property
+    def holds(self) -> np.ndarray:
+        """A view of the holds' numbers, (holds, CONTACT_SIZE); the first CONTACT_SIZE before the contacts' are the
+        last's."""
+        count = self.count(at.DRIVES) - self.count(at.HOLDS)
+        first = self.count(at.CONTACT) - at.CONTACT_SIZE * count
+        return self.tables.w[first : first + at.CONTACT_SIZE * count].reshape(-1, at.CONTACT_SIZE)
 
     @property
     def sections(self) -> np.ndarray:
@@ -232,7 +247,7 @@ class Engine:
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray) -> np.ndarray | None:
         """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular.
 
-        ``begun`` (n_times, contacts) has BEGUN_AT of the contacts at each instant, for those whose sides overlap.
+        ``begun`` (n_times, standing) says how contacts and holds stand at each instant; contacts whose sides overlap.
         """
         return self._states(times, q, v, False, begun)
 
@@ -241,7 +256,7 @@ class Engine:
     ) -> np.ndarray | None:
         """The same with accelerations and reactions as if some coordinates had a huge mass.
 
-        ``begun`` (n_times, contacts) has BEGUN_AT of the contacts at each instant.
+        ``begun`` (n_times, standing) says how contacts and holds stand at each instant.
         """
         n, mass = self.size, sum(self.tables.w[block] for block in self.tables.bodies[:, at.BLOCK])
         hold = np.zeros(n)
@@ -258,7 +273,7 @@ class Engine:
     ) -> np.ndarray | None:
         parts = [np.ascontiguousarray(part, float) for part in (times, q, v)]
         rows, works = np.zeros((len(times), len(self.row(0.0)))), self.count(at.WORKS)
-        rows[:, rows.shape[1] - works - len(self.contacts) : rows.shape[1] - works] = begun
+        rows[:, rows.shape[1] - works - begun.shape[1] : rows.shape[1] - works] = begun
         done = 0
         while done < len(times):
             self.fold(parts[1][done], parts[2][done])
@@ -280,7 +295,7 @@ class Engine:
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
-        exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * len(self.contacts)
+        exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * len(self.contacts) + 4 * len(self.holds)
         widths = (size, size, size, exerted, 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
         self._call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)
@@ -289,15 +304,17 @@ class Engine:
     def compile(self) -> None:
         """Compile what is not compiled yet, so that it is seen and timed apart from computing."""
         self._handle  # noqa: B018 - which asks for the kernels' addresses
-        library(self._touching)
+        library(self._handed)
 
     def _call(self, function: Any, *values: Any) -> Any:
         """Call one of the library's entries with this engine's handle; arrays and handles go by their addresses."""
-        return library(self._touching)[function](self._handle.address, *(_by_address(value) for value in values))
+        return library(self._handed)[function](self._handle.address, *(_by_address(value) for value in values))
 
     @cached_property
-    def _touching(self) -> bool:
-        return self.count(at.CONTACTS) < self.count(at.ACTS)
+    def _handed(self) -> Handed:
+        if len(self.holds):
+            return at.HOLD_MECHANISM
+        return at.CONTACT_MECHANISM if len(self.contacts) else at.MECHANISM
 
     @cached_property
     def _handle(self) -> Handle:

@@ -19,7 +19,7 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import intrinsic
 from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
-from kaneflex.generated import contact, joints
+from kaneflex.generated import contact, friction, joints
 from kaneflex.multibody import (
     coefficients,
     collocation,
@@ -27,23 +27,26 @@ from kaneflex.multibody import (
     contact_search,
     contacts,
     dense_lu,
+    holds,
     inner,
     loops,
     powers,
     recursion,
     reduction,
     rigid_contacts,
+    sticking,
     tables,
     tree,
     unfolding,
 )  # fmt: skip
-from kaneflex.multibody.tables import CONTACT_MECHANISM, MECHANISM, OUTER
+from kaneflex.multibody.tables import CONTACT_MECHANISM, HOLD_MECHANISM, MECHANISM, OUTER, Handed
 from kaneflex.support.fingerprint import made_of
 
 _made_of_parts = made_of(
     coefficients.__file__, collocation.__file__, complementarity.__file__, contact.__file__, contact_search.__file__,
-    contacts.__file__, dense_lu.__file__, inner.__file__, joints.__file__, loops.__file__, powers.__file__,
-    recursion.__file__, reduction.__file__, rigid_contacts.__file__, tables.__file__, tree.__file__, unfolding.__file__,
+    contacts.__file__, dense_lu.__file__, friction.__file__, holds.__file__, inner.__file__, joints.__file__,
+    loops.__file__, powers.__file__, recursion.__file__, reduction.__file__, rigid_contacts.__file__, sticking.__file__,
+    tables.__file__, tree.__file__, unfolding.__file__,
 )  # fmt: skip
 ENTRIES = collocation.ENTRIES | unfolding.ENTRIES | reduction.ENTRIES
 _C_TYPES = {int64: ctypes.c_int64, float64: ctypes.c_double, boolean: ctypes.c_bool, void: None}
@@ -70,7 +73,7 @@ def _entered(mechanism):
     return entered
 
 
-_plain, _with_contacts = _entered(MECHANISM), _entered(CONTACT_MECHANISM)
+_plain, _with_contacts, _with_holds = (_entered(each) for each in (MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM))
 
 
 @njit(cache=True, **OUTER)
@@ -85,15 +88,26 @@ def _addresses_with_contacts():
     return _with_contacts()
 
 
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def _addresses_with_holds():
+    return _with_holds()
+
+
+_ENTERED = {
+    MECHANISM: _addresses, CONTACT_MECHANISM: _addresses_with_contacts, HOLD_MECHANISM: _addresses_with_holds,
+}  # fmt: skip
+
+
 @cache
-def library(touching: bool) -> dict[Any, Callable[..., Any]]:
+def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
     """Every entry as a function of C, by the function of numba's that it is made of; all compiled on the first call.
 
-    ``touching``: for mechanisms with contacts, whose functions the others' library lacks.
+    ``mechanism``: what it is handed; that of a mechanism with contacts, or with holds besides, has functions more.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        found = _addresses_with_contacts() if touching else _addresses()
+        found = _ENTERED[mechanism]()
     of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(ENTRIES.items(), found, strict=True):
         kinds: list[Any] = [_C_TYPES.get(kind, ctypes.c_void_p) for kind in (signature.return_type, *signature.args)]

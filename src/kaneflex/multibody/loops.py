@@ -11,16 +11,17 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody import dense_lu
+from kaneflex.multibody import dense_lu, holds
 from kaneflex.multibody.recursion import add_force, assemble, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BEGUN_AT, BENDS, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE_OF, CUT,
-    CUT_OF, CUT_ROWS, DEMAND, DEPENDENT, DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS,
-    JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER,
-    PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SCHUR, SEC, SECTION,
-    SECTIONS, SHAPES, SIDE, SPEEDS, STIFF, TOUCHING, VISCOUS, WORKS, W_NOW, Y, YIELDING, apart, kernel, larger,
+    CUT_OF, CUT_ROWS, DEMAND, DEPENDENT, DOF, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HOLDS, INBOARD,
+    JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS,
+    OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE,
+    SCHUR, SEC, SECTION, SECTIONS, SHAPES, SIDE, SPEEDS, STIFF, SWITCH, TOUCHING, VISCOUS, WHAT, WORKS, W_NOW, Y,
+    YIELDING, apart, kernel, larger, of_holds, shifted,
 )  # fmt: skip
-from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe, turned
+from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, meet, move, place, prescribe, turned
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
@@ -187,9 +188,13 @@ def reach(m, h, A):
         for k in range(plan[COORDINATES]):
             A[column(m, r) + k] = 0.0
         cut, k = row_at(m, r)
+        n = holds.brought(m, r)
         for side in range(2):
             j = k + 3 * side
             add_force(m, A, m.acts[cut, AT + side], w[j], w[j + 1], w[j + 2])
+            if n:
+                size, j = holds.share(m, n, r), hold_row(m, n) + 3 * side
+                add_force(m, A, m.acts[plan[DRIVES] + n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
         solve(m, A, r if r < plan[KEPT] else r + 1)
         for q in range(count):
             A[plan[SCHUR] + count * q + r] = opening(m, A, q)
@@ -208,19 +213,28 @@ def factorise_closed(m, h, A, pivots):
     plan, w = m.plan, m.w
     count = plan[KEPT] + m.pivots[YIELDING]
     for r in range(plan[KEPT], count):
-        k = plan[CONTACT] + CONTACT_SIZE * m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-        A[plan[SCHUR] + (count + 1) * r] += 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF]))
+        n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+        k = plan[CONTACT] + CONTACT_SIZE * n
+        own = plan[SCHUR] + (count + 1) * r
+        soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF])) if n >= 0 else holds.compliance(m, n, h, A[own])
+        A[own] += soft
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 
 
 @njit(**OPTIONS)
 def row_at(m, r):
-    """The act of a kept row, or of a contact that yields after these, and where its Jacobian is."""
+    """The act of a kept row, or of a contact or a hold after these, and where its Jacobian is."""
     plan = m.plan
     if r < plan[KEPT]:
         return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
     n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-    return plan[CONTACTS] + n, plan[MIDDLE_CUT] + ROW_SIZE * (plan[CUT_ROWS] + n) + 3
+    return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
+
+
+@njit(**OPTIONS)
+def hold_row(m, n):
+    """Where the Jacobian of a contact or a hold is."""
+    return m.plan[MIDDLE_CUT] + ROW_SIZE * (m.plan[CUT_ROWS] + n) + 3
 
 
 @njit(**OPTIONS)
@@ -254,7 +268,7 @@ def solve_closed(m, A, pivots):
     solve(m, A, plan[KEPT])
     if count:
         for r in range(count):
-            A[x + r] = -opening(m, A, r)
+            A[x + r] = holds.wanted(m, A, r) - opening(m, A, r)
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         answer = plan[COLUMNS] + n * plan[KEPT]
         for r in range(count):
@@ -294,15 +308,21 @@ def worn(m):
 
 @njit(**OPTIONS)
 def row_size(m):
-    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts, BEGUN_AT of the
-    contacts, works."""
+    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
+    of the holds, BEGUN_AT of the contacts, where holds stuck and their bristles' bending, works."""
     return works_at(m) + m.plan[WORKS]
 
 
 @njit(**OPTIONS)
 def works_at(m):
     """Where the works are in a row."""
-    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + m.plan[ACTS] - m.plan[CONTACTS]
+    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + standing(m)
+
+
+@njit(**OPTIONS)
+def standing(m):
+    """Numbers of a row that say how contacts and holds stand."""
+    return m.plan[ACTS] - m.plan[CONTACTS] + 3 * (m.plan[DRIVES] - m.plan[HOLDS])
 
 
 @njit(**OPTIONS)
@@ -314,8 +334,17 @@ def take(m, row):
         w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
     for r in range(plan[REACTIONS]):
         w[plan[NOW] + r] = row[1 + 3 * n + r]
-    for k in range(plan[ACTS] - plan[CONTACTS]):
-        w[plan[CONTACT] + CONTACT_SIZE * k + BEGUN_AT] = row[1 + 3 * n + plan[REACTIONS] + k]
+    stands(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))
+
+
+@njit(**OPTIONS)
+def stands(m, row):
+    """How contacts and holds stand by a row."""
+    plan, w = m.plan, m.w
+    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
+    for k in range(held + touching):
+        w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
+    holds.taken(m, row, held + touching)
 
 
 @njit(**OPTIONS)
@@ -328,8 +357,10 @@ def give(m, t, row):
         row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
     for r in range(plan[REACTIONS]):
         row[1 + 3 * n + r] = w[plan[NOW] + r]
-    for k in range(plan[ACTS] - plan[CONTACTS]):
-        row[1 + 3 * n + plan[REACTIONS] + k] = w[plan[CONTACT] + CONTACT_SIZE * k + BEGUN_AT]
+    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
+    for k in range(held + touching):
+        row[1 + 3 * n + plan[REACTIONS] + k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
+    holds.given(m, row, 1 + 3 * n + plan[REACTIONS] + held + touching)
 
 
 @njit(**OPTIONS)
@@ -349,6 +380,18 @@ def middle(m):
     copy(w, plan[CUT], plan[MIDDLE_CUT], ROW_SIZE * (plan[CUT_ROWS] + plan[ACTS] - plan[CONTACTS]))
 
 
+@of_holds(None)
+@njit(**OPTIONS)
+def hold_now(m):
+    """Rows of the holds where everything is."""
+    apart()
+    for act in range(m.plan[CONTACTS], m.plan[ACTS]):
+        if m.acts[act, WHAT] != SWITCH:
+            meet(m, act)
+    for n in range(-holds.count(m), 0):
+        holds.row_of(m, n)
+
+
 @njit(**OPTIONS)
 def mend(m, t, A, h, turns):
     """Mend accelerations and reactions where everything is, in as many turns; False: singular.
@@ -357,8 +400,9 @@ def mend(m, t, A, h, turns):
     """
     apart()
     plan, w = m.plan, m.w
+    hold_now(m)
     middle(m)
-    m.pivots[YIELDING] = 0
+    m.pivots[YIELDING] = holds.stuck_rows(m, 0)
     if not factorise_closed(m, h, A, plan[PIVOTS]):
         return False
     answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
@@ -366,9 +410,11 @@ def mend(m, t, A, h, turns):
         demand(m, t)
         for k in range(plan[COORDINATES]):
             A[answer + k] = -w[plan[DEMAND] + k]
+        holds.hold_still(m, A)
         solve_closed(m, A, plan[PIVOTS])
         for r in range(plan[KEPT]):
             w[plan[NOW] + plan[plan[ROW_OF] + r]] += A[plan[REACTION] + r]
+        holds.take_up(m, A)
         for i in range(plan[COORDINATES]):
             w[plan[ACCEL] + i] += A[answer + i]
         if not follow(m, t):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody import holds
 from kaneflex.multibody.tables import (
     ACTS, AT, BLOCK, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
     ELASTIC, ENERGY, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, KIND, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
@@ -37,11 +38,13 @@ def energies(m):
         k = plan[CONTACT] + CONTACT_SIZE * n
         w[at + 1] += w[k + ELASTIC]
         w[at + 2] += w[k + LOSING]
+    w[at] -= holds.not_moved(m)
+    w[at + 2] += holds.lost(m)
 
 
 @njit(**OPTIONS)
 def losses(m, out):
-    """At ``out``, powers [W] of dissipation, of every load, and after the drives those that contacts take up.
+    """At ``out``, powers [W] of dissipation, of every load, and after the drives those that holds and contacts take up.
 
     A contact's work is what it has stored and lost: its loss is not integrated by itself, for next to a depth of zero
     its parts are not smooth, while the force is small.
@@ -62,6 +65,7 @@ def losses(m, out):
     for n in range(contacts):
         k = plan[CONTACT] + CONTACT_SIZE * n
         w[out + plan[WORKS] - contacts + n] = -w[k + PUSH_NOW] * w[k + GAP_RATE]
+    holds.losses(m, out + plan[WORKS] - contacts)
     w[out] = lost
     for n in range(plan[LOADS], plan[SPRINGS]):
         size = w[plan[SIZE] + n - plan[LOADS]]
@@ -76,7 +80,8 @@ def losses(m, out):
 
 @njit(**OPTIONS)
 def powers(m):
-    """At POWER, rates of the works [W], after :func:`demand`: dissipation but in contacts, loads, drives, contacts."""
+    """At POWER, rates of the works [W], after :func:`demand`: dissipation but in what follows, loads, drives, holds,
+    contacts."""
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     losses(m, plan[POWER])

@@ -273,7 +273,7 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     """The rigid mechanism of a scene, from where its bodies stand at first."""
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
-    placed = replace(mechanism, drives=drives, loads={}, springs={}, contacts={}, observed=())
+    placed = replace(mechanism, drives=drives, loads={}, springs={}, contacts={}, observed=(), frictions={})
     kernels = {name: getattr(rigid_kernels, name) for name in ("KINDS", *at.KERNEL_NAMES)}
     module = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
     stand = np.zeros(1 + 3 * len(drives))

@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.multibody import collocation, impacts
+from kaneflex.multibody import collocation, impacts, rubbing
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.coefficients import GAUSS, RADAU
 from kaneflex.multibody.system import BODY, CoupledSystem, Unfolded
@@ -47,6 +47,10 @@ class CoupledTrajectory:
         Instants [s] at which the steps of a whole run under the control of their error ended.
     contacts : ContactRecord or None
         Gaps, forces and losses at the stored instants, and the impacts until the last; none of states by themselves.
+    frictions : FrictionRecord or None
+        The same of frictions.
+    standing : ndarray (n_times, standing) or None
+        How contacts and frictions stand, see ``Engine.standing``.
     """
 
     times: np.ndarray
@@ -64,6 +68,8 @@ class CoupledTrajectory:
     ns_per_step: float
     ends: np.ndarray = field(default_factory=lambda: np.zeros(0))
     contacts: impacts.ContactRecord | None = None
+    frictions: rubbing.FrictionRecord | None = None
+    standing: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -206,7 +212,7 @@ class _Run:
     def _misfit(self) -> str:
         """What to say where joints that hold something twice no longer agree; nothing where they do."""
         engine = self.engine
-        rows, first = engine.count(at.CUT_ROWS), engine.count(at.ROW_OF)
+        rows, first = engine.count(at.JOINT_ROWS), engine.count(at.ROW_OF)
         if (engine.tables.plan[first : first + engine.count(at.KEPT)] < rows).sum() == rows:
             return ""
         t, size = float(self.here[0]), self.system.mechanism.size
@@ -215,7 +221,7 @@ class _Run:
         row = int(apart.argmax())
         if apart[row] <= _AGREE:
             return ""
-        acts = engine.tables.acts[: engine.count(at.DRIVES), at.ROW_AT]
+        acts = engine.tables.acts[: engine.count(at.HOLDS), at.ROW_AT]
         joint = engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
         return (f"over-constrained after t = {t:.6g} s: {joint} holds what other joints hold already, and misses it by "
                 f"{apart[row]:.2g} of the mechanism's size")  # fmt: skip
@@ -335,7 +341,7 @@ class _Run:
     ) -> CoupledTrajectory:
         """The rows as motion of the bodies."""
         found, works = self.system.unfold(self.rows[rows]), self.engine.count(at.WORKS)
-        done, count = self.rows[rows][:, -works:], found.gaps.shape[1]
+        done, count, held = self.rows[rows][:, -works:], found.gaps.shape[1], found.frictions.shape[1]
         gaps = found.gaps[:, : len(self.touching)]  # what switches laws stands behind them
         lost = done[:, works - count : works - count + len(gaps[0])] - (gaps[:, :, 2] - self.stored)
         happened = self.impacts
@@ -344,11 +350,16 @@ class _Run:
             happened += impacts.lasting(self.touching, self.engine, self.here)
         begun = found.gaps[:, :, 4]
         contacts = impacts.ContactRecord(self.touching, gaps[:, :, 0], gaps[:, :, 1], lost, begun, happened)
+        rubbed = done[:, works - count - held : works - count]
+        frictions = rubbing.FrictionRecord.of(tuple(self.system.mechanism.frictions), found.frictions, rubbed)
+        standing = self.rows[rows][:, -works - len(self.engine.standing) : -works]
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,
-            *balance(found, done[:, 0] + lost.sum(axis=1), done[:, 1 : works - count].sum(axis=1)),
+            *balance(
+                found, done[:, 0] + lost.sum(axis=1) + rubbed.sum(axis=1), done[:, 1 : works - count - held].sum(axis=1)
+            ),
             int(self.counts[0]), int(self.counts[1]), outcome, message, ns,
-            contacts=contacts,
+            contacts=contacts, frictions=frictions, standing=standing,
         )  # fmt: skip
 
 
@@ -375,25 +386,33 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     knots = trajectory.times
     curve = BPoly.from_derivatives(knots, np.stack([trajectory.q, trajectory.v, trajectory.a], axis=1))
     begun = None
-    if trajectory.contacts is not None:
+    if trajectory.standing is not None:
         k = np.searchsorted(knots, times, side="right") - 1
-        before, after = (trajectory.contacts.begun[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
+        before, after = (trajectory.standing[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
         begun = np.where((before != 0.0) | (knots[k] == times)[:, None], before, after)
-        rigid = [contact.law == "newton" for contact in system.mechanism.contacts.values()]
+        held, width = len(system.engine.holds), len(before[0])
+        rigid = np.zeros(width, bool)
+        rigid[held : held + len(system.mechanism.contacts)] = [
+            contact.law == "newton" for contact in system.mechanism.contacts.values()
+        ]
         parted = (knots[k] != times)[:, None] & ((before == 0.0) | (after == 0.0)) & rigid
         begun[parted] = 0.0
     found = system.states(times, curve(times), curve.derivative()(times), begun)
     dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
     supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
     energy, loss, power = balance(found, dissipated, supplied)
-    contacts = trajectory.contacts
+    contacts, standing = trajectory.contacts, begun
     if contacts is not None:
         lost = np.array([np.interp(times, knots, part) for part in contacts.lost.T]).reshape(-1, len(times)).T
         gap, force = (found.gaps[:, : len(contacts.names), k] for k in (0, 1))
         contacts = replace(contacts, gap=gap, force=force, lost=lost, begun=found.gaps[:, :, 4])
+    frictions = trajectory.frictions
+    if frictions is not None:
+        lost = np.array([np.interp(times, knots, part) for part in frictions.lost.T]).reshape(-1, len(times)).T
+        frictions = rubbing.FrictionRecord.of(frictions.names, found.frictions, lost)
     return replace(
         trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
-        power=power, contacts=contacts,
+        power=power, contacts=contacts, frictions=frictions, standing=standing,
     )  # fmt: skip
 
 
@@ -405,6 +424,11 @@ _ENDED = {
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
     collocation.CASCADE: (
         Outcome.CASCADE, "contacts close and open over and over after {at}, with no time between that a step resolves",
+    ),
+    collocation.PARADOX: (
+        Outcome.PARADOX,
+        "at {at} no way to stick or slip agrees with the friction there is (Painleve's paradox): rigid bodies and "
+        "Coulomb's law say nothing of what comes then",
     ),
     collocation.NO_CONVERGENCE: (
         Outcome.UNSTABLE,

@@ -138,11 +138,13 @@ class CoupledSystem:
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
-        touching, given = found[3][:, len(found[3].T) - 5 * len(self.engine.contacts) :], 1 + self.engine.inputs
+        held, touching = 4 * len(self.engine.holds), 5 * len(self.engine.contacts)
+        ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
         exerted = found[3][:, self._exerted]
         exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
-        gaps = touching.reshape(len(rows), -1, 5)
-        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps)
+        gaps, frictions = ends[:, :touching].reshape(len(rows), -1, 5), ends[:, touching:].reshape(len(rows), -1, 4)
+        frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
+        return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
 
     def settle(self, t: float, q: np.ndarray, v: np.ndarray) -> Unfolded | None:
         """The state at t [s] with its loops closed, accelerations and reactions; None at a singular state.
@@ -161,11 +163,11 @@ class CoupledSystem:
         """States (n_times, size) on the constraints, with accelerations and reactions as if some shapes were held.
 
         Shapes ``still`` (places in q) are not accelerated, as far as the joints leave it to them: they resist by a mass
-        beside which all others are nothing. ``begun`` (n_times, contacts) has how the contacts stand, as in a run's
-        record; without it they are open.
+        beside which all others are nothing. ``begun`` (n_times, standing) has how contacts and holds stand, as in a
+        run's trajectory; without it contacts are open, and nothing rubs.
         """
         columns = [self.shape_columns[k] for k in still.tolist()]
-        begun = np.zeros((len(times), len(self.engine.contacts))) if begun is None else begun
+        begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
         return self._unfolded(self.engine.held(times, q[:, self._order], v[:, self._order], columns, begun))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray | None = None) -> Unfolded:
@@ -174,7 +176,7 @@ class CoupledSystem:
         ``begun``: see :meth:`held`; of contacts whose sides overlap. Raises ArithmeticError at a singular state.
         """
         self.compile()
-        begun = np.zeros((len(times), len(self.engine.contacts))) if begun is None else begun
+        begun = np.zeros((len(times), len(self.engine.standing))) if begun is None else begun
         return self._unfolded(self.engine.states(times, q[:, self._order], v[:, self._order], begun))
 
     def _unfolded(self, rows: np.ndarray | None) -> Unfolded:
@@ -229,8 +231,8 @@ class CoupledSystem:
 class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
     powers (dissipation, loads, drives); of every contact, and then of what switches laws, its gap [m], force [N],
-    stored energy [J], loss [W] and BEGUN_AT [m/s]. Dissipated power is all of it, the powers' is that without
-    contacts."""
+    stored energy [J], loss [W] and BEGUN_AT [m/s]; of every friction its force [N or N m], speed, what presses it on,
+    mode. Dissipated power is all of it, the powers' is that without contacts and friction."""
 
     q: np.ndarray
     v: np.ndarray
@@ -239,6 +241,7 @@ class Unfolded:
     sums: np.ndarray
     powers: np.ndarray
     gaps: np.ndarray
+    frictions: np.ndarray
 
 
 def build_system(scene: Scene, progress: Callable[[str], None]) -> tuple[CoupledSystem, float]:

@@ -48,13 +48,14 @@ OWNER, POINT, JACOBIAN = range(3)
 """Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
 LAW = COURSE_AT
-"""Columns of ``acts`` (cuts, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1, a drive's
-coordinate or -1, a contact's law; a cut's first row, a contact's row; its numbers: a cut's direction and angle, a
-drive's or a load's direction, a spring's k, c, free length or angle, a contact's
-(:mod:`kaneflex.generated.contact`)."""
+"""Columns of ``acts`` (cuts, holds, drives, loads, springs, contacts): its kind; two sections; a cut's course or -1, a
+drive's coordinate or -1, a contact's law; a cut's first row, a hold's or a contact's row; its numbers: a cut's
+direction and angle, a drive's or a load's direction, a spring's k, c, free length or angle, a contact's
+(:mod:`kaneflex.generated.contact`), a hold's (:mod:`kaneflex.multibody.holds`)."""
 
-WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE = range(6)
-"""Kinds of joints in the tree; cuts have the first three, and drives of cut joints the last two, as drives have."""
+WELD, REVOLUTE, PRISMATIC, FREE, TURN, SLIDE, ALONG = range(7)
+"""Kinds of joints in the tree; cuts have the first three, and drives of cut joints TURN and SLIDE, as drives have;
+holds these two, or ALONG a contact's face."""
 FORCE_ALONG, FOLLOWER, TORQUE = range(3)
 """Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
 STRAIGHT, TORSIONAL = range(2)
@@ -74,6 +75,13 @@ it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.co
 k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
 impulse, peak force and what was lost before; how it changes at the end of this step; then a step's nodes."""
 (
+    PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE, MODE, STUCK_AT, BRISTLE, SLOPE,
+) = 0, 1, 2, 3, 4, 5, 6, 7, BEGUN_AT, BEGUN_AT + 1, BEGUN_AT + 2, BEGUN_AT + 3  # fmt: skip
+"""Numbers of a hold (:mod:`kaneflex.multibody.holds`): where it is along its row, its speed and acceleration there;
+what presses it on, the largest force that holds it, the one that it exerts; how large the speeds are whose difference
+its own is; the force that it exerted before; whether it slips or sticks; where it stuck; its bristle's deflection; what
+damps it. As of contacts, DUE and NODES follow."""
+(
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, RESTED, TRIES, SHARED,
 ) = range(14)  # fmt: skip
 """Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
@@ -91,31 +99,33 @@ IMPACT_SIZE, MOST_IMPACTS = 8, 256
 energy lost; after how many Python is to take them. Their count is before them."""
 
 (
-    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, RIGID, WORKS, KEPT, BENDS,
-    CUTS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING,
+    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS,
+    CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
     GRADIENT, LOOP, SIDE, W_NOW, LOOP_PIVOTS, ROW_OF, CUT_OF, DEPENDENT,
     CONTACT, TOUCH, IMPACTS, COMPLEMENT, TOUCHING,
-    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, LAST_A, LAST_R, RESISTING,
-    SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, PIVOTS, PAIR_PIVOTS, PLAN,
-) = range(74)  # fmt: skip
+    MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_H, LAST_A, LAST_R, RESISTING,
+    SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, WANTED, PIVOTS, PAIR_PIVOTS, PLAN,
+) = range(78)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
-contacts), rows of the cuts, contacts with reactions (all where some are by Newton's law), works, kept rows; whether
-shapes are among the dependent coordinates. Where in ``acts`` cuts, drives, loads, springs and contacts begin and end;
-how many contacts the factors to come let yield, which compiled code counts. Where in ``w`` lie: the motion
+contacts), rows of cuts and holds, those of
+cuts alone, contacts with reactions (all where some are by Newton's law), works, kept rows; whether
+shapes are among the dependent coordinates. Where in ``acts`` cuts, holds, drives, loads, springs and contacts begin and
+end; how many contacts and holds the factors to come know, which compiled code counts. Where in ``w`` lie: the motion
 (coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over all speeds, cut rows,
 courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces at inboard sections,
 what every coordinate asks for, powers; gravity, what holds and damps every coordinate, what counts as one in it, the
 errors allowed in it, its rate and its acceleration; what is added to the loads' sizes, then to prescribed
 accelerations; the gradient of the kept rows, its dependent square, their right-hand side, W of the sections now. Where
 in ``plan`` itself: that square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w``
-again: contacts, what all of them share, impacts that are over, room for what rigid sides exert at one instant; in
-``plan`` the contacts that yield, or those that touch; in ``w`` mass
-matrices and W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions, powers and
-rates of courses, accelerations and reactions of the last step, and what its stages ask for. In factors: squares of all
-bodies, joints, coordinates by unit reactions of the kept rows and in the last row the answer, what the reactions do to
-the cuts, forces, reactions; in ``plan``, the pivots of either factors."""
+again: contacts, the holds' numbers before them, what all contacts share, impacts that are over, room for what rigid
+sides exert at one instant; in ``plan`` contacts and holds that the factors know (holds by numbers below zero), or
+contacts that touch; in ``w`` mass matrices and W at the middle of a step, with its sections and cut rows; stages'
+accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and reactions of the last
+step, and what its stages ask for. In factors: squares of all bodies, joints, coordinates by unit reactions of the kept
+rows and in the last row the answer, what the reactions do to the cuts, forces, reactions, accelerations that holds are
+to have; in ``plan``, the pivots of either factors."""
 
 
 class Tables(NamedTuple):
@@ -260,7 +270,9 @@ _PARTS = {
     "plan": Fixed(1), "bodies": Fixed(16), "sections": Fixed(3), "acts": Fixed(6), "w": N, "pivots": CPointer(int64),
     "kernels": CPointer(int64), "p": N, "real": N, "pair": Z,
 }  # fmt: skip
-MECHANISM, CONTACT_MECHANISM = Handed("Mechanism", **_PARTS), Handed("Mechanism with contacts", **_PARTS)
+MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
+    Handed(name, **_PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
+)
 """All that compiled code knows of a mechanism. ``pivots``: the plan once more, to be written; ``kernels``: addresses of
 those of the structure, see :func:`kernel`; ``p``: its module's parameters; ``real``, ``pair``: room for factors."""
 
@@ -270,10 +282,19 @@ def of_contacts(otherwise):
 
     So whoever has none, as most have, needn't wait for a third more to be compiled.
     """
+    return _where(otherwise, (CONTACT_MECHANISM, HOLD_MECHANISM))
+
+
+def of_holds(otherwise):
+    """The same where a mechanism has holds."""
+    return _where(otherwise, (HOLD_MECHANISM,))
+
+
+def _where(otherwise, mechanisms):
 
     def of(function):
         def called(typing, m, *rest):
-            if m == CONTACT_MECHANISM:
+            if m in mechanisms:
                 function.compile((m, *rest))
                 found = function.overloads[m, *rest]
 

@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.mechanism import contacts
-from kaneflex.mechanism.parts import Joint, Mechanism
+from kaneflex.mechanism import contacts, friction
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.parts import Contact, Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.support.contract import BODY_BLOCK, block_shapes
+from kaneflex.support.errors import SceneError
 
 _KINDS = {"weld": at.WELD, "revolute": at.REVOLUTE, "prismatic": at.PRISMATIC}
 ROWS = {at.WELD: 3, at.REVOLUTE: 2, at.PRISMATIC: 2, at.TURN: 1, at.SLIDE: 1}
@@ -71,8 +73,8 @@ class _Numbers:
 
 
 def build_tables(
-    mechanism: Mechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks,
-    measure: float, switches: int = 0,
+    mechanism: NumericMechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]],
+    blocks: Blocks, measure: float, switches: int = 0,
 ) -> tuple[at.Tables, Layout, tuple[int, int]]:  # fmt: skip
     """The tables of a mechanism, nothing in motion and no loop closed yet.
 
@@ -98,27 +100,30 @@ def build_tables(
     numbers = _Numbers()
     found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
     bodies, sections, coordinates, hold, row, square, jacobian = found
-    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers, switches)
+    lent = _lend(mechanism, order, index, bodies, numbers.parts, measure)
+    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
     plan = np.zeros(at.PLAN, np.int64)
     n, cut_rows = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
-    touching = len(mechanism.contacts) + switches
+    touching, holds = len(mechanism.contacts) + switches, int(ranges[2] - ranges[1])
     rigid = touching * any(contact.law == "newton" for contact in mechanism.contacts.values())
-    works = 1 + len(mechanism.loads) + len(prescribed) + touching
+    works = 1 + len(mechanism.loads) + len(prescribed) + holds + touching
     plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.WORKS]] = len(order), n, row, works
+    plan[at.JOINT_ROWS], cut_rows = cut_rows, cut_rows + holds
     plan[[at.REACTIONS, at.CUT_ROWS, at.RIGID]] = cut_rows + rigid, cut_rows, rigid
-    plan[[at.CUTS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
+    plan[[at.CUTS, at.HOLDS, at.DRIVES, at.LOADS, at.SPRINGS, at.CONTACTS, at.ACTS]] = ranges
     for what, count in _lengths(plan, mechanism, len(index), square, jacobian, switches).items():
         plan[what] = numbers.room(count)
+    plan[at.CONTACT] += at.CONTACT_SIZE * holds
     plan[at.GRAVITY] = numbers.put(mechanism.gravity)
     plan[at.STIFFNESS], plan[at.DAMPING] = (numbers.put([each[k] for each in hold]) for k in range(2))
     plan[at.MEASURE] = numbers.put([1.0 if unit == "rad" else measure for _, unit in coordinates])
     rows = cut_rows + touching
     size = _in_turn(plan, 0, {
         at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows,
+        at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows, at.WANTED: holds,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
-    of_rows |= {at.TOUCHING: 3 * touching, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
+    of_rows |= {at.TOUCHING: 3 * touching + holds, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     w = np.concatenate(numbers.parts)
     _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
@@ -129,12 +134,13 @@ def build_tables(
 
 
 def _lengths(
-    plan: np.ndarray, mechanism: Mechanism, sections: int, square: int, jacobian: int, switches: int
+    plan: np.ndarray, mechanism: NumericMechanism, sections: int, square: int, jacobian: int, switches: int
 ) -> dict[int, int]:
     """How many numbers of the motion lie at each place of ``plan``, whose counts are known."""
     bodies, n, row, reactions, works = plan[[at.BODIES, at.COORDINATES, at.SPEEDS, at.REACTIONS, at.WORKS]].tolist()
     touching, loads = len(mechanism.contacts) + switches, len(mechanism.loads)
     rows = int(plan[at.CUT_ROWS]) + touching
+    holds = int(plan[at.DRIVES] - plan[at.HOLDS])
     joints = len(mechanism.drives) + len(mechanism.observed)
     courses = sum(not drive.free for drive in mechanism.drives.values())
     return {
@@ -149,7 +155,8 @@ def _lengths(
         at.MIDDLE: at.SEC * sections, at.MIDDLE_CUT: at.ROW_SIZE * rows, at.STAGE_A: 3 * n,
         at.STAGE_R: 3 * reactions, at.STAGE_P: 3 * works, at.STAGE_C: 3 * courses, at.LAST_A: 3 * n,
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
-        at.CONTACT: at.CONTACT_SIZE * touching, at.TOUCH: at.SHARED + n * touching,
+        at.STAGE_H: 3 * holds, at.CONTACT: at.CONTACT_SIZE * (holds + touching),
+        at.TOUCH: at.SHARED + n * (touching + holds),
         at.COMPLEMENT: (2 * touching + 11) * int(plan[at.RIGID]),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),
     }  # fmt: skip
@@ -254,13 +261,14 @@ def _key(point: BodyPoint) -> tuple[str, str]:
     return point.body, point.name
 
 
-def _order(mechanism: Mechanism) -> list[Branch]:
+def _order(mechanism: NumericMechanism) -> list[Branch]:
     """Every body with its branch of the tree.
 
     From the ground outwards, over the joints that leave least open first: prescribed ones and welds, pins, guides. What
-    no joint connects with the ground hangs on it by a free joint, at the body of it that the scene places.
+    no joint connects with the ground hangs on it by a free joint, at the body of it that the scene places. Joints with
+    friction become cuts: what their reactions are is then an unknown of the equations, by which friction is.
     """
-    joints = list(mechanism.joints.values())
+    joints = [joint for name, joint in mechanism.joints.items() if name not in mechanism.frictions]
 
     def openness(joint: Joint) -> int:
         drive = mechanism.drives.get(joint.name)
@@ -332,11 +340,64 @@ def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
     return sign, angle, float(x), float(y)
 
 
+def _lend(
+    mechanism: NumericMechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int], bodies: np.ndarray,
+    parts: Sequence[np.ndarray], measure: float,
+) -> dict[int, float]:  # fmt: skip
+    """Section -> the inertia [kg m^2] that its body is lent, with which it can turn freely before its cuts hold it.
+
+    A body without inertia that hangs on joints with friction alone is no body of a tree; a hold takes back what it is
+    lent. Raises SceneError for one without mass.
+    """
+    rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
+    starts = np.cumsum([0, *(part.size for part in parts)])
+    found: dict[int, float] = {}
+    for fields, (body, joint, _) in zip(bodies, order, strict=True):
+        own = [each.name for each in rubbing if body in each.bodies]
+        if joint is not None or not own or fields[at.SHAPES]:
+            continue
+        block = parts[int(np.searchsorted(starts, fields[at.BLOCK]))]
+        mass, x, y, second = block[:4]
+        if mass <= 0.0:
+            raise SceneError(
+                f"bodies.{body}.mass", float(mass),
+                f"nothing says how the friction of {own[0]} moves a body without mass", "Give it one",
+            )  # fmt: skip
+        if second - (x * x + y * y) / mass <= 1e-9 * mass * measure**2:
+            found[index[body, "start"]] = mass * measure**2
+            block[3] += mass * measure**2
+    return found
+
+
+def _hold_acts(
+    mechanism: NumericMechanism, index: Mapping[tuple[str, str], int], cuts: Sequence[str], row: int,
+    numbers: _Numbers, lent: Mapping[int, float],
+) -> list[tuple[int, ...]]:  # fmt: skip
+    """Holds, from a row on, after the joints ``cuts``: those that take back what is lent, then frictions."""
+    found: list[tuple[int, ...]] = []
+    for section, inertia in lent.items():
+        found.append((at.TURN, 0, section, -1, row + len(found), numbers.put(friction.numbers_of_lent(inertia))))
+    after = len(mechanism.drives) + len(mechanism.observed) + len(mechanism.loads) + len(mechanism.springs)
+    first_contact = len(cuts) + len(lent) + len(mechanism.frictions) + after
+    for name, held in mechanism.frictions.items():
+        pair: Joint | Contact
+        if name in mechanism.joints:
+            pair = joint = mechanism.joints[name]
+            kind, of = at.SLIDE if joint.slides else at.TURN, cuts.index(name)
+        else:
+            pair, kind = mechanism.contacts[name], at.ALONG
+            of = first_contact + list(mechanism.contacts).index(name)
+        first, second = (index[_key(side)] for side in pair.sides)
+        place = numbers.put(friction.numbers_of(held, pair.direction, of))
+        found.append((kind, first, second, -1, row + len(found), place))
+    return found
+
+
 def _acts(
-    mechanism: Mechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
-    prescribed: Sequence[str], numbers: _Numbers, switches: int,
+    mechanism: NumericMechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
+    prescribed: Sequence[str], numbers: _Numbers, lent: Mapping[int, float], switches: int,
 ) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
-    """Cuts, drives, loads, springs and contacts; where each kind of them begins, and the end; the cuts' joints.
+    """Cuts, holds, drives, loads, springs and contacts; where each kind of them begins, the end; the cuts' joints.
 
     Joints that laws know stand after the drives, what switches laws after the contacts.
     """
@@ -358,6 +419,9 @@ def _acts(
             found.append((kind, *sides(joint), course, row, numbers.put([*joint.direction, angle])))
             names.append(joint.name)
             row += ROWS[kind]
+    ends.append(len(found))
+    found += _hold_acts(mechanism, index, names, row, numbers, lent)
+    row += len(found) - ends[-1]
     ends.append(len(found))
     for name in (*mechanism.drives, *mechanism.observed):
         joint = mechanism.joints[name]

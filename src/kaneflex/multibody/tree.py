@@ -14,12 +14,14 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.generated import joints as laws
 from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody import holds
 from kaneflex.multibody.tables import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSES, COURSE_AT,
     COURSE_OF, CUT, CUTS, CUT_ROWS, DEFORM, DEMAND, DRIVES, ELASTIC, FIRST, FOLLOWER, FORCE, FRAME, FRAME_SIZE, FREE,
-    GAP, GAP_RATE, GRAVITY, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING, MAGNITUDES,
-    MODAL, NORMAL_TURN, NORMAL_X, NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X, PLACE_Y,
-    POINT, PRISMATIC, PUSHED, PUSH_NOW, RATE, REVOLUTE, RIGID, ROOM, ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS,
+    GAP, GAP_RATE, GRAVITY, HOLDS, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND, LAST, LAW, LOADS, LOCAL, LOSING,
+    MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X, NORMAL_Y, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, OWNER, PARENT, PLACE_X,
+    PLACE_Y, POINT, PRISMATIC, PUSHED, PUSH_NOW, RATE, REVOLUTE, RIGID, ROOM, ROW, ROW_AT, ROW_SIZE, SEC,
+    SECTION, SECTIONS,
     SHAPES, SIZE, SPEEDS, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WELD, WHAT, WORKS,
     X, Y, apart, kernel, of_contacts, shifted,
 )  # fmt: skip
@@ -36,7 +38,8 @@ def turned(w, theta, k):
 def courses(m):
     """How many drives prescribe a course."""
     plan = m.plan
-    return plan[WORKS] - 1 - (plan[SPRINGS] - plan[LOADS]) - (plan[ACTS] - plan[CONTACTS])
+    acting = plan[SPRINGS] - plan[LOADS] + plan[DRIVES] - plan[HOLDS] + plan[ACTS] - plan[CONTACTS]
+    return plan[WORKS] - 1 - acting
 
 
 @njit(**OPTIONS)
@@ -184,7 +187,7 @@ def cut_rows(m):
     apart()
     plan, w, acts = m.plan, m.w, m.acts
     sec = shifted(w, plan[SECTION])
-    for n in range(plan[CUTS], plan[DRIVES]):
+    for n in range(plan[CUTS], plan[HOLDS]):
         kind, first, second, j = acts[n, WHAT], acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
         k = plan[CUT] + ROW_SIZE * acts[n, ROW_AT]
         if kind == REVOLUTE:
@@ -355,6 +358,7 @@ def act(m, t):
             push(m, second, w[k + 2], w[k + 3], 0.0)
     for n in range(plan[CONTACTS], plan[ACTS]):
         press(m, n)
+    holds.exert(m)
 
 
 @njit(**OPTIONS)
@@ -400,7 +404,8 @@ def meet(m, n):
 
 @njit(**OPTIONS)
 def resist(m, t):
-    """What the motion asks for beyond loads, springs and the cuts' reactions: zero where the equations hold.
+    """What the motion asks for beyond loads, springs, the cuts' reactions and the holds': zero where the equations
+    hold.
 
     M a - f over the speeds of all frames and shapes, at FORCE; the tables have the motion, the cut rows and the
     reactions.

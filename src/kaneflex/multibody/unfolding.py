@@ -8,14 +8,16 @@ from numba import njit
 from numba.types import boolean, float64, int64, void
 
 from kaneflex.mechanism.contacts import NEWTON
-from kaneflex.multibody import powers
+from kaneflex.multibody import holds, powers
 from kaneflex.multibody.contacts import stand_closed
-from kaneflex.multibody.loops import bent, follow, give, gradient, row_size, settle_now, stand, take, works_at
+from kaneflex.multibody.loops import (
+    bent, follow, give, gradient, row_size, settle_now, stand, standing, stands, take, works_at,
+)  # fmt: skip
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, CUT_ROWS, DRIVES, ELASTIC,
-    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, INBOARD, JOINT, JOINTS, LAST, LAW, LOCAL, LOSING, MECHANISM,
-    MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC,
-    SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, shifted,
+    ACCEL, ACTS, JOINT_ROWS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC,
+    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, LAST, LAW, LOCAL, LOSING,
+    MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE,
+    ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, rests, turned
 
@@ -64,9 +66,10 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
     """Motion of the bodies at every row (t, coordinates, rates, accelerations, reactions of the cuts), and its cost.
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
-    the cuts' reactions, on the joint's second body; of every contact gap, force, stored energy, loss, BEGUN_AT. sums:
+    the reactions of cuts and holds, on the joint's second body; of every contact gap, force, stored energy, loss,
+    BEGUN_AT; of every hold force, speed, what presses it on, mode. sums:
     kinetic energy, strain energy, dissipated power, potential energy of the weight. rates: powers of dissipation,
-    loads, drives, contacts. The rows close the loops.
+    loads, drives, holds, contacts. The rows close the loops.
     """
     plan, w = m.plan, m.w
     k = 0
@@ -77,8 +80,8 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
         demand(m, here[0])
         powers.powers(m)
         powers.energies(m)
-        touching = plan[ACTS] - plan[CONTACTS]
-        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * touching))
+        touching, held = plan[ACTS] - plan[CONTACTS], plan[DRIVES] - plan[HOLDS]
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * touching + 4 * held))
         for b in range(plan[BODIES]):
             f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
             for j in range(3):
@@ -96,6 +99,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
             out[5 * c], out[5 * c + 1] = w[of + GAP], w[of + PUSH_NOW]
             out[5 * c + 2], out[5 * c + 3] = w[of + ELASTIC], w[of + LOSING]
             out[5 * c + 4] = w[of + BEGUN_AT]
+        holds.told(m, shifted(out, 5 * touching))
         for j in range(4):
             sums[4 * row + j] = w[plan[SUMS] + j]
         for j in range(plan[WORKS]):
@@ -113,17 +117,17 @@ def states(m, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
     held: whether STIFFNESS is a mass that coordinates have besides. The rows come with BEGUN_AT of the contacts, which
-    holds where their sides overlap. Returns the row that is singular, or of which others rest than the dependent
-    coordinates keep closed, or their number.
+    holds where their sides overlap, and how holds stand. Returns the row that is singular, or of which others rest than
+    the dependent coordinates keep closed, or their number.
     """
     size, touching = m.plan[SPEEDS], m.plan[ACTS] - m.plan[CONTACTS]
     for row in range(first, count):
         t = times[row]
         fold(m, shifted(q, row * size), shifted(v, row * size))
         out = shifted(rows, row * row_size(m))
+        stands(m, shifted(out, works_at(m) - standing(m)))
         for c in range(touching):
             k = m.plan[CONTACT] + CONTACT_SIZE * c
-            m.w[k + BEGUN_AT] = out[works_at(m) - touching + c]
             if m.acts[m.plan[CONTACTS] + c, LAW] == NEWTON and (m.w[k + BEGUN_AT] != 0.0) != (m.w[k + SHUT] != 0.0):
                 return row
         done = settle_now(m, t, m.real, 1.0 if held else 0.0, 1 if held else 2)
@@ -166,8 +170,8 @@ def openings(m, t, out):
     n = plan[COORDINATES]
     for i in range(plan[REACTIONS] * n):
         w[plan[GRADIENT] + i] = 0.0
-    for cut in range(plan[CUTS], plan[DRIVES]):
-        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[DRIVES] else plan[CUT_ROWS]
+    for cut in range(plan[CUTS], plan[HOLDS]):
+        end = m.acts[cut + 1, ROW_AT] if cut + 1 < plan[HOLDS] else plan[JOINT_ROWS]
         for row in range(m.acts[cut, ROW_AT], end):
             gradient(m, row, cut, True, plan[GRADIENT] + n * row)
             out[row] = w[plan[CUT] + 9 * row]

@@ -23,7 +23,7 @@ from kaneflex.plots.style import PALETTE, new_figure, styled
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import CONTACT_KINDS
+from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
 
 ELASTIC, DRIVE, SENSOR, LOAD = PALETTE[0], PALETTE[4], PALETTE[2], PALETTE[1]
 _ROOM = 0.18
@@ -307,7 +307,7 @@ def _sensors_by_place(scene: Scene, placement: Placement) -> list[tuple[str, np.
             middle = np.mean([_at(scene, placement, end) for end in ends], axis=0)
             found.setdefault(f"spring {target}", (middle, []))[1].append(name)
             continue
-        if sensor.kind in CONTACT_KINDS:
+        if sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and str(target) in scene.contacts:
             side = scene.contacts[str(target)].sides[1]
             found.setdefault(f"contact {target}", (_at(scene, placement, side), []))[1].append(name)
             continue

@@ -25,6 +25,7 @@ _QUANTITY = {
     "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
     "spring_force": "force", "spring_torque": "torque", "contact_force": "force", "contact_gap": "gap",
     "contact_torque": "torque", "contact_angle": "gap",
+    "friction_force": "force", "friction_torque": "torque",
 }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import math
 
 from kaneflex.mechanism.contacts import hysteresis, returned
 from kaneflex.scene.contacts import ClearanceContact, Contact
+from kaneflex.scene.friction import Friction
 
 _SIDES = {
     "point-line": "{1} before the line through {0}", "circle-circle": "circles about {1} and {0}",
@@ -45,3 +46,9 @@ def restitution_line(contact: Contact) -> str:
         return f"{law} returns 1"
     found = returned(hysteresis(law, asked))
     return f"{law} returns {found:.3g}" + ("" if law == "exact" else f", asked for {asked:.3g}")
+
+
+def friction_line(friction: Friction) -> str:
+    """A friction's law with its numbers."""
+    found = {key: getattr(friction, key) for key in ("mu", "mu_static", "preload", "viscous")}
+    return f"{friction.law}, " + ", ".join(f"{key} {value:.4g}" for key, value in found.items() if value)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from kaneflex.report.contacts import contact_line
+from kaneflex.report.contacts import contact_line, friction_line
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.solve.initial import start_coordinates
@@ -107,6 +107,15 @@ def contact_table(summary: Summary) -> str:
         rest = "" if contact.rests_since_s is None else f"{contact.rests_since_s:.5g}"
         rows.append((name, f"{contact.impacts}", fastest, force, f"{contact.lost:.4g}", rest))
     return table(("contact", "impacts", "fastest m/s", "largest N", "lost J", "rests from s"), rows)
+
+
+def friction_table(summary: Summary) -> str:
+    """What every friction did."""
+    rows = [
+        (name, f"{friction.largest:.5g}", f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}")
+        for name, friction in summary.frictions.items()
+    ]
+    return table(("friction", "largest N or N m", "lost J", "stuck %"), rows)
 
 
 def run_lines(summary: Summary) -> str:
@@ -243,6 +252,7 @@ def parts(scene: Scene) -> str:
         block("loads", {name: _load(load) for name, load in scene.loads.items()}),
         block("springs", {name: _spring(spring) for name, spring in scene.springs.items()}),
         block("contacts", {name: contact_line(contact) for name, contact in scene.contacts.items()}),
+        block("friction", {name: friction_line(friction) for name, friction in scene.frictions.items()}),
         block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
         block("events", {name: _event(scene, event) for name, event in scene.events.items()}),
     ]

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from kaneflex.solve.mode_angle_envelope import PeakSpread, mode_angle_spread
 from kaneflex.solve.solution import MOST_FREQUENCIES
-from kaneflex.solve.touching import ContactSummary, contact_summaries
+from kaneflex.solve.touching import ContactSummary, FrictionSummary, contact_summaries, friction_summaries
 from kaneflex.solve.unresolved import UnresolvedMode, unresolved
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
@@ -70,7 +70,7 @@ class EnergyBalance(PlainTable):
     """Where the energy went, in J, from start to end; but for preset coupled that of the rigid mechanism."""
 
     stored: float = Field(description="growth of kinetic, strain and potential energy")
-    dissipated: float = Field(description="by damping, and in contacts")
+    dissipated: float = Field(description="by damping, in contacts and by friction")
     supplied: float = Field(description="by loads and prescribed drives")
     gap: float = Field(description="largest |stored + dissipated - supplied| at any instant")
     drift: float = Field(description="the gap against the largest energy turned over")
@@ -114,6 +114,7 @@ class Summary(PlainTable):
     events: dict[str, list[float]] = Field(description="times of the scene's events, s")
     energy: EnergyBalance | None = Field(description="under preset coupled, or with free joints; null for others")
     contacts: dict[str, ContactSummary] = Field(description="by name; empty for a scene without contacts")
+    frictions: dict[str, FrictionSummary] = Field(description="by joint or contact; empty for a scene without friction")
     unresolved_modes: list[UnresolvedMode] = Field(
         description="under preset coupled: the modes that its steps do not follow; empty for others"
     )
@@ -160,6 +161,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         events={name: found.tolist() for name, found in solution.events.items()} if len(times) > 1 else {},
         energy=_energy(solution),
         contacts=contact_summaries(solution),
+        frictions=friction_summaries(solution),
         unresolved_modes=unresolved(solution),
         choice=choice,
         timing=Timing(
@@ -258,8 +260,8 @@ Made by `python -m kaneflex.report.summary`; do not edit.
 
 
 _TABLES = (
-    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, ContactSummary, UnresolvedMode, Choice, Attempt, Timing,
-    Operations, ParameterSensitivity, SensorDerivative,
+    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, ContactSummary, FrictionSummary, UnresolvedMode, Choice,
+    Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
 
 

@@ -67,7 +67,12 @@ class CoupledMotion(Motion):
         picked = {key: getattr(self.trajectory, key)[instants] for key in ("times", "q", "v", "a", "multipliers")}
         shift = {name: part[instants] for name, part in self.shift.items()}
         contacts = self.trajectory.contacts
-        trajectory = replace(self.trajectory, **picked, contacts=contacts and contacts.taken(instants))
+        frictions, standing = self.trajectory.frictions, self.trajectory.standing
+        trajectory = replace(
+            self.trajectory, **picked, contacts=contacts and contacts.taken(instants),
+            frictions=frictions and frictions.taken(instants),
+            standing=None if standing is None else standing[instants],
+        )  # fmt: skip
         return replace(self, rigid=rigid, trajectory=trajectory, shift=shift, whole=self.whole or self)
 
     # ---- in the floating frames -------------------------------------------------------------------------------
@@ -117,7 +122,7 @@ class CoupledMotion(Motion):
                                 for b, (axial, *_) in system.module.BODIES.items()]).astype(int)  # fmt: skip
         if not len(still):
             return self
-        found = system.held(t.times, t.q, t.v, still, None if t.contacts is None else t.contacts.begun)
+        found = system.held(t.times, t.q, t.v, still, t.standing)
         return replace(self, trajectory=replace(t, a=found.a, multipliers=found.reactions))
 
     def body(self, name: str) -> Rates:
@@ -206,7 +211,8 @@ class CoupledMotion(Motion):
         """Every joint reaction and every drive's force or torque; a free joint has none. Series (n_times,)."""
         found = dict(zip(self.system.constraints, self.trajectory.multipliers.T, strict=True))
         none = np.zeros(len(self.times))
-        return {f"{name}.drive": none for name in self.model.scene.drives} | found
+        rubbing = {f"{name}.friction": self.friction(name) for name in self.model.scene.frictions}
+        return {f"{name}.drive": none for name in self.model.scene.drives} | found | rubbing
 
     def contact(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         record = self.trajectory.contacts
@@ -224,6 +230,12 @@ class CoupledMotion(Motion):
         along = rotate(np.cos(first[2]), np.sin(first[2]), loose.direction)
         tilt = np.remainder(angle + np.pi, 2 * np.pi) - np.pi  # bodies may start whole turns apart
         return np.array([along[0] * x + along[1] * y, along[0] * y - along[1] * x, tilt])
+
+    def friction(self, name: str) -> np.ndarray:
+        record = self.trajectory.frictions
+        if record is None:
+            return np.full(len(self.times), np.nan)
+        return record.force[:, record.names.index(name)]
 
     def spring_tension(self, name: str) -> np.ndarray:
         spring = mechanism_of(self.model.scene).springs[name]
@@ -356,15 +368,17 @@ class FloatingScalars(RigidMotion):
         return -tension * np.divide(gap["xy".index(key[-1])], length, out=np.zeros_like(length), where=length > 0)
 
     def _contact(self, name: str) -> dict[str, np.ndarray]:
-        """Global force of a contact on its second side, and its moment on the first about that side's point."""
+        """Global force of a contact on its second side, and its moments on both about their points."""
         record, contact = self.coupled.trajectory.contacts, mechanism_of(self.coupled.model.scene).contacts[name]
         force = np.zeros(len(self.times)) if record is None else record.force[:, record.names.index(name)]
         (x, y, angle), second = (self.coupled.moving_place(side.body, side.at)[0] for side in contact.sides)
         gap = second[0] - x, second[1] - y
         direction = rotate(np.cos(angle), np.sin(angle), contact.direction)
         _, normal = apart(contact.kind, gap, np.hypot(*gap) + np.finfo(float).tiny, direction, contact.reach)
-        push = force * normal[0], force * normal[1]
-        return {"force_x": push[0], "force_y": push[1], "moment": -cross(gap, push)}
+        own = self.coupled.reactions.get(f"{name}.friction", 0.0 * force)
+        push = force * normal[0] - own * normal[1], force * normal[1] + own * normal[0]
+        arm = contact.radius * own  # friction acts where the second side's circle is touched
+        return {"force_x": push[0], "force_y": push[1], "moment": arm - cross(gap, push), "moment_second": -arm}
 
 
 _FRAME = {

@@ -92,6 +92,10 @@ class Motion(ABC):
         """
         raise LookupError(name)
 
+    def friction(self, name: str) -> np.ndarray:
+        """What friction exerts on the second side of a joint or contact [N or N m], (n_times,); as ``contact``."""
+        raise LookupError(name)
+
     def section(self, link: str, x: float) -> Section:
         """Section forces x [m] from a link's start."""
         if link in self.model.links:

@@ -56,6 +56,8 @@ class LinkForces:
                 moment += sign * self.rigid[f"{name}.moment"]
             elif name in self.scene.drives:
                 moment += sign * self.rigid[f"{name}.drive"]
+            if joint.kind == "revolute" and joint.friction is not None:
+                moment += sign * self.rigid[f"{name}.friction"]
         for name, load in self.scene.forces.items():
             if load.force_on == address:
                 pushing = self.rigid.frame("ground" if load.axes == "global" else link)
@@ -68,8 +70,9 @@ class LinkForces:
             for side, sign in zip(contact.sides, (-1.0, 1.0), strict=True):
                 if side == address:
                     force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
-            if contact.sides[0] == address:
-                moment += self.rigid[f"{name}.moment"]
+            for side, key in zip(contact.sides, ("moment", "moment_second"), strict=True):
+                if side == address:
+                    moment += self.rigid[f"{name}.{key}"]
         for name, (joint, on_second) in self.scene.joint_torques.items():
             for side, sign in zip(self.scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if side == address:
@@ -105,4 +108,6 @@ def joint_force(scene: Scene, rigid: RigidMotion, name: str, reaction: Callable[
         return np.array([reaction(f"{name}.force_x"), reaction(f"{name}.force_y")])
     t = rigid.frame(joint.addresses[0].body).to_global(joint.direction)
     force = reaction(f"{name}.normal") * normal(t)
+    if joint.friction is not None:
+        force = force + reaction(f"{name}.friction") * t
     return force + reaction(f"{name}.drive") * t if name in scene.drives else force

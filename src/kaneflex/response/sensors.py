@@ -211,6 +211,11 @@ class _Reader:
 
     _contact_angle = _contact_gap
 
+    def _friction_force(self, sensor: Sensor) -> np.ndarray:
+        return self.motion.friction(str(sensor.target))
+
+    _friction_torque = _friction_force
+
     def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
         """Force of a joint on ``sensor.body`` (by default the second), or its moment."""
         name = str(sensor.joint_force)

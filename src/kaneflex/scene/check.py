@@ -16,6 +16,7 @@ from kaneflex.scene.sensors import (
     CONTACT_KINDS,
     DRIVE_KINDS,
     FLANK_KINDS,
+    FRICTION_KINDS,
     MOTION_KINDS,
     POINT_KINDS,
     RIGID_COMPANIONS,
@@ -156,6 +157,8 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield from _spring_sensor(scene, key, sensor)
         elif sensor.kind in CONTACT_KINDS:
             yield from _contact_sensor(scene, key, sensor)
+        elif sensor.kind in FRICTION_KINDS:
+            yield from _friction_sensor(scene, key, sensor)
         elif sensor.kind == "joint_force":
             yield from _joint_sensor(scene, key, sensor)
         base = name.removesuffix("_rigid")
@@ -226,6 +229,17 @@ def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
         right = (others | {flank: kind for kind, flank in others.items()})[sensor.kind]
         what = "a flank, which turns" if right in FLANK_KINDS else "no flank, but pushes"
         yield Problem(f"{key}.{sensor.kind}", target, f"it is {what}", f"Write {right}")
+
+
+def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
+    target = str(sensor.target)
+    turning = {name: name in scene.joints and scene.joints[name].kind == "revolute" for name in scene.frictions}
+    if target not in turning:
+        cure = nearest(target, turning) if turning else "Give a joint or a contact friction"
+        yield Problem(f"{key}.{sensor.kind}", target, "nothing of that name has friction", cure)
+    elif turning[target] != (sensor.kind == "friction_torque"):
+        kind = "friction_torque" if turning[target] else "friction_force"
+        yield Problem(f"{key}.{sensor.kind}", target, "not what friction exerts there", f"Measure its {kind}")
 
 
 def _joint_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

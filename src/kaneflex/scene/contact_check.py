@@ -92,11 +92,13 @@ def key_of(name: str, contact: Contact) -> str:
 
 
 def refuse_contacts(scene: Scene, key: str, value: object, reason: str, cure: str) -> None:
-    """Raise SceneError where bodies of a scene touch and part, and what is asked for needs a smooth motion."""
+    """Raise SceneError where bodies of a scene touch and part, or rub, and what is asked for needs a smooth motion."""
     if scene.contacts:
         name, contact = next(iter(scene.contacts.items()))
         which = f"contacts.{name}" if contact.joint is None else f"joints.{contact.joint}.clearance"
         raise SceneError(key, value, f"with {which} {reason}", cure)
+    for name in scene.frictions:
+        raise SceneError(key, value, f"with joints.{name}.friction {reason}", cure)
 
 
 def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[Problem]:

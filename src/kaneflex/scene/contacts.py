@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import field_validator, model_validator
 
 from kaneflex.scene.contact_law import ContactLaw, cylinders, of_flanks, spheres
+from kaneflex.scene.friction import Friction, friction_in
 from kaneflex.scene.quantities import (
     Address,
     AddressPair,
@@ -27,12 +28,25 @@ _KINDS = {
 }  # fmt: skip
 
 
+def check_friction(friction: Friction | None, law: str) -> None:
+    """Raise Fault where a contact can't have a friction."""
+    if friction is not None and law == "newton":
+        reason = "friction of rigid sides that part at once is not available in this version"
+        raise Fault(reason, "Take a law with a stiffness, or leave friction out", below="friction")
+    if friction is not None:
+        try:
+            friction.check_at("contact")
+        except Fault as fault:
+            raise Fault(fault.reason, fault.cure, below=f"friction.{fault.below}") from None
+
+
 class Clearance(SceneTable):
     """Room in a joint, which then holds nothing: its sides touch by `contact`.
 
     A revolute joint's pin has the `radial` clearance, the bearing's radius less its own; `width` is that of both, and
     `radius` the pin's. A guide's block has the `gap` to either face when it lies in the middle; it is `length` long
     and `height` high, and its four corners touch. The bearing and the faces are on the joint's first body.
+    `friction` resists what slides where they touch.
 
     By an `angle` a revolute joint stays a pin and has backlash: from the `middle` of its play, where the second body's
     angle against the first is that, to the flank on either side.
@@ -47,6 +61,9 @@ class Clearance(SceneTable):
     angle: PositiveAngle | None = None
     middle: Angle = 0.0
     contact: ContactLaw
+    friction: Friction | None = None
+
+    _friction_in = field_validator("friction", mode="before")(lambda value: friction_in(value, turning=False))
 
     @model_validator(mode="before")
     @classmethod
@@ -61,8 +78,11 @@ class Clearance(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Clearance:
+        check_friction(self.friction, self.contact.law)
         given = the_one_given(self, ("radial", "gap", "angle"))
         own = {"radial": ("radius", "width"), "gap": ("length", "height"), "angle": ("middle",)}
+        if given == "angle" and self.friction is not None:
+            raise Fault("flanks don't slide", "Give the joint's own friction", below="friction")
         for field in (each for kind, fields in own.items() if kind != given for each in fields):
             if field in self.model_fields_set:
                 raise Fault(f"has no meaning for a {given} clearance", "Leave it out", below=field)
@@ -80,7 +100,7 @@ class Contact(SceneTable):
     `point_on_line`: a point of one body, or a circle of this `radius` about it, stays on that side of a line through a
     point of another body which the `normal` (in that body's axes) points to. `circle_on_circle`, `circle_in_circle`
     (the first in the second): circles of these `radii` about two points. `width` makes cylinders of what otherwise are
-    spheres, where the stiffness comes from materials.
+    spheres, where the stiffness comes from materials. `friction` resists what slides there.
     """
 
     point_on_line: AddressPair | None = None
@@ -91,9 +111,13 @@ class Contact(SceneTable):
     radii: Radii | None = None
     width: PositiveLength | None = None
     contact: ContactLaw
+    friction: Friction | None = None
+
+    _friction_in = field_validator("friction", mode="before")(lambda value: friction_in(value, turning=False))
 
     @model_validator(mode="after")
     def _consistent(self) -> Contact:
+        check_friction(self.friction, self.contact.law)
         given = the_one_given(self, tuple(_KINDS))
         line = given == "point_on_line"
         if line and self.normal is None:
@@ -262,7 +286,7 @@ def contacts_of(name: str, joint: Any) -> dict[str, ClearanceContact]:
     """
     first, second = joint.addresses
     room = joint.clearance
-    shared = {"contact": room.contact, "of": name, "clearance": room, "width": room.width}
+    shared = {"contact": room.contact, "friction": room.friction, "of": name, "clearance": room, "width": room.width}
     if room.radial is not None:
         return {name: ClearanceContact.model_construct(circle_in_circle=(second, first), **shared)}
     if room.angle is not None:

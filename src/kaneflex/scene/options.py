@@ -283,7 +283,7 @@ def _check_coupled(scene: Scene) -> None:
 
 
 def _check_contacts(scene: Scene, dynamics: str) -> None:
-    """Bodies that touch and part again, or move freely, move by the coupled equations alone."""
+    """Bodies that touch and part again, rub, or move freely, move by the coupled equations alone."""
     for name, contact in scene.contacts.items() if dynamics != "coupled" else ():
         joint = contact.joint
         key = f"contacts.{name}" if joint is None else f"joints.{joint}.clearance"
@@ -297,8 +297,12 @@ def _check_contacts(scene: Scene, dynamics: str) -> None:
         if scene.solve.start in ("quasistatic", "periodic"):
             reason = f"bodies.{name} is free: nothing holds it in equilibrium or brings it back"
             raise SceneError("solve.start", scene.solve.start, reason, "Start from zero, or from a given state")
+    for name in scene.frictions if dynamics != "coupled" else ():
+        reason = f"preset {scene.solve.preset} has no equations of friction"
+        raise SceneError(f"joints.{name}.friction", None, reason, "Take preset coupled")
     if scene.solve.integrator == "scipy":
-        refuse_contacts(scene, "solve.integrator", "scipy", "it would step over their impacts", "Take radau or gauss")
+        reason = "it would step over what changes there"
+        refuse_contacts(scene, "solve.integrator", "scipy", reason, "Take radau or gauss")
     if scene.solve.start in ("quasistatic", "periodic"):
         reason = "the motion need not repeat, and its equilibrium is not that of free bodies"
         refuse_contacts(scene, "solve.start", scene.solve.start, reason, "Start from zero, or from a given state")

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from kaneflex.scene.contacts import Clearance, contacts_of
+from kaneflex.scene.friction import Friction, friction_in
 from kaneflex.scene.quantities import (
     Address,
     AddressField,
@@ -51,7 +52,7 @@ class Joint(SceneTable):
     `rotation` is that of elastic bodies that meet in a revolute joint: released (each its own) or shared (the
     paper's welded pin). `relative_angle` (rad) turns the second body against the first in a weld. A `clearance` leaves
     room in a pin or a guide: the joint then holds nothing, its sides touch at times. One in an angle is backlash of a
-    pin, which stays.
+    pin, which stays. `friction` resists its motion.
     """
 
     revolute: AddressPair | None = None
@@ -63,6 +64,12 @@ class Joint(SceneTable):
     rotation: Literal["released", "shared"] = "released"
     relative_angle: Angle = 0.0
     clearance: Clearance | None = None
+    friction: Friction | None = None
+
+    @field_validator("friction", mode="before")
+    @classmethod
+    def _friction_in(cls, value: object, info: ValidationInfo) -> object:
+        return friction_in(value, turning=info.data.get("revolute") is not None)
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
@@ -77,12 +84,23 @@ class Joint(SceneTable):
             raise Fault("both sides are on the same body", "Join two bodies", below=kind)
         if self.clearance is not None:
             self._check_clearance(kind, self.clearance)
+        if self.friction is not None:
+            self._check_friction(kind, self.friction)
         return self
 
     @property
     def has_backlash(self) -> bool:
         """Whether its clearance is in its angle alone: it holds its two points together all the same."""
         return self.clearance is not None and self.clearance.angle is not None
+
+    def _check_friction(self, kind: str, friction: Friction) -> None:
+        if self.clearance is not None and not self.has_backlash:
+            raise Fault("a joint with a clearance has no force of its own", "Give clearance.friction", below="friction")
+        try:
+            friction.check_at(kind)
+        except Fault as fault:
+            below = f"friction.{fault.below}" if fault.below else "friction"
+            raise Fault(fault.reason, fault.cure, below=below) from None
 
     def _check_clearance(self, kind: str, room: Clearance) -> None:
         wanted = {"revolute": ("radial", "angle"), "prismatic": ("gap",)}.get(kind, ())

@@ -12,6 +12,7 @@ from kaneflex.scene.bodies import Body, Free
 from kaneflex.scene.contacts import Contact, LooseJoint, contacts_of, loose_joints
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.events import Event
+from kaneflex.scene.friction import Friction
 from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
 from kaneflex.scene.quantities import Acceleration, Address, Point
@@ -114,6 +115,13 @@ class Scene(SceneTable):
         joints = {name: joint for name, joint in self.joints.items() if name not in loose or joint.has_backlash}
         made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
         return self.seen(joints=joints, contacts={**self.contacts, **made})
+
+    @property
+    def frictions(self) -> dict[str, Friction]:
+        """Joint or contact -> its friction."""
+        found = {name: joint.friction for name, joint in self.joints.items()}
+        found |= {name: contact.friction for name, contact in self.contacts.items()}
+        return {name: friction for name, friction in found.items() if friction is not None}
 
     def remember(self, raw: dict[str, Any], source: str) -> None:
         """Keep what the scene was read from, and its tables as they are now."""

@@ -18,7 +18,8 @@ DRIVE_KINDS = ("drive_torque", "drive_force")
 SPRING_KINDS = ("spring_force", "spring_torque")
 FLANK_KINDS = ("contact_torque", "contact_angle")
 CONTACT_KINDS = ("contact_force", "contact_gap", *FLANK_KINDS)
-KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS)
+FRICTION_KINDS = ("friction_force", "friction_torque")
+KINDS = (*POINT_KINDS, "joint_force", *DRIVE_KINDS, *SPRING_KINDS, *CONTACT_KINDS, *FRICTION_KINDS)
 RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 """Kinds whose rigid value stands beside them under NAME_rigid."""
 
@@ -28,6 +29,7 @@ _UNITS = {
     "drive_force": "N",
     "spring_force": "N", "spring_torque": "N m", "contact_force": "N", "contact_gap": "m",
     "contact_torque": "N m", "contact_angle": "rad",
+    "friction_force": "N", "friction_torque": "N m",
 }  # fmt: skip
 _UNITS_OF_ANGLE = {
     "displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "position": "rad",
@@ -57,7 +59,8 @@ class Sensor(SceneTable):
     drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
     turning. contact_force: the normal force of a contact; contact_gap: how far its sides are apart, below zero where
-    they are in each other. contact_torque, contact_angle: the same of a flank of a joint's backlash.
+    they are in each other. contact_torque, contact_angle: the same of a flank of a joint's backlash. friction_force:
+    what friction exerts on the second side of a contact or a guide; friction_torque: that of a pin.
     """
 
     displacement: AddressField | None = None
@@ -77,6 +80,8 @@ class Sensor(SceneTable):
     contact_gap: str | None = None
     contact_torque: str | None = None
     contact_angle: str | None = None
+    friction_force: str | None = None
+    friction_torque: str | None = None
     relative_to: Literal["frame", "chord", "start"] = "frame"
     component: Literal["x", "y", "angle"] = "x"
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.solve.touching import labelled_contacts
-from kaneflex.support.labelled import Labelled
+from kaneflex.solve.touching import labelled_contacts, labelled_frictions
+from kaneflex.support.labelled import Entry, Labelled
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
@@ -27,13 +27,13 @@ def labelled(solution: Solution) -> Labelled:
         cycle, or ``drive_position_<drive>`` [m] of a guide; a variable for each sensor, and ``NAME_rigid`` beside the
         forces, with CF ``units`` and ``long_name``. Of a coupled run also dimension ``state``, the names of its
         coordinates, with ``last_state`` and ``last_rate`` at the last time; of one with contacts dimensions ``contact``
-        and ``impact``, see :mod:`kaneflex.solve.touching`.
+        and ``impact``, of one with friction ``friction``, see :mod:`kaneflex.solve.touching`.
         Attributes say what was solved and how it ended; none depends on the machine or the clock.
     """
     import kaneflex
 
     model = solution.model
-    coordinates = {"time": ("time", solution.times, {"units": "s", "long_name": "time", "axis": "T"})}
+    coordinates: dict[str, Entry] = {"time": ("time", solution.times, {"units": "s", "long_name": "time", "axis": "T"})}
     for drive, angle in solution.drive_angles.items():
         if model.scene.slides(drive):
             attributes = {"units": "m", "long_name": f"position of the drive {drive}"}
@@ -41,15 +41,16 @@ def labelled(solution: Solution) -> Labelled:
             continue
         attributes = {"units": "degree", "long_name": f"angle of the drive {drive}"}
         coordinates[f"drive_angle_{drive}"] = ("time", np.degrees(angle), attributes)
-    variables = {
+    variables: dict[str, Entry] = {
         name: ("time", series.values, {"units": series.unit, "long_name": series.meaning})
         for name, series in solution.series.items()
     }
     if model.coupled is not None and len(solution.times):
         coordinates["state"], more = _last_state(solution)
-        names, touching = labelled_contacts(solution)
-        coordinates |= names
-        variables |= more | touching
+        variables |= more
+        for names, found in (labelled_contacts(solution), labelled_frictions(solution)):
+            coordinates |= names
+            variables |= found
     about = {
         "Conventions": "CF-1.11",
         "title": model.scene.description or model.scene.name,

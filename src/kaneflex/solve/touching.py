@@ -1,4 +1,4 @@
-"""What contacts did in a run, in numbers: for its summary, and as labelled arrays."""
+"""What contacts and frictions did in a run, in numbers: for its summary, and as labelled arrays."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from kaneflex.multibody.impacts import COLUMNS, ContactRecord
+from kaneflex.multibody.rubbing import STUCK, FrictionRecord
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
@@ -24,6 +25,14 @@ _ABOUT = {
     "lost": ("J", "J", "energy lost"),
 }
 """Numbers of an impact: units, of flanks in the second place, and meaning."""
+
+
+class FrictionSummary(PlainTable):
+    """What a friction did over the run."""
+
+    lost: float = Field(description="energy taken up, J")
+    largest: float = Field(description="largest force at a stored instant, N; of a pin torque, N m")
+    stuck: float = Field(description="share of the stored instants at which it is stuck")
 
 
 class ContactSummary(PlainTable):
@@ -58,6 +67,40 @@ def contact_summaries(solution: Solution) -> dict[str, ContactSummary]:
             rests_since_s=next((impact.begin for impact in impacts if impact.lasts), None),
         )
     return found
+
+
+def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
+    """Every friction by the name of its joint or contact."""
+    record, found = _rubbing(solution), {}
+    for k, name in enumerate(() if record is None else record.names):
+        assert record is not None
+        stuck = float((record.mode[:, k] == STUCK).mean())
+        found[name] = FrictionSummary(lost=record.lost[-1, k], largest=abs(record.force[:, k]).max(), stuck=stuck)
+    return found
+
+
+def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
+    """Coordinates and variables: ``friction_force`` and the like over time and ``friction``."""
+    record = _rubbing(solution)
+    if record is None:
+        return {}, {}
+    both = ("time", "friction")
+    variables: dict[str, Entry] = {
+        "friction_force": (both, record.force, {
+            "units": "N", "long_name": "friction on the second side", "comment": "of a pin its torque [N m]",
+        }),
+        "friction_speed": (both, record.speed, {
+            "units": "m/s", "long_name": "speed of the second side past the first",
+            "comment": "of a pin its rate [rad/s]",
+        }),
+        "friction_pressed": (both, record.pressed, {
+            "units": "N", "long_name": "what presses the sides together", "comment": "of a pin times its radius [N m]",
+        }),
+        "friction_sticks": (both, (record.mode == STUCK).astype(np.int8), {"long_name": "1 where it is stuck"}),
+        "friction_lost": (both, record.lost, {"units": "J", "long_name": "energy that a friction has taken up so far"}),
+    }  # fmt: skip
+    about = {"long_name": "frictions, by joint or contact"}
+    return {"friction": ("friction", np.array(record.names), about)}, variables
 
 
 def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
@@ -138,6 +181,11 @@ def _in_clearances(solution: Solution) -> dict[str, Entry]:
     ratio = np.array([eccentricity(solution, name) for name in names]).T
     meaning = "eccentricity: 0 in the middle of a clearance, 1 where its sides touch"
     return found | {"eccentricity": (both, ratio, {"units": "1", "long_name": meaning})}
+
+
+def _rubbing(solution: Solution) -> FrictionRecord | None:
+    record = getattr(solution.trajectory, "frictions", None)
+    return record if record is not None and record.names and len(record.force) else None
 
 
 def record_of(solution: Solution) -> ContactRecord | None:

@@ -1,0 +1,386 @@
+"""Holds in the compiled equations: rows that hold at times and let slip at others, as dry friction does.
+
+A hold is a row of two sections as those of joints are: a place along it, its two rates, and the Jacobian of the first
+by the sections' twists. Its number is below zero, -1 the last one's; its act lies before the drives', its row of CUT
+after the cuts', its own numbers before the contacts'. MODE says what it does: IDLE (its contact is open), 1 or -1 while
+it slips that way, STUCK, or FLOWS where its force is a function of the state by itself. While it slips its force is by
+its law (:mod:`kaneflex.generated.friction`) and against the slip; while it is stuck it is an unknown: a row of the
+factors that yields nothing, and a reaction of NOW and of the stages as the cuts' are, so that it is stuck indeed.
+Beside the cuts' columns in the factors stand those of the friction that their reactions bring with them.
+
+Another kind of row becomes a hold so: a number after ALONG in ``tables`` with its kernel in :func:`row_of`, its act in
+``topology``; who sets its MODE to STUCK has it held from then on: in the stages (:func:`ask`), at an instant
+(``loops.mend``), and in place and speed at the end of every step (``sticking.keep``). What it takes is at HOLDING.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.generated import friction as laws
+from kaneflex.generated import joints
+from kaneflex.multibody.tables import (
+    ALONG,
+    AT,
+    BRISTLE,
+    CONTACT,
+    CONTACT_SIZE,
+    CONTACTS,
+    CUT,
+    CUT_OF,
+    CUT_ROWS,
+    DRIVES,
+    HOLDING,
+    HOLDS,
+    KEPT,
+    LIMIT,
+    MODE,
+    NORMAL,
+    NOW,
+    NUMBERS_AT,
+    ON,
+    OPTIONS,
+    PLACE,
+    PUSH_NOW,
+    REACTION,
+    REACTIONS,
+    ROW_AT,
+    ROW_OF,
+    ROW_SIZE,
+    SEC,
+    SECTION,
+    SLIP,
+    SLIP_RATE,
+    SLOPE,
+    SPEED_SIZE,
+    STAGE_H,
+    STAGE_R,
+    STUCK_AT,
+    TOUCHING,
+    TURN,
+    WANTED,
+    WHAT,
+    YIELDING,
+    apart,
+    larger,
+    of_holds,
+    shifted,
+)  # fmt: skip
+
+_SOFT = 1e-9
+"""Of what a row yields by itself, the share that it is let yield more."""
+IDLE, STUCK, FLOWS = 0.0, 2.0, 3.0
+"""Modes of a hold beside 1 and -1."""
+ARM, VISCOUS_AT, LAW_AT, OF_AT = 9, 7, 12, 13
+"""Among its law's numbers: the arm, the viscous part, the number of its law, the act that it belongs to."""
+
+
+@njit(**OPTIONS)
+def count(m):
+    """How many holds there are."""
+    return m.plan[DRIVES] - m.plan[HOLDS]
+
+
+@njit(**OPTIONS)
+def number_at(m, n):
+    """Where the numbers of a hold are."""
+    return m.plan[CONTACT] + CONTACT_SIZE * n
+
+
+@njit(**OPTIONS)
+def lent(m, n):
+    """The inertia [kg m^2] that a hold takes back of a body that was lent it, see ``topology``; 0 of friction."""
+    j = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+    return m.w[j + ARM] if m.w[j + LAW_AT] < 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def row_of(m, n):
+    """Fill a hold's row where everything is, of a contact's one that has been met; where its numbers are."""
+    apart()
+    plan, w, act, k = m.plan, m.w, m.plan[DRIVES] + n, number_at(m, n)
+    first, second, j = m.acts[act, AT], m.acts[act, ON], m.acts[act, NUMBERS_AT]
+    row = plan[CUT] + ROW_SIZE * row_at(m, n)
+    sec = shifted(w, plan[SECTION])
+    if m.acts[act, WHAT] == ALONG:
+        of = int(w[j + OF_AT])
+        touching.along(m.acts[of, WHAT], sec, SEC * first, SEC * second, w, m.acts[of, NUMBERS_AT], w, row)
+    elif m.acts[act, WHAT] == TURN:
+        joints.turn(sec, first, second, w[j], w[j + 1], w[j + 2], w, row)
+    else:
+        joints.slide(sec, first, second, w[j], w[j + 1], w[j + 2], w, row)
+    w[k + PLACE], w[k + SLIP], w[k + SLIP_RATE] = w[row], w[row + 1], w[row + 2]
+    size = 0.0
+    for side in range(2):
+        at, own = SEC * m.acts[act, AT + side] + 3, row + 3 + 3 * side
+        for i in range(3):
+            size += abs(w[own + i] * sec[at + i])
+    w[k + SPEED_SIZE] = size
+    return k
+
+
+@njit(**OPTIONS)
+def row_at(m, n):
+    """Number of a hold's row."""
+    return m.plan[CUT_ROWS] + n
+
+
+@njit(**OPTIONS)
+def pressed(m, n):
+    """What presses a hold on [N or N m]: its contact's force, or its joint's reactions as NOW has them."""
+    plan, w, j = m.plan, m.w, m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+    of, arm = int(w[j + OF_AT]), w[j + ARM]
+    if m.acts[plan[DRIVES] + n, WHAT] == ALONG:
+        return larger(w[plan[CONTACT] + CONTACT_SIZE * (of - plan[CONTACTS]) + PUSH_NOW], 0.0)
+    row = plan[NOW] + m.acts[of, ROW_AT]
+    if m.acts[plan[DRIVES] + n, WHAT] == TURN:
+        return arm * math.sqrt(w[row] * w[row] + w[row + 1] * w[row + 1])
+    return larger(abs(w[row]), arm * abs(w[row + 1]))
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def exert(m):
+    """Find what every hold exerts where everything is, at NOW and HOLDING; contacts have been met."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(-count(m), 0):
+        k, j = row_of(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT]
+        place, v, mode = plan[NOW] + row_at(m, n), w[k + SLIP], w[k + MODE]
+        if lent(m, n) > 0.0:
+            w[place] = lent(m, n) * w[k + SLIP_RATE]
+            continue
+        N = pressed(m, n)
+        w[k + NORMAL], w[k + LIMIT] = N, laws.limit(w, j, N)
+        if mode == IDLE:
+            w[place] = 0.0
+        elif mode == FLOWS:
+            w[place] = -w[j + VISCOUS_AT] * v
+        elif mode != STUCK:
+            w[place] = -mode * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
+        w[k + HOLDING] = w[place]
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def stuck_rows(m, first):
+    """Have factors at an instant know what is stuck, after ``first`` others; how many that are."""
+    apart()
+    found = 0
+    for n in range(-count(m), 0):
+        if m.w[number_at(m, n) + MODE] == STUCK or lent(m, n) > 0.0:
+            m.pivots[m.plan[TOUCHING] + first + found] = n
+            found += 1
+            m.w[number_at(m, n) + SLOPE] = 0.0
+    return found
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def known_rows(m, first):
+    """Have the factors of a step know holds where everything is, after ``first`` contacts; how many those are."""
+    apart()
+    plan, w, found = m.plan, m.w, 0
+    for n in range(-count(m), 0):
+        k, j = row_of(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT]
+        mode, w[k + SLOPE] = w[k + MODE], 0.0
+        if mode != IDLE and mode != STUCK and lent(m, n) == 0.0:
+            w[k + SLOPE] = w[j + VISCOUS_AT]
+            if mode != FLOWS:
+                w[k + SLOPE] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, pressed(m, n), w[k + SLIP]), 0.0)
+        if mode == STUCK or w[k + SLOPE] > 0.0 or lent(m, n) > 0.0:
+            m.pivots[plan[TOUCHING] + first + found] = n
+            found += 1
+    return found
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def compliance(m, n, h, own):
+    """What a hold's row adds to its own in the factors.
+
+    Next to nothing where it is stuck, and as answers are mended by what they miss, nothing in the end. But where others
+    hold it already, it decides who bears how much.
+    """
+    slope = m.w[number_at(m, n) + SLOPE]
+    if lent(m, n) > 0.0:
+        return 0.0 * h - 1.0 / lent(m, n)
+    return 1.0 / (h * slope) if slope > 0.0 else _SOFT * own + 0.0 * h
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def wanted(m, A, r):
+    """The acceleration that a row of the factors is to have, of those that are stuck."""
+    if r < m.plan[KEPT]:
+        return 0.0 * A[0]
+    n = m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
+    return A[m.plan[WANTED] - 1 - n] if n < 0 else 0.0 * A[0]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def want_nothing(m, A):
+    """No row of the factors is to have any acceleration."""
+    for n in range(count(m)):
+        A[m.plan[WANTED] + n] = 0.0 * A[0]
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def brought(m, r):
+    """The hold whose friction the reaction of a factors' row brings with it as it slips; 0: there is none."""
+    apart()
+    plan, w = m.plan, m.w
+    of = plan[plan[CUT_OF] + r] if r < plan[KEPT] else plan[CONTACTS] + m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    for n in range(-count(m), 0):
+        mode = w[number_at(m, n) + MODE]
+        if int(w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + OF_AT]) == of and (mode == 1.0 or mode == -1.0):
+            return n
+    return 0
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def share(m, n, r):
+    """Derivative of what a hold exerts as it slips by the reaction of a factors' row."""
+    apart()
+    plan, w = m.plan, m.w
+    k, j, what = number_at(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT], m.acts[plan[DRIVES] + n, WHAT]
+    v = w[k + SLIP]
+    found = -w[k + MODE] * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v))
+    if r >= plan[KEPT]:
+        return found
+    first, arm, row = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM], plan[plan[ROW_OF] + r]
+    one, two, own = w[plan[NOW] + first], w[plan[NOW] + first + 1], w[plan[NOW] + row]
+    if what == TURN:
+        return found * arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
+    if (abs(one) >= arm * abs(two)) != (row == first):
+        return 0.0
+    return found * (1.0 if own >= 0.0 else -1.0) * (1.0 if row == first else arm)
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def kept_of_stage(m, i):
+    """Keep what holds do in a stage: accelerations of all, and the forces of those that slip."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        w[plan[STAGE_H] + count(m) * (i + 1) + n] = w[k + SLIP_RATE]
+        w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] = w[k + HOLDING]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def ask(m, into, A, B):
+    """Ask an iteration of the stages for accelerations that leave no hold with any that is stuck."""
+    apart()
+    plan, w, own = m.plan, m.w, m.plan[STAGE_H] + count(m)
+    for n in range(-count(m), 0):
+        a_0, a_1, a_2 = w[own + n], w[own + count(m) + n], w[own + 2 * count(m) + n]
+        stuck = w[number_at(m, n) + MODE] == STUCK
+        one = -(into[0].real * a_0 + into[1].real * a_1 + into[2].real * a_2)
+        two = -(into[3] * a_0 + into[4] * a_1 + into[5] * a_2)
+        A[plan[WANTED] - 1 - n] = one if stuck else 0.0
+        B[plan[WANTED] - 1 - n] = two if stuck else 0.0 * two
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def answered(m, i, one, two, A, B):
+    """Take an iteration's answer for what holds exert in a stage."""
+    apart()
+    plan, w = m.plan, m.w
+    for r in range(m.pivots[YIELDING]):
+        n, x = m.pivots[plan[TOUCHING] + r], plan[REACTION] + plan[KEPT] + r
+        if n < 0:
+            w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] += one * A[x] + (two * B[x]).real
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def hold_still(m, A):
+    """Want no acceleration of what is stuck, by the motion that is met."""
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        A[m.plan[WANTED] - 1 - n] = -m.w[k + SLIP_RATE] if m.w[k + MODE] == STUCK else 0.0
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def take_up(m, A):
+    """Add what the answer at an instant has for holds to what they exert."""
+    plan = m.plan
+    for r in range(m.pivots[YIELDING]):
+        n = m.pivots[plan[TOUCHING] + r]
+        if n < 0:
+            m.w[plan[NOW] + row_at(m, n)] += A[plan[REACTION] + plan[KEPT] + r]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def taken(m, row, first):
+    """Where holds stuck, and how their bristles are bent, from a row of the integration, from ``first`` on."""
+    for n in range(count(m)):
+        k = number_at(m, n - count(m))
+        m.w[k + STUCK_AT], m.w[k + BRISTLE] = row[first + 2 * n], row[first + 2 * n + 1]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def given(m, row, first):
+    """The same into a row."""
+    for n in range(count(m)):
+        k = number_at(m, n - count(m))
+        row[first + 2 * n], row[first + 2 * n + 1] = m.w[k + STUCK_AT], m.w[k + BRISTLE]
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def not_moved(m):
+    """Kinetic energy [J] of what bodies were lent."""
+    total = 0.0
+    for n in range(-count(m), 0):
+        total += 0.5 * lent(m, n) * m.w[number_at(m, n) + SLIP] * m.w[number_at(m, n) + SLIP]
+    return total
+
+
+@njit(**OPTIONS)
+def _lost_by(m, n):
+    """Power that a hold dissipates [W]: none where it is stuck, whatever it slips by rounding."""
+    w, k = m.w, number_at(m, n)
+    return -w[k + HOLDING] * w[k + SLIP] if w[k + MODE] != STUCK else 0.0
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def lost(m):
+    """Power that holds dissipate [W]."""
+    total = 0.0
+    for n in range(-count(m), 0):
+        total += _lost_by(m, n)
+    return total
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def losses(m, end):
+    """Each hold's at the places before ``end``."""
+    for n in range(-count(m), 0):
+        m.w[end + n] = _lost_by(m, n)
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def told(m, out):
+    """Of every hold, as everything stands: force, speed, what presses it on, mode."""
+    for n in range(count(m)):
+        k = number_at(m, n - count(m))
+        out[4 * n], out[4 * n + 1], out[4 * n + 2], out[4 * n + 3] = (
+            m.w[k + HOLDING], m.w[k + SLIP], m.w[k + NORMAL], m.w[k + MODE]
+        )  # fmt: skip

@@ -1,0 +1,52 @@
+"""What the frictions of a run did: forces, speeds and losses over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+STUCK = 2.0
+"""Mode of what neither slides nor turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionRecord:
+    """The frictions of a run at its stored instants.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Their joints and contacts.
+    force : ndarray (n_times, n_frictions)
+        On the second side [N], in a pin on the second body [N m]: along a guide's direction, or a contact's normal
+        turned by 90 deg.
+    speed : ndarray (n_times, n_frictions)
+        Of the second side past the first, along the same [m/s or rad/s].
+    pressed : ndarray (n_times, n_frictions)
+        What presses the sides together: a contact's force [N], a pin's reaction times its radius [N m], the sum of what
+        a guide's faces bear [N].
+    mode : ndarray (n_times, n_frictions)
+        1 or -1 where it slips that way, 2 where it is stuck, 3 where its force is a function of the state, 0 where the
+        sides are apart.
+    lost : ndarray (n_times, n_frictions)
+        Energy [J] that each has taken up since the start.
+    """
+
+    names: tuple[str, ...]
+    force: np.ndarray
+    speed: np.ndarray
+    pressed: np.ndarray
+    mode: np.ndarray
+    lost: np.ndarray
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray) -> FrictionRecord:
+        """From what the engine tells of each, (n_times, n_frictions, 4), and what it took up."""
+        force, speed, pressed, mode = np.moveaxis(told, 2, 0)
+        return cls(names, force, speed, pressed, mode, lost)
+
+    def taken(self, instants: np.ndarray) -> FrictionRecord:
+        """The same at some of the stored instants."""
+        picked = {key: getattr(self, key)[instants] for key in ("force", "speed", "pressed", "mode", "lost")}
+        return replace(self, **picked)

@@ -1,0 +1,313 @@
+"""Whether holds slip or are stuck, in the compiled integration: decided at an instant, kept over a step.
+
+While a hold slips, its speed is looked at as an open contact's gap is: where it comes to zero the step ends. While it
+is stuck, what is looked at is how much more than it exerts it could: where nothing is left of that, the step ends, too.
+There :func:`decide` finds, for all holds that have no speed, a choice that agrees with itself: who is stuck exerts no
+more than it can, who slips is accelerated the way it slips. Where there is none, as in Painleve's paradox (1895, C. R.
+Acad. Sci. 121, 112), that is the run's outcome. """
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody.holds import FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows
+from kaneflex.multibody.loops import factorise_closed, follow, hold_now, mend, middle, solve_closed
+from kaneflex.multibody.tables import (
+    ALONG,
+    AT,
+    BEFORE,
+    BEGUN_AT,
+    BLOCK,
+    BODIES,
+    COLUMNS,
+    CONTACT,
+    CONTACT_SIZE,
+    CONTACTS,
+    COORDINATES,
+    CUT,
+    DRIVES,
+    DUE,
+    EXTENT,
+    FRAME,
+    FRAME_SIZE,
+    GRAVITY,
+    HOLDING,
+    KEPT,
+    LIMIT,
+    MODE,
+    NODES,
+    NUMBERS_AT,
+    OPTIONS,
+    PIVOTS,
+    PLACE,
+    RATE,
+    ROW_SIZE,
+    SEC,
+    SECTION,
+    SLIP,
+    SLIP_RATE,
+    SPEED_SIZE,
+    STUCK_AT,
+    TOUCH,
+    TURN,
+    WANTED,
+    WHAT,
+    YIELDING,
+    Y,
+    apart,
+    larger,
+    of_holds,
+)  # fmt: skip
+
+_EPS = 2.3e-16
+_CLOSE = 1e-11
+"""Share of the largest force that holds, by which it counts as reached."""
+_WRONG = 1e-9
+"""Share of the accelerations about, by which one against the slip is no rounding."""
+_STILL = 1e-11
+"""Speed of nothing, in sizes of the mechanism, or rad, a second: what a hold shows whom others keep still."""
+_CANDIDATES = 6
+"""Holds without speed of which every choice is tried."""
+_SETTLED = 40
+"""Turns in which reactions and the friction that they bring with them settle."""
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def begin(m):
+    """Where a step begins, and contacts have been met."""
+    exert(m)
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def note(m, t, i):
+    """Keep of all holds what is looked at, as that of the step's node i: how far from zero, its rate, what is zero."""
+    apart()
+    w = m.w
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        j, mode = k + NODES + 4 * i, w[k + MODE]
+        if mode == STUCK:
+            w[j], w[j + 1], w[j + 2] = w[k + LIMIT] - abs(w[k + HOLDING]), 0.0, _CLOSE * w[k + LIMIT] + no_force(m, n)
+        else:
+            w[j], w[j + 1], w[j + 2] = mode * w[k + SLIP], mode * w[k + SLIP_RATE], no_speed(m, n, t)
+        w[j + 3] = w[j]
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def end(m, table, last):
+    """At the end of a step that isn't a stage, what stuck holds exert is as the stages go on."""
+    apart()
+    w, c = m.w, table.nodes
+    if table.ends[0] != 0.0:
+        return
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        if w[k + MODE] == STUCK:
+            j, total = k + NODES, 0.0
+            for i in range(3):
+                one, two = c[(i + 1) % 3], c[(i + 2) % 3]
+                total += w[j + 4 * (i + 1)] * (1.0 - one) * (1.0 - two) / ((c[i] - one) * (c[i] - two))
+            w[j + 4 * last] = w[j + 4 * last + 3] = total
+
+
+@of_holds(False)
+@njit(**OPTIONS)
+def due(m, n, last):
+    """Whether a hold changes at the step's end, but for rounding."""
+    w = m.w
+    j = number_at(m, n) + NODES + 4 * last
+    return abs(w[j]) <= w[j + 2] and (w[number_at(m, n) + MODE] == STUCK or w[j + 1] < 0.0)
+
+
+@njit(**OPTIONS)
+def no_speed(m, n, t):
+    """Speed of a hold that is as good as none."""
+    w, k = m.w, number_at(m, n)
+    least = 1.0 if m.acts[m.plan[DRIVES] + n, WHAT] == TURN else w[m.plan[TOUCH] + EXTENT]
+    return _STILL * least + 8.0 * _EPS * (w[k + SPEED_SIZE] + abs(t * w[k + SLIP_RATE])) + 1e-300
+
+
+@njit(**OPTIONS)
+def no_force(m, n):
+    """Force, or moment, of a hold that is as good as none: a rounding of what it takes to move all bodies."""
+    apart()
+    plan, w, total = m.plan, m.w, 0.0
+    for b in range(plan[BODIES]):
+        f = plan[FRAME] + FRAME_SIZE * b
+        size = abs(w[plan[GRAVITY]]) + abs(w[plan[GRAVITY] + 1]) + abs(w[f + 8]) + abs(w[f + 9])
+        total += w[m.bodies[b, BLOCK]] * size
+    arm = w[plan[TOUCH] + EXTENT] if m.acts[plan[DRIVES] + n, WHAT] == TURN else 1.0
+    return 1e-14 * total * arm + 1e-300
+
+
+@njit(**OPTIONS)
+def no_rate(m, n):
+    """Acceleration of a hold that is as good as none."""
+    plan, w, size = m.plan, m.w, 0.0
+    for side in range(2):
+        at = plan[SECTION] + SEC * m.acts[plan[DRIVES] + n, AT + side] + 6
+        own = plan[CUT] + ROW_SIZE * row_at(m, n) + 3 + 3 * side
+        for i in range(3):
+            size += abs(w[own + i] * w[at + i])
+    return _WRONG * (size + abs(w[plan[GRAVITY]]) + abs(w[plan[GRAVITY] + 1])) + 1e-300
+
+
+@of_holds(True)
+@njit(**OPTIONS)
+def keep(m, t, h, A):
+    """Put what is stuck back to where it stuck, and to no speed, after a step of h; False: singular."""
+    apart()
+    w, extent, off, faster = m.w, m.w[m.plan[TOUCH] + EXTENT], False, False
+    hold_now(m)
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        if w[k + MODE] == STUCK:
+            size = 1.0 if m.acts[m.plan[DRIVES] + n, WHAT] == TURN else extent
+            near = 4.0 * _EPS * (abs(w[k + PLACE]) + size)
+            off = off or abs(w[k + PLACE] - w[k + STUCK_AT]) > near
+            faster = faster or abs(w[k + SLIP]) * h > near
+    return (not off or put_back(m, t, A, 0)) and (not (off or faster) or put_back(m, t, A, 1))
+
+
+@njit(**OPTIONS)
+def put_back(m, t, A, level):
+    """Move everything, or of level 1 change its speeds, by as little as puts an end to what is off of stuck holds.
+
+    Little is meant by the masses, as of an impulse.
+    """
+    apart()
+    plan, w, of = m.plan, m.w, m.plan[RATE] if level else m.plan[Y]
+    hold_now(m)
+    middle(m)
+    m.pivots[YIELDING] = stuck_rows(m, 0)
+    if not factorise_closed(m, 0.0, A, plan[PIVOTS]):
+        return False
+    answer = plan[COLUMNS] + plan[KEPT] * plan[COORDINATES]
+    for i in range(plan[COORDINATES]):
+        A[answer + i] = 0.0
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        A[plan[WANTED] - 1 - n] = 0.0
+        if w[k + MODE] == STUCK:
+            A[plan[WANTED] - 1 - n] = -w[k + SLIP] if level else w[k + STUCK_AT] - w[k + PLACE]
+    solve_closed(m, A, plan[PIVOTS])
+    for i in range(plan[COORDINATES]):
+        w[of + i] += A[answer + i]
+    return follow(m, t)
+
+
+@of_holds(0)
+@njit(**OPTIONS)
+def decide(m, t, A):
+    """Find which holds slip and which are stuck where everything is; 0, or 1 at a singular state, 2 where none agrees.
+
+    Accelerations and reactions are those of that choice.
+    """
+    apart()
+    w, free = m.w, 0
+    for _ in range(2):
+        # What sticks may bring others to a stand, as those of a mechanism that can only move in one way.
+        hold_now(m)
+        free = 0
+        for n in range(-count(m), 0):
+            free += _stand(m, n, t)
+        if free and not put_back(m, t, A, 1):
+            return 1
+    for _ in range(4 * free + 4):
+        if not _settle(m, t, A):
+            return 1
+        n = _wrong(m)
+        if n == 0:
+            return _take(m)
+        k = number_at(m, n)
+        w[k + MODE] = (-1.0 if w[k + HOLDING] > 0.0 else 1.0) if w[k + MODE] == STUCK else STUCK
+    if free > _CANDIDATES:
+        return 2
+    for choice in range(3**free):
+        left = choice
+        for n in range(-count(m), 0):
+            if w[number_at(m, n) + DUE] < 0.0:
+                w[number_at(m, n) + MODE] = (STUCK, 1.0, -1.0)[left % 3]
+                left //= 3
+        if not _settle(m, t, A):
+            return 1
+        if _wrong(m) == 0:
+            return _take(m)
+    return 2
+
+
+@njit(**OPTIONS)
+def _stand(m, n, t):
+    """A first choice for a hold; whether it has no speed, so that there are others: DUE is below zero then."""
+    plan, w, k, j = m.plan, m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+    shifts, before, v = w[k + DUE] > 0.0, w[k + MODE], w[k + SLIP]
+    if w[k + DUE] < 0.0:
+        return 1
+    if w[j + LAW_AT] < 0.0:
+        return 0
+    of = plan[CONTACT] + CONTACT_SIZE * (int(w[j + OF_AT]) - plan[CONTACTS])
+    if m.acts[plan[DRIVES] + n, WHAT] == ALONG and w[of + BEGUN_AT] == 0.0:
+        w[k + MODE] = IDLE
+        return 0
+    if w[j + LAW_AT] == 2.0:
+        w[k + MODE] = FLOWS
+        return 0
+    if before != STUCK and not shifts and abs(v) > no_speed(m, n, t):
+        w[k + MODE] = 1.0 if v > 0.0 else -1.0
+        return 0
+    w[k + DUE], w[k + MODE] = -1.0, STUCK
+    if before != STUCK:
+        w[k + STUCK_AT] = w[k + PLACE]
+    elif shifts:
+        w[k + MODE] = -1.0 if w[k + HOLDING] > 0.0 else 1.0
+    return 1
+
+
+@njit(**OPTIONS)
+def _settle(m, t, A):
+    """Accelerations and reactions of a choice: as often as what reactions bring with them changes."""
+    apart()
+    w = m.w
+    for turn in range(_SETTLED):
+        if not mend(m, t, A, 0.0, 1):
+            return False
+        for n in range(-count(m), 0):
+            w[number_at(m, n) + BEFORE] = w[number_at(m, n) + HOLDING]
+        exert(m)
+        moved = 0.0
+        for n in range(-count(m), 0):
+            k = number_at(m, n)
+            allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + HOLDING])) + no_force(m, n)
+            moved = larger(moved, abs(w[k + HOLDING] - w[k + BEFORE]) / allowed)
+        if turn > 0 and not moved > 1.0:
+            return True
+    return True
+
+
+@njit(**OPTIONS)
+def _wrong(m):
+    """The hold that agrees least with its mode among those without speed; 0 where all do."""
+    apart()
+    w, worst, found = m.w, 0.0, 0
+    for n in range(-count(m), 0):
+        k = number_at(m, n)
+        if w[k + DUE] >= 0.0:
+            continue
+        if w[k + MODE] == STUCK:
+            off = (abs(w[k + HOLDING]) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
+        else:
+            off = -w[k + MODE] * w[k + SLIP_RATE] / no_rate(m, n)
+        if off > larger(worst, 1.0):
+            worst, found = off, n
+    return found
+
+
+@njit(**OPTIONS)
+def _take(m):
+    """Nothing is left to decide."""
+    for n in range(-count(m), 0):
+        m.w[number_at(m, n) + DUE] = 0.0
+    return 0

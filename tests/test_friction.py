@@ -1,0 +1,258 @@
+"""Friction that sticks and slips, against closed forms: guides, pins and contacts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from kaneflex import SceneError, linearise, load, simulate
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.scene import read_scene, with_settings
+
+G, SLOPE = 9.81, math.radians(30)
+BLOCK = f"""
+schema = 1
+description = "A block on an incline, x down the slope"
+gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]
+[bodies]
+block = {{mass = "2 kg"}}
+[joints.slide]
+prismatic = ["ground", "block"]
+direction = [1, 0]
+friction = {{mu = 0.3}}
+[drives]
+slide = {{free = true, initial_speed = 0}}
+[sensors]
+x = {{position = "slide"}}
+drag = {{friction_force = "slide"}}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 100
+"""
+HINGE = """
+schema = 1
+description = "A flywheel in a bearing that rubs"
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+wheel = {mass = "1 kg", inertia = "0.02 kg m^2"}
+[joints.hinge]
+revolute = ["ground", "wheel"]
+friction = {mu = 0.2, radius = "10 mm", preload = "0.005 N m"}
+[drives]
+hinge = {free = true, initial_speed = 3}
+[sensors]
+angle = {position = "hinge", component = "angle"}
+drag = {friction_torque = "hinge"}
+[solve]
+preset = "coupled"
+duration = "4 s"
+steps = 100
+"""
+
+
+def solved(tmp_path, text, *settings, outcome=Outcome.COMPLETED):
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    found = simulate(load(with_settings(read_scene(path), settings)))
+    assert found.outcome is outcome, found.trajectory.message
+    if outcome is Outcome.COMPLETED:
+        energy = found.trajectory.energy
+        parts = energy.kinetic, energy.strain, energy.weight, energy.dissipated, energy.supplied
+        turned = np.ptp(parts, axis=1).max()
+        assert abs(energy.gap).max() < 1e-6 * turned + 1e-11
+    return found
+
+
+def slid(t, start, speed, mu):
+    """Place and speed of the block, which a start up the slope turns round, or stops."""
+    up = -G * (math.sin(SLOPE) + mu * math.cos(SLOPE)) if speed > 0 else G * (math.sin(SLOPE) + mu * math.cos(SLOPE))
+    stop = -speed / up if speed else 0.0
+    down = G * (math.sin(SLOPE) - mu * math.cos(SLOPE))
+    before, after = np.minimum(t, stop), np.maximum(t - stop, 0.0)
+    falls = max(down, 0.0)
+    return start + speed * before + up * before**2 / 2 + falls * after**2 / 2, stop
+
+
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+@pytest.mark.parametrize(("mu", "speed"), [(0.3, 0.0), (0.3, -1.0), (0.8, -1.0), (0.8, 0.0), (0.57, 0.0), (0.58, 0.0)])
+def test_a_block_slides_down_stops_and_turns_round_as_in_textbooks(tmp_path, mu, speed, integrator):
+    settings = [f"slide.friction.mu={mu}", f"drives.slide.initial_speed={speed}", f"solve.integrator={integrator}"]
+    found = solved(tmp_path, BLOCK, *settings)
+    place, stop = slid(found.times, 0.0, speed, mu)
+    assert found.series["x"].values == pytest.approx(place, abs=1e-12)
+    held = G * min(math.sin(SLOPE), mu * math.cos(SLOPE))
+    after = found.times > stop + 1e-9
+    assert found.series["drag"].values[after] == pytest.approx(-2 * held, rel=1e-12)
+    stuck = found.trajectory.frictions.mode[:, 0] == 2
+    assert (stuck[after] == (mu > math.tan(SLOPE))).all() and not stuck[found.times < stop].any()
+
+
+def test_what_slides_on_the_level_stops_in_time_and_place(tmp_path):
+    """v^2 / (2 mu g) and v / (mu g); what is lost is its energy."""
+    level = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
+    found = solved(tmp_path, level, "drives.slide.initial_speed=2")
+    stop, last = 2 / (0.3 * G), 4 / (2 * 0.3 * G)
+    assert found.series["x"].values[-1] == pytest.approx(last, rel=1e-12)
+    moving = found.times < stop
+    assert found.series["drag"].values[moving] == pytest.approx(-2 * 0.3 * G, rel=1e-12)
+    assert found.series["drag"].values[~moving] == pytest.approx(0.0, abs=1e-12)
+    assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(4.0, rel=1e-12)
+
+
+def test_a_block_on_an_incline_sticks_for_ever(tmp_path):
+    """A million steps; pushed and shaken by less than what holds it, it hasn't moved by a rounding at the end."""
+    text = BLOCK.replace("[sensors]", """[loads]
+shake = {force_on = "block", direction = [1, 0], law = "1.5 * sin(700 * t)"}
+[sensors]""")
+    settings = ["slide.friction.mu=0.7", "drives.slide.position=0.37 m", "solve.duration=1000 s", "solve.steps=1000000"]
+    found = solved(tmp_path, text, *settings)
+    assert found.trajectory.steps >= 10**6
+    assert abs(found.series["x"].values - 0.37).max() == 0.0
+    assert (found.trajectory.frictions.mode == 2).all() and found.trajectory.frictions.lost[-1, 0] == 0.0
+
+
+def test_what_holds_is_more_than_what_drags(tmp_path):
+    """A force that grows breaks the block loose at mu_static N; then mu N resists."""
+    text = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}", "gravity = [0")
+    text = text.replace("mu = 0.3", "mu = 0.2, mu_static = 0.5")
+    pull = '[loads]\npull = {force_on = "block", direction = [1, 0], law = "20 * t"}\n[sensors]'
+    text = text.replace("[sensors]", pull)
+    found = solved(tmp_path, text)
+    N = 2 * G * math.cos(SLOPE)
+    loose, t = 0.5 * N / 20, found.times
+    s = np.maximum(t - loose, 0.0)
+    assert found.series["x"].values == pytest.approx(0.3 * N / 2 * s**2 / 2 + 20 / 2 * s**3 / 6, abs=1e-10)
+    assert found.series["drag"].values == pytest.approx(np.where(t < loose, -20 * t, -0.2 * N), rel=1e-9)
+
+
+def test_a_flywheel_runs_down_linearly(tmp_path):
+    found = solved(tmp_path, HINGE)
+    slower = (0.2 * 0.01 * G + 0.005) / 0.02
+    t = np.minimum(found.times, 3 / slower)
+    assert found.series["angle"].values == pytest.approx(3 * t - slower * t**2 / 2, abs=1e-12)
+    assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(0.09, rel=1e-12)
+
+
+def test_a_pendulum_loses_twice_what_its_dry_torque_turns(tmp_path):
+    """A preload alone: the energy falls by it times the angle swept, swing by swing, and it stops within its reach."""
+    text = HINGE.replace('wheel = {mass = "1 kg",', 'wheel = {mass = "1 kg", centre = ["0.1 m", 0],')
+    text = text.replace("mu = 0.2, radius = \"10 mm\", ", "").replace("0.005 N m", "0.05 N m")
+    found = solved(tmp_path, text, "solve.duration=20 s", "solve.steps=4000", "drives.hinge.angle=-20 deg")
+    angle = found.series["angle"].values
+    swept = abs(np.diff(found.trajectory.frictions.lost[:, 0])) / 0.05
+    assert swept.sum() >= abs(np.diff(angle)).sum() * (1 - 1e-9)
+    turns = angle[1:-1][(np.diff(angle)[1:] * np.diff(angle)[:-1]) < 0]
+    assert len(turns) > 4
+    end = angle[-1]
+    assert abs(G * 0.1 * math.cos(end)) <= 0.05 and found.trajectory.frictions.mode[-1, 0] == 2
+
+
+CRANK = """
+schema = 1
+description = "A slider-crank all of whose joints rub"
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+crank = {length = "0.1 m", mass = "0.5 kg", inertia = "1e-3 kg m^2", centre = [0.05, 0]}
+rod = {length = "0.3 m", mass = "0.5 kg", inertia = "4e-3 kg m^2", centre = [0.15, 0]}
+piston = {mass = "0.6 kg"}
+[joints]
+main = {revolute = ["ground", "crank"], friction = {mu = 0.1, radius = "10 mm"}}
+pin = {revolute = ["crank.end", "rod"], friction = {mu = 0.1, radius = "8 mm"}}
+wrist = {revolute = ["rod.end", "piston"], friction = {mu = 0.1, radius = "6 mm"}}
+bore = {prismatic = ["ground", "piston"], direction = [1, 0], friction = {mu = 0.15, length = "40 mm"}}
+[drives]
+main = {free = true, angle = "20 deg", initial_speed = 20}
+[sensors]
+angle = {position = "main", component = "angle"}
+[solve]
+preset = "coupled"
+duration = "2 s"
+steps = 200
+"""
+
+
+def test_a_mechanism_whose_joints_all_rub_comes_to_rest(tmp_path):
+    """All four joints stand still at one instant, and what any of them holds the others hold, too."""
+    found = solved(tmp_path, CRANK)
+    record = found.trajectory.frictions
+    assert abs(record.speed[-1]).max() < 1e-10 and (record.mode[-1] == 2).any()
+    assert record.lost[-1].sum() == pytest.approx(found.trajectory.energy.dissipated[-1], rel=1e-12)
+    sliding = abs(record.speed) > 1e-6
+    assert (record.force * record.speed <= 0)[sliding].all()
+    limit = record.pressed * np.array([0.1, 0.1, 0.1, 0.15])
+    assert abs(record.force)[sliding] == pytest.approx(limit[sliding], rel=1e-9)
+    assert (abs(record.force) <= limit * (1 + 1e-9)).all()
+
+
+FALLING = """
+schema = 1
+description = "A block on a sliding carriage falls on a floor that rubs"
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+carriage = {mass = "1 kg"}
+block = {mass = "2 kg"}
+[joints]
+way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
+fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
+[drives]
+way = {free = true, initial_speed = 3}
+fall = {free = true, position = "50 mm"}
+[contacts.floor]
+point_on_line = ["block", "ground"]
+normal = [0, 1]
+contact = {stiffness = 1e8, restitution = 0.6}
+friction = {mu = 0.2, mu_static = 0.3}
+[sensors]
+x = {position = "way"}
+drag = {friction_force = "floor"}
+[solve]
+preset = "coupled"
+duration = "1 s"
+steps = 400
+"""
+
+
+def test_a_block_that_bounces_rubs_by_the_impulses_of_its_floor(tmp_path):
+    """While it slides friction has mu times the normal impulse, which is what weight and fall have; then it sticks."""
+    found = solved(tmp_path, FALLING, "solve.duration=0.6 s")
+    t, v, record = found.times, found.trajectory.v, found.trajectory.frictions
+    names = [name for name, _ in found.model.coupled.coordinates]
+    x, y = (v[:, names.index(name)] for name in ("carriage.x", "block.y"))
+    normal = 2 * (G * t + y)
+    assert len(found.impacts) > 4
+    assert 3 * (x - 3) == pytest.approx(-0.2 * normal, rel=1e-8, abs=1e-8)
+    sliding = record.pressed[:, 0] > 0
+    assert record.force[sliding, 0] == pytest.approx(0.2 * record.pressed[sliding, 0], rel=1e-12)  # to the left
+    long = solved(tmp_path, FALLING, "solve.duration=3 s")
+    assert long.trajectory.frictions.mode[-1, 0] == 2
+    assert (long.series["x"].values[long.times > 2.5] == long.series["x"].values[-1]).all()
+    assert long.trajectory.frictions.lost[-1, 0] == pytest.approx(13.5, rel=1e-7)
+
+
+def test_the_one_way_presets_name_what_has_friction(tmp_path):
+    with pytest.raises(SceneError, match=r"joints\.slide\.friction: preset rigid has no equations.*coupled"):
+        solved(tmp_path, BLOCK, "solve.preset=rigid")
+    with pytest.raises(SceneError, match=r"with joints\.slide\.friction it would step over what changes there"):
+        solved(tmp_path, BLOCK, "solve.integrator=scipy")
+    path = tmp_path / "scene.toml"
+    path.write_text(BLOCK)
+    with pytest.raises(SceneError, match=r"with joints\.slide\.friction the equations are others"):
+        linearise(load(read_scene(path)))
+
+
+@pytest.mark.parametrize(("scene", "written", "instead", "says"), [
+    (BLOCK, "mu = 0.3", "mu = 0.3, radius = 0.1", "friction.radius.*no meaning at a prismatic joint"),
+    (BLOCK, "mu = 0.3", "mu = 0.3, mu_static = 0.2", "mu_static.*below mu = 0.3"),
+    (BLOCK, "mu = 0.3", "mu = -0.3", "must not be negative"),
+    (BLOCK, "mu = 0.3", "preload = '3 N m'", "preload.*force"),
+    (BLOCK, "mu = 0.3", "law = 'stribeck', mu = 0.3", "needs a stribeck_speed"),
+    (BLOCK, "mu = 0.3", "law = 'viscous', mu = 0.3", "law viscous has none"),
+    (BLOCK, "mu = 0.3", "", "nothing resists"),
+    (HINGE, ', radius = "10 mm"', "", "arm in a pin isn't known"),
+    (HINGE, "0.005 N m", "5 N", "preload.*torque"),
+    (HINGE, "friction_torque", "friction_force", "Measure its friction_torque"),
+])  # fmt: skip
+def test_what_a_friction_lacks_is_named(tmp_path, scene, written, instead, says):
+    with pytest.raises(SceneError, match=says):
+        solved(tmp_path, scene.replace(written, instead))
