@@ -28,6 +28,7 @@ from kaneflex.report.summary import (
     json_schema,
     summarise,
 )
+from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.touching import ContactSummary
 from kaneflex.solve.unresolved import UnresolvedMode
@@ -210,7 +211,8 @@ def test_degrees_of_freedom_are_counted_before_reduction(modes, reduction, kept)
 
 
 def sensor(values, times):
-    return _sensor(SimpleNamespace(values=np.asarray(values), unit="m", meaning="made up"), np.asarray(times), None)
+    values, times = np.asarray(values), np.asarray(times)
+    return _sensor(SimpleNamespace(values=values, unit="m", meaning="made up"), statistics(values, times), times, None)
 
 
 def test_statistics_of_a_known_signal():

@@ -22,6 +22,8 @@ from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.support.plain_table import PlainTable
 
 if TYPE_CHECKING:
+    from kaneflex.response.sensors import Series
+    from kaneflex.response.time_statistics import Statistics
     from kaneflex.solve.solution import Solution
 
 SCHEMA_VERSION = 1
@@ -182,12 +184,13 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     """Every sensor over the stored times, of which there is at least one."""
     degrees = drive_degrees(solution)
-    return {name: _sensor(solution, name, degrees) for name in solution.series}
+    return {
+        name: _sensor(series, solution.statistics(name), solution.times, degrees)
+        for name, series in solution.series.items()
+    }
 
 
-def _sensor(solution: Solution, name: str, degrees: np.ndarray | None) -> SensorSummary:
-    times, series, found = solution.times, solution.series[name], solution.statistics(name)
-
+def _sensor(series: Series, found: Statistics, times: np.ndarray, degrees: np.ndarray | None) -> SensorSummary:
     def instant(index: int) -> Instant:
         return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
 
