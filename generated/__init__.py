@@ -34,6 +34,8 @@ STRUCTURES = {
     "c70d4cf8ae513d74": "spin_up",
     "c2b80a4746da9cd5": "spin_up_torque",
     "91e82f0026802339": "spin_up_torque_coupled",
+    "92de9fff0ec78b6a": "stick_slip",
+    "bc545a37b0ad7f33": "stick_slip_coupled",
     "54269e0c5a57b94b": "two_link_arm",
     "9f04e115b2f57fc0": "v_engine",
 }
@@ -67,6 +69,7 @@ SCENES = {
     "slider-crank-clearance": "slider_crank_clearance",
     "spin-up": "spin_up",
     "spin-up-torque": "spin_up_torque",
+    "stick-slip": "stick_slip",
     "two-link-arm": "two_link_arm",
     "v-engine": "v_engine",
 }

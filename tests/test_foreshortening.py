@@ -14,7 +14,8 @@ from kaneflex.scene import read_scene
 from kaneflex.scene.read import shipped_scenes
 from kaneflex.scene.sensors import Sensor
 
-SCENES = sorted(name for name in shipped_scenes() if not read_scene(name).contacts)  # these take coupled alone
+ALL = {name: read_scene(name) for name in shipped_scenes()}
+SCENES = sorted(name for name, scene in ALL.items() if not (scene.contacts or scene.frictions))  # others: coupled alone
 PRESETS = ("quasistatic", "linear", "stiffened", "coupled")
 COUPLED = {"elastic-double-pendulum", "elastic-pendulum", "four-bar-motor", "slider-crank-150", "spin-up-torque"}
 """Scenes whose coupled equations are shipped; more of them would take minutes to derive."""

@@ -148,6 +148,25 @@ def test_a_pendulum_loses_twice_what_its_dry_torque_turns(tmp_path):
     assert abs(G * 0.1 * math.cos(end)) <= 0.05 and found.trajectory.frictions.mode[-1, 0] == 2
 
 
+def test_a_block_on_a_belt_sticks_and_slips_as_in_closed_form():
+    """Rabinowicz 1958: carried to F_s/k, it slips about F_k/k and sticks where it is as fast as the belt again."""
+    found = simulate(load(read_scene("stick-slip")))
+    v, held, slides, w = 0.1, 0.4 * G / 100, 0.3 * G / 100, 10.0
+    excess = held - slides
+    slip, stick = 2 / w * (math.pi - math.atan(excess * w / v)), 2 * excess / v
+    loose = held / v
+    since = np.mod(found.times - loose, slip + stick)
+    place = slides + excess * np.cos(w * since) + v / w * np.sin(w * since)
+    place = np.where(since > slip, slides - excess + v * (since - slip), place)
+    place = np.where(found.times < loose, v * found.times, place)
+    assert found.times[-1] > loose + 5 * (slip + stick)
+    assert found.series["place"].values == pytest.approx(place, abs=1e-9)
+    stuck = found.trajectory.frictions.mode[:, 0] == 2
+    inside = (found.times > loose) & (abs(since - slip) > 1e-6) & (since > 1e-6) & (slip + stick - since > 1e-6)
+    assert (stuck[inside] == (since > slip)[inside]).all()
+    assert found.trajectory.energy.drift < 1e-9
+
+
 CRANK = """
 schema = 1
 description = "A slider-crank all of whose joints rub"
