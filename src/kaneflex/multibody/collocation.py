@@ -303,8 +303,10 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             left = times[row + 1] - t
             h = left / math.ceil(left / wanted * (1.0 - 1e-9))
             end = times[row + 1] if h >= left * (1.0 - 1e-9) else t + h
-            if trial > 0.0:
-                h, end = trial, t + trial
+            if touching:
+                trial_or_aim = trial if trial > 0.0 else contact_search.aimed(m, h)
+                if trial_or_aim != h:
+                    h, end = trial_or_aim, t + trial_or_aim
         _first_guess(m, table, h, length, here)
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B)

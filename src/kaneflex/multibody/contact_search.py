@@ -20,10 +20,10 @@ from kaneflex.multibody.contacts import (
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, mend, take
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS,
-    LARGEST, LAW, LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS,
-    RESTED, RIGID, ROW_AT, SEC, SECTION, SHIFT, SLIP, SLIP_RATE, STAGE_A, STAGE_R, SWITCH, TARGET, TOUCH, TRIAL, TRIES,
-    WHAT, Y, apart, larger, of_contacts, of_holds, smaller,
+    ACCEL, ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH,
+    HOLDS, LARGEST, LAW, LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, REACTIONS,
+    RESISTING_MASS, RESTED, RIGID, ROW_AT, SEC, SECTION, SHIFT, SLIP, SLIP_RATE, STAGE_A, STAGE_R, SWITCH, TARGET,
+    TOUCH, TRIAL, TRIES, WHAT, Y, apart, larger, of_contacts, of_holds, smaller,
 )  # fmt: skip
 from kaneflex.multibody.rigid_contacts import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
 from kaneflex.multibody.tree import load_sizes, meet, rests
@@ -124,6 +124,7 @@ def begin(m, t):
     """
     apart()
     w = m.w
+    w[m.plan[TOUCH] + AIM] = math.inf
     meet_all(m, t)
     for act in range(m.plan[CONTACTS], m.plan[ACTS]):
         k = at(m, act - m.plan[CONTACTS])
@@ -132,10 +133,31 @@ def begin(m, t):
             zero = tolerance(m, act - m.plan[CONTACTS], t, rate)
             slow = larger(math.sqrt(2.0 * LEAST_HEIGHT * zero * size_of(m, act, 6)), NOISE * size_of(m, act, 3))
             w[k + SHIFT] = 0.0
-            if abs(rate) <= slow and w[k + GAP] <= zero and acceleration(m, act) >= -_PRESSED * size_of(m, act, 6):
+            bent = acceleration(m, act)
+            if abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * size_of(m, act, 6):
                 w[k + SHIFT] = 8.0 * zero
+            aim = _meets(w[k + GAP] + w[k + SHIFT], rate, bent)
+            aim += 8.0 * EPS * larger(abs(t), aim)
+            if 16.0 * EPS * abs(t) < aim < w[m.plan[TOUCH] + AIM]:
+                w[m.plan[TOUCH] + AIM] = aim
     sticking.begin(m)
     note(m, t, 0)
+
+
+@njit(**OPTIONS)
+def _meets(gap, rate, bent):
+    """When a gap that changes so by now is closed [s]; never, infinity."""
+    root = rate * rate - 2.0 * bent * gap
+    if not gap > 0.0 or root < 0.0 or (bent >= 0.0 and rate >= 0.0):
+        return math.inf
+    return 2.0 * gap / (math.sqrt(root) - rate) if bent >= 0.0 or rate < 0.0 else (-rate - math.sqrt(root)) / bent
+
+
+@of_contacts(0.0)
+@njit(**OPTIONS)
+def aimed(m, h):
+    """The step [s] to take in place of h, at whose end rigid sides are to meet: so that none has to be taken again."""
+    return smaller(h, m.w[m.plan[TOUCH] + AIM])
 
 
 @njit(**OPTIONS)

@@ -82,13 +82,14 @@ what presses it on, the largest force that holds it, the one that it exerts; how
 its own is; the force that it exerted before; whether it slips or sticks; where it stuck; its bristle's deflection; what
 damps it. As of contacts, DUE and NODES follow."""
 (
-    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, RESTED, TRIES, SHARED,
-) = range(14)  # fmt: skip
+    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, RESTED, TRIES, AIM,
+    SHARED,
+) = range(15)  # fmt: skip
 """Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
 [m], the step [s] before they closed; a change that is looked for: steps before and after it, the one to try, its
 contact and kind; when the last one was, and how many at one instant; one more than the number of the switch that its
-load's law would hold at zero; whether others rest than before; how often a change was looked for; then every contact's
-gradient."""
+load's law would hold at zero; whether others rest than before; how often a change was looked for; the step
+[s] after which the next rigid sides meet, as things go; then every contact's gradient."""
 ROOM, LARGEST = STIFF, ALLOWED
 """Of a switch: how far from zero it may be where it stays there, and the largest distance that it had."""
 SHUT, SHIFT = STIFF, VISCOUS
