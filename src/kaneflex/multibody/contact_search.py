@@ -137,7 +137,7 @@ def begin(m, t):
             if abs(rate) <= slow and w[k + GAP] <= zero and bent >= -_PRESSED * size_of(m, act, 6):
                 w[k + SHIFT] = 8.0 * zero
             aim = _meets(w[k + GAP] + w[k + SHIFT], rate, bent)
-            aim += 8.0 * EPS * larger(abs(t), aim)
+            aim += 3.0 * EPS * larger(abs(t), aim)
             if 16.0 * EPS * abs(t) < aim < w[m.plan[TOUCH] + AIM]:
                 w[m.plan[TOUCH] + AIM] = aim
     sticking.begin(m)
