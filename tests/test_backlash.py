@@ -93,6 +93,25 @@ def test_a_flank_returns_the_restitution_that_was_asked_for(tmp_path, n, K, e):
     assert first.lost == pytest.approx(0.5 * WHEEL * SPEED**2 * (1 - e**2), rel=1e-6)
 
 
+def test_rigid_flanks_are_met_at_instants_in_closed_form(tmp_path):
+    """By Newton's law: over the play at 10 e^k rad/s, k = 0, 1, ..."""
+    solution = solved(tmp_path, '{law = "newton", restitution = 0.8}', "solve.duration=50 ms")
+    instants = PLAY / SPEED * (1 + 2 * np.cumsum([0.0, *0.8 ** -np.arange(1.0, 9.0)]))
+    assert [impact.begin for impact in solution.impacts] == pytest.approx(instants, rel=1e-10)
+    speeds = SPEED * 0.8 ** np.arange(1.0, 10.0)
+    assert [impact.separation for impact in solution.impacts] == pytest.approx(speeds, rel=1e-10)
+    assert "play 0.5 deg, rigid, newton returns 0.8" in contact_line(solution.model.scene.contacts["coupling_1"])
+
+
+def test_a_law_may_jump_beside_contacts(tmp_path):
+    """A torque from 0.5 ms on: where and how fast it then meets the flank, and what of its speed comes back."""
+    jump = "loads={push={torque_at='coupling', law='2*step(t - 0.0005)'}}"
+    first = solved(tmp_path, '{law = "newton", restitution = 0.8}', jump, "solve.duration=2 ms").impacts[0]
+    speed = math.sqrt(SPEED**2 + 2 * (2 / WHEEL) * (PLAY - 0.0005 * SPEED))
+    assert first.begin == pytest.approx(0.0005 + (speed - SPEED) / (2 / WHEEL), rel=1e-12)
+    assert (first.approach, first.separation) == pytest.approx((speed, 0.8 * speed), rel=1e-10)
+
+
 def test_a_coupling_that_turns_fast_knocks_as_one_that_doesn_t(tmp_path):
     """At 3000 rpm, after some turns: the play is small beside the angle of either body."""
     fast = "drives.hub={speed='3000 rpm'}", "drives.coupling.initial_speed=10 rad/s"
@@ -127,6 +146,7 @@ def test_units_are_those_of_angles_and_torques(tmp_path):
     (EXACT, ("drives.coupling={law='t', free='none', initial_speed='none'}",),
      "coupling has backlash, and its drive prescribes the angle in it"),
     (EXACT, ("drives.coupling.angle=2 deg",), "at the start it is 2 deg from the middle of its play"),
+    (EXACT, ("drives.coupling.angle=-719.9 deg",), "is -719.9 deg from the middle"),
     (EXACT, ("drives.coupling.angle=361 deg",), "at the start it is 361 deg from the middle"),
     (EXACT, ("sensors.on={contact_force='coupling_1', contact_torque='none'}",),
      "it is a flank, which turns. Write contact_torque"),
@@ -142,3 +162,15 @@ def test_play_may_lie_about_any_angle(tmp_path):
     middle = "joints.coupling.clearance.middle=30 deg", "drives.coupling.angle=30 deg"
     plain, turned = (solved(tmp_path, EXACT, *settings) for settings in ((), middle))
     assert turned.trajectory.q[:, 5] - math.pi / 6 == pytest.approx(plain.trajectory.q[:, 5], abs=1e-6 * PLAY)
+
+
+def test_bodies_whole_turns_apart_are_named(tmp_path):
+    """Both have bearings of their own, the coupling no drive: only their angles say by how much they are turned."""
+    text = SCENE.replace("CONTACT", EXACT).replace("coupling = {free", "bearing = {free")
+    text = text.replace("[drives]", '[joints.bearing]\nrevolute = ["ground", "wheel"]\n[drives]')
+    path = tmp_path / "turned.toml"
+    path.write_text(text)
+    good = read_scene(path)
+    assert simulate(load(good)).impacts
+    with pytest.raises(SceneError, match="at the start it is 1 whole turns from the middle of its play"):
+        simulate(load(with_settings(good, ["drives.bearing.angle=360 deg"])))

@@ -77,6 +77,7 @@ def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
         )  # fmt: skip
         return q, v
     q = unwrapped(model.scene, system, q, first)
+    _check_turns(model.scene, system, q)
     return (_settled(model, q, first) if model.options.start == "quasistatic" else q), v
 
 
@@ -122,23 +123,37 @@ def unwrapped(scene: Scene, system: CoupledSystem, q: np.ndarray, rigid: RigidMo
     q, counted = q.copy(), {"ground"}
     angle = {"ground": 0.0} | {name: q[k + 2] for name, k in system.start.items()}
     turns = {name: joint.relative_angle for name, joint in scene.joints.items() if joint.kind != "revolute"}
-    turns |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at not in (None, *turns)}
-    turns |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
-    turns |= {name: 0.0 for name in scene.observed if name not in turns and scene.joints[name].kind == "revolute"}
-    pins = [name for name in scene.drives if scene.joints[name].kind == "revolute"]
-    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in pins}
+    turns |= {name: float(rigid[f"{name}.angle"][0]) for name in scene.drives if scene.joints[name].kind == "revolute"}
+    near = {name: 0.0 for name in scene.observed if scene.joints[name].kind == "revolute"}
+    near |= {s.torsional_at: s.angle for s in scene.springs.values() if s.torsional_at is not None}
+    near |= {name: joint.clearance.middle for name, joint in scene.joints.items() if joint.clearance is not None}
+    turns |= {name: angle for name, angle in near.items() if name not in turns}  # what is prescribed comes first
     while len(counted) < len(angle):
-        near = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
-        if not near:  # no joint prescribes the turn of what is left against what is counted
+        leading = [(name, side) for name in turns for side in (0, 1) if _leads(scene, name, side, counted)]
+        if not leading:  # no joint prescribes the turn of what is left against what is counted
             counted.add(next(name for name in angle if name not in counted))
             continue
-        name, side = near[0]
+        name, side = leading[0]
         base, other = (scene.joints[name].addresses[k].body for k in (side, 1 - side))
         wanted = angle[base] + (turns[name] if side == 0 else -turns[name])
         angle[other] += 2 * math.pi * round((wanted - angle[other]) / (2 * math.pi))
         q[system.start[other] + 2] = angle[other]
         counted.add(other)
     return q
+
+
+def _check_turns(scene: Scene, system: CoupledSystem, q: np.ndarray) -> None:
+    """Raise SceneError where drives have the bodies of a joint with backlash whole turns apart."""
+    for name, joint in scene.joints.items():
+        if joint.clearance is not None:
+            first, second = (q[system.start[a.body] + 2] if a.body != "ground" else 0.0 for a in joint.addresses)
+            turns = round((second - first - joint.clearance.middle) / math.tau)
+            if turns:
+                raise SceneError(
+                    f"joints.{name}.clearance", None,
+                    f"at the start it is {turns} whole turns from the middle of its play",
+                    "Start the drives of its bodies without them, or give the middle with them",
+                )  # fmt: skip
 
 
 def _leads(scene: Scene, joint: str, side: int, counted: set[str]) -> bool:
