@@ -87,6 +87,15 @@ def test_a_brake_that_would_have_to_hold_is_named(tmp_path, settings):
     assert solution.times[-1] <= (10 * J / 0.3 if not settings else 0.0)
 
 
+def test_between_stored_instants_a_law_stands_on_its_side(tmp_path):
+    """Dense output across the stop of a brake: angles and torques as they are on either side, and at rest."""
+    solution = moved(tmp_path, "-0.5*sign(hub_speed)")
+    found = solution.at([0.2, 0.3, 0.37, 0.6, 0.9])
+    left = np.clip(0.4 - found.times, 0, None)
+    assert found.trajectory.v[:, 2] == pytest.approx(0.5 / J * left, abs=1e-6)
+    assert found.trajectory.a[:, 2] == pytest.approx(np.where(left > 0, -0.5 / J, 0), abs=1e-6)
+
+
 def test_a_wheel_at_rest_stays_at_rest_under_its_brake(tmp_path):
     _, angle, speed = motion(moved(tmp_path, "-0.5*sign(hub_speed)", "drives.hub.initial_speed=0"))
     assert not angle.any() and not speed.any()
