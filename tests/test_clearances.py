@@ -193,3 +193,15 @@ def test_the_largest_force_of_a_contact_is_that_of_its_impacts(loose):
     hardest = max(coarse.impacts, key=lambda impact: impact.peak)
     assert coarse.series["pin_force"].values.max() < 0.99 * hardest.peak
     assert sensor_summaries(coarse)["pin_force"].at_max.time_s == pytest.approx(hardest.begin, abs=0.5e-4)
+
+
+def test_a_rig_with_friction_in_its_bore_knocks_where_one_without_does_and_knows_its_rods_forces(tmp_path):
+    path = tmp_path / "rubs.toml"
+    path.write_text('schema = 1\nlike = "engine-rig-clearance"\n[joints.bore.clearance.friction]\nmu = 0.1\n')
+    end = ("solve.duration=0.1 s", "solve.steps=1000")
+    smooth, rubs = run("engine-rig-clearance", *end), run(str(path), *end)
+    assert rubs.impacts[0].begin == pytest.approx(smooth.impacts[0].begin, rel=1e-3)
+    (plain,), (rubbed,) = (values(solution, "rod_force_piston") for solution in (smooth, rubs))
+    pressed = rubs.dataset.friction_force.values.sum(axis=1)
+    late = rubs.times > 0.08  # it lies on, goes down, and friction bears a part of its weight
+    assert rubbed[late] - plain[late] == pytest.approx(-pressed[late], rel=0.02) and pressed[late].max() < -0.02

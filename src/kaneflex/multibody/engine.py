@@ -274,10 +274,10 @@ class Engine:
         parts = [np.ascontiguousarray(part, float) for part in (times, q, v)]
         rows, works = np.zeros((len(times), len(self.row(0.0)))), self.count(at.WORKS)
         rows[:, rows.shape[1] - works - begun.shape[1] : rows.shape[1] - works] = begun
-        done = 0
+        done, touching = 0, slice(len(self.holds), len(self.holds) + len(self.contacts))
         while done < len(times):
             self.fold(parts[1][done], parts[2][done])
-            self.contacts[:, at.BEGUN_AT] = begun[done]  # of which some rest, and are kept closed
+            self.contacts[:, at.BEGUN_AT] = begun[done, touching]  # of which some rest, and are kept closed
             self.choose(float(times[done]))
             now = self._call(unfolding.states, parts[0], len(times), *parts[1:], done, held, rows)
             if now == done:
