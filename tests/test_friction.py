@@ -167,6 +167,44 @@ def test_a_block_on_a_belt_sticks_and_slips_as_in_closed_form():
     assert found.trajectory.energy.drift < 1e-9
 
 
+ROD = """
+schema = 1
+description = "Painleve's rod: it slides on its end over a rough floor"
+gravity = [0, "-9.81 m/s^2"]
+[bodies.rod]
+length = "1 m"
+mass = "1 kg"
+inertia = "0.0833333 kg m^2"
+centre = [0.5, 0]
+free = {at = [0, "1e-6 m"], angle = "60 deg", velocity = ["-2 m/s", 0]}
+[contacts.floor]
+point_on_line = ["rod", "ground"]
+normal = [0, 1]
+contact = {stiffness = 1e7, restitution = 0.5}
+friction = {mu = 1.0}
+[sensors]
+y = {position = "rod", component = "y"}
+[solve]
+preset = "coupled"
+duration = "0.3 s"
+steps = 3000
+"""
+
+
+@pytest.mark.parametrize("angle", [60, 120])
+def test_painleves_rod_jams_by_its_floors_stiffness_and_not_otherwise(tmp_path, angle):
+    """Pushed before its centre of mass a slender rod has no rigid solution above mu = 4/3: it presses the floor in."""
+    peaks = []
+    for mu in (0.0001, 0.3, 1.0, 1.5, 2.0):
+        found = solved(tmp_path, ROD, f"floor.friction.mu={mu}", f"rod.free.angle={angle} deg")
+        record = found.trajectory.frictions
+        assert np.isfinite(found.trajectory.q).all()
+        assert (abs(record.force) <= mu * record.pressed * (1 + 1e-9) + 1e-12).all()
+        assert (record.force * record.speed <= 1e-9 * abs(record.force).max()).all()
+        peaks.append(max(impact.peak for impact in found.impacts))
+    assert (peaks[3] > 5 * peaks[2]) == (angle == 60)
+
+
 CRANK = """
 schema = 1
 description = "A slider-crank all of whose joints rub"
