@@ -135,6 +135,18 @@ def test_the_command_writes_its_folder(tmp_path):
     assert "drives.bore=none" in part["without"]
 
 
+def test_friction_is_compared_with_none():
+    """Without friction the block on its belt hangs on its spring, at rest where it began."""
+    scene = with_settings(read_scene("stick-slip"), ["solve.duration=1 s", "solve.steps=200"])
+    (found,) = price(scene).prices
+    assert (found.part, found.gone) == ("friction of rub", ("drag",))
+    assert found.settings == ("joints.rub.friction=none", "sensors.drag=none")
+    without = simulate(load(with_settings(scene, found.settings)))
+    for change in found.changes:
+        assert change.peak[1] == abs(without.series[change.sensor].values).max()
+        assert change.peak[0] > 0 and change.matters(0.01)
+
+
 def test_what_can_t_be_priced_is_refused(tmp_path):
     assert not has_price(read_scene("engine")) and has_price(read_scene("slider-crank-clearance"))
     result = cli("trade", "slider-crank-clearance", "--sensor", "slid", "-o", tmp_path / "out")

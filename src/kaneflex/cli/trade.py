@@ -50,7 +50,7 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
 
     Presets, elements of each link, modes, steps, integrators and single terms left out are tried against the scene's
     own finest model, whose error is estimated first. The folder holds trade.csv, trade.json and a picture. Of a scene
-    whose joints have clearances, which only preset coupled takes, it says what these change in each sensor instead:
+    with clearances or friction, which only preset coupled takes, it says what these change in each sensor instead:
     price.csv, price.json and a picture.
     """
     from kaneflex.study.trade.price import has_price, price

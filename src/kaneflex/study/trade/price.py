@@ -1,4 +1,4 @@
-"""What the clearances of a scene change in its sensors: runs with them against runs with tight joints.
+"""What clearances and friction change in a scene's sensors: runs with them against runs with tight joints, or without.
 
 A mechanism that knocks may be chaotic: two of its runs that begin next to each other part, so that no difference at an
 instant says anything. What is compared are statistics over the run, the largest absolute value and the rms, and beside
@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from kaneflex.mechanism.position_analysis import place
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
@@ -97,8 +99,8 @@ class Prices:
 
 
 def has_price(scene: Scene) -> bool:
-    """Whether joints of a scene have clearances."""
-    return bool(_loose(scene))
+    """Whether joints of a scene have clearances, or anything has friction."""
+    return bool(_loose(scene) or _rubbing(scene))
 
 
 def price(
@@ -108,7 +110,7 @@ def price(
     sensors: Sequence[str] | None = None,
     progress: Progress = lambda stage: None,
 ) -> Prices:
-    """Run a scene with each of its clearances and without, and with all of them and with none.
+    """Run a scene with each of its clearances and frictions and without, and with all of a kind and with none.
 
     Parameters
     ----------
@@ -136,13 +138,13 @@ def price(
             finer = runs.run(Variant("finer", (f"solve.tolerance={scene.solve.tolerance * _FINER!r}",))).curves
     prices: list[Price] = []
     left_out: dict[str, str] = {}
-    for names in _parts(scene):
-        part = f"clearance of {' and '.join(names)}"
+    for kind, names in _parts(scene):
+        part = f"{kind} of {' and '.join(names)}"
         try:
             if prices and time.perf_counter() > deadline:
                 left_out[part] = "no time left within the budget"
                 continue
-            settings, gone = tightened(scene, names)
+            settings, gone = (tightened if kind == "clearance" else smooth)(scene, names)
             without = runs.run(Variant(f"without the {part}", settings)).curves
             counted = [name for name in sensors or scene.sensors if name not in gone]
             if not counted:
@@ -163,12 +165,46 @@ def _loose(scene: Scene) -> tuple[str, ...]:
     return tuple(dict.fromkeys(contact.of for contact in made))
 
 
-def _parts(scene: Scene) -> Iterator[tuple[str, ...]]:
-    """Every joint with a clearance, and all of them where there are some."""
-    names = _loose(scene)
-    yield from ((name,) for name in names)
-    if len(names) > 1:
-        yield names
+def _rubbing(scene: Scene) -> dict[str, str]:
+    """Joints and contacts with friction -> where the scene has it."""
+    found = {}
+    for table in ("joints", "contacts"):
+        for name, entry in scene.raw.get(table, {}).items():
+            for path in ("friction", "clearance.friction"):
+                if _has(entry, path):
+                    found[name] = f"{table}.{name}.{path}"
+    return found
+
+
+def _has(entry: Any, path: str) -> bool:
+    for key in path.split("."):
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    return entry is not None
+
+
+def _parts(scene: Scene) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Every joint with a clearance, everything with friction, and all of a kind where there are some."""
+    for kind, names in (("clearance", _loose(scene)), ("friction", tuple(_rubbing(scene)))):
+        yield from ((kind, (name,)) for name in names)
+        if len(names) > 1:
+            yield kind, names
+
+
+def smooth(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Settings that take the friction of joints and contacts away, and the sensors that go with it."""
+    paths = _rubbing(scene)
+    owners = {name: contact.joint for name, contact in scene.contacts.items()}
+    gone = tuple(
+        name for name, sensor in scene.sensors.items()
+        if sensor.kind in FRICTION_KINDS and (str(sensor.target) in names or owners.get(str(sensor.target)) in names)
+    )  # fmt: skip
+    return (*(f"{paths[name]}=none" for name in names), *_left_out(scene, gone)), gone
+
+
+def _left_out(scene: Scene, sensors: Sequence[str]) -> Iterator[str]:
+    """Settings that leave sensors out, and the events that wait for them."""
+    yield from (f"sensors.{sensor}=none" for sensor in sensors)
+    yield from (f"events.{name}=none" for name, event in scene.events.items() if event.sensor in sensors)
 
 
 def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -177,7 +213,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
     What a tight joint holds was free before: as many free drives go, those that come last first, as the mechanism is
     determined without. A tight pin closes its loop as the scene stands at its start; flanks without play are a weld.
     """
-    poses, raw = place(scene).poses, scene.raw
+    poses = place(scene).poses
     settings: list[str] = []
     held = 0
     welded: list[str] = []
@@ -194,9 +230,7 @@ def tightened(scene: Scene, names: Sequence[str]) -> tuple[tuple[str, ...], tupl
             continue
         held += 2
     gone = _without_their_joint(scene, names, welded)
-    settings += [f"sensors.{sensor}=none" for sensor in gone]
-    events = (name for name, event in scene.events.items() if event.sensor in gone)
-    settings += [f"events.{name}=none" for name in events if name in raw.get("events", {})]
+    settings += _left_out(scene, gone)
     free = [name for name in reversed(scene.drives) if scene.drives[name].free and name not in welded]
     reason = "it has too few free drives to be held by tight joints"
     closed = [name for name in names if name not in welded]
@@ -230,7 +264,8 @@ def _without_their_joint(scene: Scene, names: Sequence[str], welded: Sequence[st
         target = sensor.target
         joint = target.body if isinstance(target, Address) else target
         contact = scene.contacts.get(str(target))
-        in_it = sensor.kind.startswith("contact") and isinstance(contact, ClearanceContact) and contact.of in names
+        of_its = isinstance(contact, ClearanceContact) and contact.of in names
+        in_it = sensor.kind in (*CONTACT_KINDS, *FRICTION_KINDS) and of_its
         placed = sensor.kind == "position" and joint in names
         driven = sensor.kind.startswith("drive") and joint in welded
         if in_it or placed or driven:
