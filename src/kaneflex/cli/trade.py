@@ -57,11 +57,11 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
     from kaneflex.study.trade.ranking import trade as ranked
 
     if has_price(asked.read()):
-        priced, folder = _weighed("trade", price, price_data, asked, target, picture="price", **limits)
+        priced, folder = _weighed("trade", price, price_data, asked, target, limits, "price")
         click.echo(price_table(priced))
         _close(folder, priced.left_out)
         return
-    found, folder = _weighed("trade", ranked, trade_data, asked, target, **limits)
+    found, folder = _weighed("trade", ranked, trade_data, asked, target, limits)
     click.echo(trade_table(found))
     click.echo(reference_lines(found))
     click.echo(choice_line(found))
@@ -79,7 +79,7 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """
     from kaneflex.study.trade.terms import terms as left_out
 
-    found, folder = _weighed("terms", left_out, terms_data, asked, target, **limits)
+    found, folder = _weighed("terms", left_out, terms_data, asked, target, limits)
     click.echo(terms_table(found))
     full = found.full
     click.echo(f"Stiffened with all of them: {full.operations} operations, {full.ns_per_step:.0f} ns a step")
@@ -88,12 +88,15 @@ def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
 
 def _weighed(
     ending: str, question: Callable[..., Found], data: Callable[[Found, list[str]], Data], asked: SceneArguments,
-    target: Target, tolerance: str, budget: str, sensors: tuple[str, ...], picture: str | None = None,
+    target: Target, limits: Mapping[str, Any], picture: str | None = None,
 ) -> tuple[Found, Path]:  # fmt: skip
-    """What a question to the models of a scene found, and the folder that holds it as a table and as JSON."""
+    """What a question to the models of a scene found, and the folder that holds it as a table and as JSON.
+
+    ``limits``: the options tolerance, budget and sensors.
+    """
     from kaneflex.support.units import TIME
 
-    share, seconds = tolerance_of(tolerance), quantity("--budget", budget, TIME)
+    share, seconds = tolerance_of(limits["tolerance"]), quantity("--budget", limits["budget"], TIME)
     scene = asked.read()
     target, files = target.named(scene, ending), picture or ending
 
@@ -103,7 +106,7 @@ def _weighed(
         write_csv(folder / f"{files}.csv", list(rows[0]), rows)
 
     def ask(stage: Callable[[str], None]) -> Found:
-        return question(scene, share, seconds, sensors or None, stage)
+        return question(scene, share, seconds, limits["sensors"] or None, stage)
 
     return into(target, f"{files}.json", ask, write, files), target.folder
 
