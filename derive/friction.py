@@ -14,19 +14,19 @@ from kaneflex.mechanism import friction
 from kaneflex.support.contract import FORMAT
 
 NUMBERS = (
-    "direction_x", "direction_y", "angle", "mu", "mu_static", "v_s", "delta", "viscous", "preload", "arm", "sigma_0",
-    "sigma_1", "law", "of",
+    "direction_x", "direction_y", "angle", "mu", "mu_static", "v_s", "delta", "viscous", "preload", "arm", "law", "of",
 )  # fmt: skip
 """Numbers of a friction in the order in which the kernels read them."""
 _number = {name: sm.Symbol(name) for name in NUMBERS}
 _OWN = tuple((symbol, f"p[c + {k}]" if k else "p[c]") for k, symbol in enumerate(_number.values()))
-_N, _v, _z, _most, _size = sm.symbols("N v z most size")
+_N, _v, _size = sm.symbols("N v size")
 
 _ABOUT = """
 A friction is the numbers of p from c on that NUMBERS names: direction and angle of its joint; kinetic and static
 coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N m]; the arm
-of its joint; LuGre's sigma_0 [N/m or N m/rad] and sigma_1 [N s/m or N m s/rad]; the number of its law, and of the act
-that it belongs to. N is what presses the sides together [N or N m], v the speed of the second past the first. """
+of its joint; the number of its law, and of the act that it belongs to. N is what presses the sides together [N or N m],
+v the speed of the second past the first.
+"""
 _DISPATCH = '''@njit(**OPTIONS)
 def dry(p, c, N, v):
     """What resists sliding at the speed v, whatever its sign [N or N m], by Coulomb's or by Stribeck's law."""
@@ -61,13 +61,11 @@ def _kernels() -> list[tuple[emit.Kernel, Program]]:
     mu, mu_static, preload = (_number[name] for name in ("mu", "mu_static", "preload"))
     left = friction.excess(_number["v_s"], _size, _number["delta"], sm.exp)
     falling = friction.dry(mu, mu_static, preload, _N, left)
-    rate = friction.bristle_rate(_number["sigma_0"], _z, _v, _size, _most)
     return [
         _returning("limit", friction.limit(mu_static, preload, _N), "Largest force that holds [N or N m].", _N),
         _returning("coulomb", friction.dry(mu, mu_static, preload, _N, sm.S.Zero), "Of Coulomb's law.", _N),
         _returning("stribeck", falling, "Of Stribeck's law.", _N, _v),
         _returning("stribeck_slope", falling.diff(_size), "Derivative of ``stribeck`` by |v|.", _N, _v),
-        _returning("bristle_rate", rate, "z' of LuGre's bristles, bent by z, that bear ``most``.", _v, _z, _most),
     ]
 
 

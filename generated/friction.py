@@ -4,15 +4,14 @@ Format 3, SymPy 1.14; made by: make derive
 
 A friction is the numbers of p from c on that NUMBERS names: direction and angle of its joint; kinetic and static
 coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N m]; the
-arm of its joint; LuGre's sigma_0 [N/m or N m/rad] and sigma_1 [N s/m or N m s/rad]; the number of its law, and of the
-act that it belongs to. N is what presses the sides together [N or N m], v the speed of the second past the first.
+arm of its joint; the number of its law, and of the act that it belongs to. N is what presses the sides together [N or
+N m], v the speed of the second past the first.
 
 Operations of one call, written out -> with shared subexpressions:
     limit                2 -> 2
     coulomb              2 -> 2
     stribeck             9 -> 9
     stribeck_slope      14 -> 10
-    bristle_rate         5 -> 5
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
@@ -36,8 +35,6 @@ NUMBERS = (
     'viscous',
     'preload',
     'arm',
-    'sigma_0',
-    'sigma_1',
     'law',
     'of',
 )
@@ -47,7 +44,6 @@ LAWS = (
     'coulomb',
     'stribeck',
     'viscous',
-    'lugre',
 )
 
 # kernel -> operations written out, operations with shared subexpressions
@@ -56,7 +52,6 @@ OPERATIONS = {
     'coulomb': (2, 2),
     'stribeck': (9, 9),
     'stribeck_slope': (14, 10),
-    'bristle_rate': (5, 5),
 }
 
 
@@ -98,14 +93,6 @@ def stribeck_slope(p, c, N, v):
     size = abs(v)
     w0 = (size/v_s)**delta
     return -N*delta*w0*(-mu + mu_static)*math.exp(-w0)/size
-
-
-@njit(**OPTIONS)
-def bristle_rate(p, c, v, z, most):
-    """z' of LuGre's bristles, bent by z, that bear ``most``."""
-    sigma_0 = p[c + 10]
-    size = abs(v)
-    return v - sigma_0*size*z/most
 
 
 @njit(**OPTIONS)

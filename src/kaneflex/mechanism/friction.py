@@ -12,7 +12,7 @@ from collections.abc import Callable
 from kaneflex.mechanism.parts import Friction
 from kaneflex.mechanism.planar import Number, Vector
 
-LAWS = ("coulomb", "stribeck", "viscous", "lugre")
+LAWS = ("coulomb", "stribeck", "viscous")
 """In the order of the numbers that kernels know them by."""
 
 
@@ -34,17 +34,9 @@ def excess(speed: Number, v: Number, exponent: Number, exp: Callable[[Number], N
     return exp(-((v / speed) ** exponent))
 
 
-def bristle_rate(stiffness: Number, z: Number, v: Number, size: Number, most: Number) -> Number:
-    """z' of bristles bent by z [m or rad], ``size`` = |v|, ``most`` what they bear when they slide [N or N m].
-
-    Canudas de Wit, Olsson, Astrom & Lischinsky 1995, IEEE Trans. Autom. Control 40, 419, eqs. 1 and 4.
-    """
-    return v - stiffness * size / most * z
-
-
 def numbers_of_lent(inertia: float) -> tuple[float, ...]:
     """The numbers of a hold that takes back an inertia [kg m^2]: no law, the inertia as its arm."""
-    return (*(0.0,) * 9, inertia, 0.0, 0.0, -1.0, -1.0)
+    return (*(0.0,) * 9, inertia, -1.0, -1.0)
 
 
 def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, ...]:
@@ -54,6 +46,6 @@ def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, .
     """
     return (
         *(float(part) for part in direction), 0.0, friction.mu, friction.mu_static, friction.speed, friction.exponent,
-        friction.viscous, friction.preload, friction.arm, friction.stiffness, friction.damping,
+        friction.viscous, friction.preload, friction.arm,
         float(LAWS.index(friction.law)), float(of),
     )  # fmt: skip

@@ -242,8 +242,6 @@ class Friction:
         Dry friction without any normal force [N or N m].
     arm : float
         Of a pin its radius [m]; of a guide 2 over the block's length [1/m], 0 where moments press nothing on.
-    stiffness, damping : float
-        Of LuGre's bristles [N/m, N s/m; N m/rad, N m s/rad].
     """
 
     law: str
@@ -254,8 +252,6 @@ class Friction:
     viscous: float = 0.0
     preload: float = 0.0
     arm: float = 0.0
-    stiffness: float = 0.0
-    damping: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -82,13 +82,12 @@ class Engine:
         for part in (*self.motion, self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT]):
             part[:] = row[first : first + len(part)]
             first += len(part)
-        self.holds[:, [at.STUCK_AT, at.BRISTLE]] = row[first : first + 2 * held].reshape(held, 2)
+        self.holds[:, at.STUCK_AT] = row[first : first + held]
 
     @property
     def standing(self) -> np.ndarray:
-        """How holds and contacts stand: modes, BEGUN_AT, then where each hold stuck and how its bristles are bent."""
-        bristles = self.holds[:, [at.STUCK_AT, at.BRISTLE]].ravel()
-        return np.concatenate([self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT], bristles])
+        """How holds and contacts stand: modes, BEGUN_AT, then where each hold stuck."""
+        return np.concatenate([self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT], self.holds[:, at.STUCK_AT]])
 
     def take_impacts(self) -> np.ndarray:
         """The impacts that are over and were not taken yet, (impacts, IMPACT_SIZE)."""

@@ -25,7 +25,6 @@ from kaneflex.generated import joints
 from kaneflex.multibody.tables import (
     ALONG,
     AT,
-    BRISTLE,
     CONTACT,
     CONTACT_SIZE,
     CONTACTS,
@@ -74,7 +73,7 @@ _SOFT = 1e-9
 """Of what a row yields by itself, the share that it is let yield more."""
 IDLE, STUCK, FLOWS = 0.0, 2.0, 3.0
 """Modes of a hold beside 1 and -1."""
-ARM, VISCOUS_AT, LAW_AT, OF_AT = 9, 7, 12, 13
+ARM, VISCOUS_AT, LAW_AT, OF_AT = 9, 7, 10, 11
 """Among its law's numbers: the arm, the viscous part, the number of its law, the act that it belongs to."""
 
 
@@ -325,10 +324,9 @@ def take_up(m, A):
 @of_holds(None)
 @njit(**OPTIONS)
 def taken(m, row, first):
-    """Where holds stuck, and how their bristles are bent, from a row of the integration, from ``first`` on."""
+    """Where holds stuck, from a row of the integration, from ``first`` on."""
     for n in range(count(m)):
-        k = number_at(m, n - count(m))
-        m.w[k + STUCK_AT], m.w[k + BRISTLE] = row[first + 2 * n], row[first + 2 * n + 1]
+        m.w[number_at(m, n - count(m)) + STUCK_AT] = row[first + n]
 
 
 @of_holds(None)
@@ -336,8 +334,7 @@ def taken(m, row, first):
 def given(m, row, first):
     """The same into a row."""
     for n in range(count(m)):
-        k = number_at(m, n - count(m))
-        row[first + 2 * n], row[first + 2 * n + 1] = m.w[k + STUCK_AT], m.w[k + BRISTLE]
+        row[first + n] = m.w[number_at(m, n - count(m)) + STUCK_AT]
 
 
 @of_holds(0.0)

@@ -309,7 +309,7 @@ def worn(m):
 @njit(**OPTIONS)
 def row_size(m):
     """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
-    of the holds, BEGUN_AT of the contacts, where holds stuck and their bristles' bending, works."""
+    of the holds, BEGUN_AT of the contacts, where holds stuck, works."""
     return works_at(m) + m.plan[WORKS]
 
 
@@ -322,7 +322,7 @@ def works_at(m):
 @njit(**OPTIONS)
 def standing(m):
     """Numbers of a row that say how contacts and holds stand."""
-    return m.plan[ACTS] - m.plan[CONTACTS] + 3 * (m.plan[DRIVES] - m.plan[HOLDS])
+    return m.plan[ACTS] - m.plan[CONTACTS] + 2 * (m.plan[DRIVES] - m.plan[HOLDS])
 
 
 @njit(**OPTIONS)
