@@ -313,3 +313,54 @@ def test_the_one_way_presets_name_what_has_friction(tmp_path):
 def test_what_a_friction_lacks_is_named(tmp_path, scene, written, instead, says):
     with pytest.raises(SceneError, match=says):
         solved(tmp_path, scene.replace(written, instead))
+
+
+KLEIN = """
+schema = 1
+ground = {high = [0, "0.8660254037844386 m"]}
+[bodies]
+low = {mass = "1 kg"}
+high = {mass = "1 kg"}
+rod = {length = "1 m", mass = "1e-9 kg"}
+[joints]
+floor = {prismatic = ["ground", "low"], direction = [1, 0], friction = {mu = 1}}
+ceiling = {prismatic = ["ground.high", "high"], direction = [1, 0]}
+foot = {revolute = ["low", "rod"]}
+head = {revolute = ["rod.end", "high"], near = {rod = "60 deg"}}
+[drives]
+floor = {free = true, initial_speed = "1 m/s"}
+[loads]
+push = {force_on = "high", direction = [1, 0], law = "10"}
+[sensors]
+x = {position = "floor"}
+rub = {friction_force = "floor"}
+[solve]
+preset = "coupled"
+duration = "0.2 s"
+steps = 100
+"""
+
+
+@pytest.mark.parametrize("mu", [0.05, 1.0])
+def test_two_blocks_on_guides_with_a_rod_between_them_slide_to_rest(tmp_path, mu):
+    """Painleve and Klein's (Klein 1909, Z. Math. Phys. 58, 186): m a = P - R cos(b), m a = R cos(b) - mu R sin(b)."""
+    path = tmp_path / "klein.toml"
+    path.write_text(KLEIN)
+    found = simulate(load(with_settings(read_scene(path), [f"floor.friction.mu={mu}"])))
+    c, s = 0.5, math.sqrt(0.75)
+    R = 10 / (2 * c - mu * s)
+    a, t = 10 - R * c, found.times
+    stop = -1 / a if a < 0 else math.inf
+    assert found.series["x"].values == pytest.approx(np.where(t < stop, t + a * t**2 / 2, -0.5 / a), abs=1e-7)
+    assert abs(found.series["rub"].values[t < 0.9 * stop]) == pytest.approx(mu * R * s, rel=1e-7)
+
+
+@pytest.mark.parametrize("law, reached", [("10", 0.0), ("400 * (t - 0.02)", 0.02)])
+def test_friction_that_no_reaction_agrees_with_ends_the_run(tmp_path, law, reached):
+    """mu tan(b) > 2: while they slide, a rod that is pushed against the rough guide has no force (Painleve 1895)."""
+    path = tmp_path / "klein.toml"
+    path.write_text(KLEIN)
+    settings = ["floor.friction.mu=2", f'push.law="{law}"', "floor.initial_speed=5 m/s"]
+    found = simulate(load(with_settings(read_scene(path), settings)))
+    assert found.outcome in (Outcome.PARADOX, Outcome.SINGULAR) and "no way to stick or slip" in found.message
+    assert found.times[-1] == pytest.approx(reached, abs=0.004)

@@ -30,7 +30,7 @@ from kaneflex.report.summary import (
 )
 from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.mode_angle_envelope import PeakSpread
-from kaneflex.solve.touching import ContactSummary
+from kaneflex.solve.touching import ContactSummary, FrictionSummary
 from kaneflex.solve.unresolved import UnresolvedMode
 from kaneflex.study.sensitivity.tables import ParameterSensitivity, SensorDerivative
 from kaneflex.study.trade.record import Attempt, Choice
@@ -247,7 +247,7 @@ def test_documentation_is_that_of_the_code():
 
 def test_every_field_of_the_summary_is_described():
     tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations)
-    tables += (ParameterSensitivity, SensorDerivative, UnresolvedMode, ContactSummary)
+    tables += (ParameterSensitivity, SensorDerivative, UnresolvedMode, ContactSummary, FrictionSummary)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []
     assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}

@@ -263,7 +263,7 @@ def settle(m, t):
     a singular state.
     """
     closed = settle_now(m, t, m.real, 0.0, 2) and contacts.stand_closed(m, t, m.real)
-    return closed and sticking.decide(m, t, m.real) != 1
+    return closed and sticking.decide(m, t, m.real) == 0
 
 
 @njit(**ENTRY)

@@ -23,6 +23,8 @@ where an event is looked for, and about how long as many steps as are then tried
 
 _OF_A_DEPTH = 30.0
 """Tolerances of a run, as a share of an impact's depth, that are allowed as error in a contact's gap."""
+_TINY = 1e-4
+"""Of the longest step: where steps are as short as that, friction may not agree with its reactions."""
 _AGREE = 1e-7
 """Share of the mechanism's size by which joints that hold something twice may differ."""
 
@@ -174,7 +176,8 @@ class _Run:
     def go(self, progress: Callable[[float], None] | None, stop: Stop | None) -> tuple[Outcome, str]:
         """Integrate to the end, or to where the motion can't go on."""
         if not self.settled:
-            return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}"
+            rubs = ", or no way to stick or slip agrees with the friction there is" if len(self.engine.holds) else ""
+            return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
         scipy = self.method.integrator == "scipy"
         most = _PIECE if scipy else 1 if stop is None else _FEW
         while self.filled + 1 < len(self.times):
@@ -187,6 +190,9 @@ class _Run:
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
                 outcome, words = self._held() or _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
+            if len(self.engine.holds) and self.step < _TINY * self.longest and not self._agrees():
+                outcome, words = _ENDED[collocation.PARADOX]
+                return outcome, words.format(at=f"t = {self.here[0]:.6g} s")
             misfit = self._misfit()
             if misfit:
                 return Outcome.SINGULAR, misfit
@@ -225,6 +231,13 @@ class _Run:
         joint = engine.layout.cuts[int(np.searchsorted(acts, row, side="right")) - 1]
         return (f"over-constrained after t = {t:.6g} s: {joint} holds what other joints hold already, and misses it by "
                 f"{apart[row]:.2g} of the mechanism's size")  # fmt: skip
+
+    def _agrees(self) -> bool:
+        """Whether friction and the reactions that it asks for agree where the motion stands."""
+        self.engine.stand(self.here)
+        agrees = self.engine.settle(float(self.here[0]))
+        self.engine.stand(self.here)
+        return agrees
 
     @property
     def tried(self) -> int:

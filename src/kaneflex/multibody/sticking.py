@@ -217,11 +217,14 @@ def decide(m, t, A):
         if free and not put_back(m, t, A, 1):
             return 1
     for _ in range(4 * free + 4):
-        if not _settle(m, t, A):
+        settled = _settle(m, t, A)
+        if settled == 1:
             return 1
         n = _wrong(m)
         if n == 0:
-            return _take(m)
+            if settled == 0:
+                return _take(m)
+            break
         k = number_at(m, n)
         w[k + MODE] = (-1.0 if w[k + HOLDING] > 0.0 else 1.0) if w[k + MODE] == STUCK else STUCK
     if free > _CANDIDATES:
@@ -232,9 +235,10 @@ def decide(m, t, A):
             if w[number_at(m, n) + DUE] < 0.0:
                 w[number_at(m, n) + MODE] = (STUCK, 1.0, -1.0)[left % 3]
                 left //= 3
-        if not _settle(m, t, A):
+        settled = _settle(m, t, A)
+        if settled == 1:
             return 1
-        if _wrong(m) == 0:
+        if settled == 0 and _wrong(m) == 0:
             return _take(m)
     return 2
 
@@ -268,12 +272,13 @@ def _stand(m, n, t):
 
 @njit(**OPTIONS)
 def _settle(m, t, A):
-    """Accelerations and reactions of a choice: as often as what reactions bring with them changes."""
+    """Accelerations and reactions of a choice: as often as what reactions bring with them changes; 0, or 1 at a
+    singular state, 2 where that comes to no end: friction of these reactions asks for others."""
     apart()
     w = m.w
     for turn in range(_SETTLED):
         if not mend(m, t, A, 0.0, 1):
-            return False
+            return 1
         for n in range(-count(m), 0):
             w[number_at(m, n) + BEFORE] = w[number_at(m, n) + HOLDING]
         exert(m)
@@ -283,8 +288,8 @@ def _settle(m, t, A):
             allowed = 1e-12 * (w[k + LIMIT] + abs(w[k + HOLDING])) + no_force(m, n)
             moved = larger(moved, abs(w[k + HOLDING] - w[k + BEFORE]) / allowed)
         if turn > 0 and not moved > 1.0:
-            return True
-    return True
+            return 0
+    return 2
 
 
 @njit(**OPTIONS)

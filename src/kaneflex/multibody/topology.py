@@ -344,17 +344,18 @@ def _lend(
     mechanism: NumericMechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int], bodies: np.ndarray,
     parts: Sequence[np.ndarray], measure: float,
 ) -> dict[int, float]:  # fmt: skip
-    """Section -> the inertia [kg m^2] that its body is lent, with which it can turn freely before its cuts hold it.
+    """Section -> the inertia [kg m^2] that its body is lent, to turn freely before its cuts hold it.
 
-    A body without inertia that hangs on joints with friction alone is no body of a tree; a hold takes back what it is
-    lent. Raises SceneError for one without mass.
+    A body without inertia that hangs on joints with friction alone, or beside them on a pin at its centre, is no body
+    of a tree; a hold takes back what it is lent. Raises SceneError for one without mass.
     """
     rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
     starts = np.cumsum([0, *(part.size for part in parts)])
     found: dict[int, float] = {}
-    for fields, (body, joint, _) in zip(bodies, order, strict=True):
+    for fields, (body, joint, child) in zip(bodies, order, strict=True):
         own = [each.name for each in rubbing if body in each.bodies]
-        if joint is not None or not own or fields[at.SHAPES]:
+        turns = joint is None or joint.kind == "revolute"
+        if not turns or not own or fields[at.SHAPES]:
             continue
         block = parts[int(np.searchsorted(starts, fields[at.BLOCK]))]
         mass, x, y, second = block[:4]
@@ -363,8 +364,10 @@ def _lend(
                 f"bodies.{body}.mass", float(mass),
                 f"nothing says how the friction of {own[0]} moves a body without mass", "Give it one",
             )  # fmt: skip
-        if second - (x * x + y * y) / mass <= 1e-9 * mass * measure**2:
-            found[index[body, "start"]] = mass * measure**2
+        inboard = BodyPoint(body, "start", (0.0, 0.0)) if joint is None else joint.sides[child]
+        p_x, p_y = (x / mass, y / mass) if joint is None else inboard.at  # about which it turns
+        if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
+            found[index[_key(inboard)]] = mass * measure**2
             block[3] += mass * measure**2
     return found
 
