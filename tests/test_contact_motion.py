@@ -16,7 +16,7 @@ from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import build_engine
-from kaneflex.multibody.run import Method, _Run, integrate
+from kaneflex.multibody.run import Method, Run, integrate
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
@@ -283,7 +283,7 @@ def test_a_sensor_names_a_contact(tmp_path):
 def test_a_cascade_without_time_between_stops_with_its_name(scenes):
     """As if a thousand changes had been at the instant of the first one."""
     system = system_of(scenes[1], contact("floor", GROUND, body()))
-    started = _Run(system, np.array([0, 0.1, 0]), np.zeros(3), np.linspace(0, 1, 11), METHOD, np.zeros(0))
+    started = Run(system, np.array([0, 0.1, 0]), np.zeros(3), np.linspace(0, 1, 11), METHOD, np.zeros(0))
     system.engine.numbers(at.TOUCH, at.SHARED)[[at.STUCK, at.LAST_CHANGE]] = 1000, 1.0
     outcome, message = started.go(None, None)
     assert outcome is Outcome.CASCADE and "after t = 0.1 s" in message

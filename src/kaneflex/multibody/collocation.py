@@ -24,17 +24,17 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
-from kaneflex.multibody import contact_search, contacts, holds, sticking
+from kaneflex.multibody import contact_search, contacts, holds, sticking, yielding
+from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.coefficients import TABLE, basis
-from kaneflex.multibody.loops import (
-    close, copy, factorise_closed, follow, give, mend, middle, row_size, settle_now, solve_closed, works_at, worn,
-)  # fmt: skip
+from kaneflex.multibody.loops import close, follow, mend, middle, settle_now, worn
 from kaneflex.multibody.powers import losses
+from kaneflex.multibody.rows import copy, give, row_size, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACCEL_SCALE, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING,
-    DEMAND, DRIVES, ENTRY, FIRST, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS,
-    RATE, RATE_SCALE, REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C,
-    STAGE_P, STAGE_R, STIFFNESS, WORKS, Y, YIELDING, apart, larger, smaller,
+    ACCEL, ACCEL_SCALE, BODIES, COLUMNS, COORDINATES, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPING, DEMAND, DRIVES,
+    ENTRY, FIRST, KEPT, LAST_A, LAST_R, LOADS, MECHANISM, MODAL, N, NOW, OPTIONS, PAIR_PIVOTS, PIVOTS, RATE, RATE_SCALE,
+    REACTION, REACTIONS, RESISTING, ROW_AT, ROW_OF, SCALE, SHAPES, SPRINGS, STAGE_A, STAGE_C, STAGE_P, STAGE_R,
+    STIFFNESS, WORKS, Y, YIELDING, apart, larger, smaller,
 )  # fmt: skip
 from kaneflex.multibody.tree import courses, demand, prescribe
 
@@ -73,7 +73,7 @@ def _factors(m, table, t, h, here, A, B):
     prescribe(m, t + 0.5 * h)
     if not close(m):
         return False
-    contacts.let_yield(m, h, here)
+    yielding.let_yield(m, h, here)
     middle(m)
     if not factorise_closed(m, h * table.real[0], A, plan[PIVOTS]):
         return False
@@ -147,7 +147,7 @@ def _improve(m, table, h, A, B):
             d = one * A[plan[REACTION] + r] + (two * B[plan[REACTION] + r]).real
             w[plan[STAGE_R] + plan[REACTIONS] * i + plan[plan[ROW_OF] + r]] += d
         if m.pivots[YIELDING]:
-            change = larger(change, contacts.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B))
+            change = larger(change, yielding.change_of_gaps(m, h, table.real[0], table.pair[0], one, two, A, B))
             holds.answered(m, i, one, two, A, B)
         for cut in range(plan[CUTS], plan[DRIVES]):
             if m.acts[cut, COURSE_AT] >= 0:
@@ -211,7 +211,7 @@ def _error(m, table, h, here, A):
         error = _also(error, abs(w[at + k]) / w[plan[ACCEL_SCALE] + k], 5.0 / 3.0)
         A[answer + k] = -step * (w[plan[DAMPING] + k] + step * w[plan[STIFFNESS] + k]) * w[at + k]
     if m.pivots[YIELDING]:
-        contacts.resist_defect(m, step, A, answer)
+        yielding.resist_defect(m, step, A, answer)
     holds.want_nothing(m, A)
     solve_closed(m, A, plan[PIVOTS])
     for b in range(plan[BODIES]):
@@ -221,7 +221,7 @@ def _error(m, table, h, here, A):
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
-        error = larger(error, 0.5 * h * h * contacts.error_of_gaps(m, h, A, answer))
+        error = larger(error, 0.5 * h * h * yielding.error_of_gaps(m, h, A, answer))
     return error
 
 

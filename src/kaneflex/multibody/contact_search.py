@@ -14,24 +14,22 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds, sticking
-from kaneflex.multibody.contacts import (
-    CLOSES, EPS, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, at, change, extent, near, no_force, pushed_on, rigid,
-    switches, tolerance,
-)  # fmt: skip
-from kaneflex.multibody.loops import follow, mend, take
+from kaneflex.multibody.acting import rests
+from kaneflex.multibody.contact_numbers import EPS, at, extent, near, no_force, rigid, switches, tolerance
+from kaneflex.multibody.contacts import CLOSES, HARDENS, LETS_GO, OPENS, PUSHES, SHIFTS, change, pushed_on
+from kaneflex.multibody.loops import follow, mend
+from kaneflex.multibody.rows import take
+from kaneflex.multibody.step_curve import NEVER, between, dips, falls, gap_of, meet_all, shares
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, COORDINATES, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH,
-    HOLDS, LARGEST, LAW, LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, RATE, REACTIONS,
-    RESISTING_MASS, RESTED, RIGID, ROW_AT, SEC, SECTION, SHIFT, SLIP, SLIP_RATE, STAGE_A, STAGE_R, SWITCH, TARGET,
-    TOUCH, TRIAL, TRIES, WHAT, Y, apart, larger, of_contacts, of_holds, smaller,
+    ACTS, AIM, ALLOWED, AT, BEGUN_AT, CONTACTS, DRIVES, DUE, FLANK, FOUND_AT, GAP, GAP_RATE, HIGH, HOLDS, LARGEST, LAW,
+    LOW, MODE, NODES, NOW, NUMBERS_AT, OPTIONS, PRECISION, PUSH_NOW, REACTIONS, RESISTING_MASS, RESTED, RIGID, ROW_AT,
+    SEC, SECTION, SHIFT, STAGE_R, TARGET, TOUCH, TRIAL, TRIES, WHAT, apart, larger, of_contacts, of_holds, smaller,
 )  # fmt: skip
 from kaneflex.multibody.rigid_contacts import LEAST_HEIGHT, NOISE, acceleration, collide, size_of
-from kaneflex.multibody.tree import load_sizes, meet, rests
 
 PASSED, CHANGED, AT_ONCE, AGAIN, ASTRAY = range(5)
 """What is found in a step: no change, one at its end, one before it begins, one inside or beyond it; or its end doesn't
 close."""
-_NEVER = 2.0
 _MANY = 30
 """Steps that are taken again before their ends only halve what is left."""
 _PRESSED = 1e-8
@@ -72,13 +70,6 @@ def note(m, t, i):
             law, own = m.acts[act, LAW], m.acts[act, NUMBERS_AT]
             w[j + 3] = touching.normal_force(law, w, own, begun_at, gap, w[k + GAP_RATE])
     sticking.note(m, t, i)
-
-
-@njit(**OPTIONS)
-def gap_of(m, c):
-    """A contact's gap [m], beyond rounding where it has left a rigid side without a speed."""
-    k = at(m, c)
-    return m.w[k + GAP] + m.w[k + SHIFT] if rigid(m, c) and m.w[k + BEGUN_AT] == 0.0 else m.w[k + GAP]
 
 
 @of_contacts(True)
@@ -161,16 +152,6 @@ def aimed(m, h):
 
 
 @njit(**OPTIONS)
-def meet_all(m, t):
-    """Fill in all contacts where everything is, and what switches laws."""
-    last = m.plan[ACTS] - 1
-    if m.acts[last, WHAT] == SWITCH:
-        load_sizes(m, t)
-    for act in range(m.plan[CONTACTS], last + 1):
-        meet(m, act)
-
-
-@njit(**OPTIONS)
 def forget(m):
     """Give up the search for a change in a step."""
     m.w[m.plan[TOUCH] + HIGH] = m.w[m.plan[TOUCH] + LOW] = m.w[m.plan[TOUCH] + TRIES] = 0.0
@@ -223,14 +204,14 @@ def look(m, table, t, h, here, searched):
         return ASTRAY
     if not searched:
         forget(m)
-    first, which, how, at_end = _NEVER, _NONE, 0, True
+    first, which, how, at_end = NEVER, _NONE, 0, True
     for c in range(plan[HOLDS] - plan[DRIVES], plan[ACTS] - plan[CONTACTS]):
         w[at(m, c) + DUE] = 0.0
         if c >= 0:
             x, kind = _first_change(m, table, t, h, here, c, last)
         else:
             x, kind = _first_shift(m, table, t, h, here, c, last), SHIFTS
-        at_end = at_end and (x == _NEVER or (x > 0.9 and _due(m, t, c, kind, last)))
+        at_end = at_end and (x == NEVER or (x > 0.9 and _due(m, t, c, kind, last)))
         if x < first:
             first, which, how = x, c, kind
     high = w[shared + HIGH]
@@ -276,32 +257,26 @@ def _note_rests(m, t, h, last):
 
 
 @njit(**OPTIONS)
-def _shares(table, i, last):
-    """Shares of a step at which its nodes i and i + 1 are, the ``last`` of which is its end."""
-    return table.nodes[i - 1] if i > 0 else 0.0, table.nodes[i] if i + 1 < last else 1.0
-
-
-@njit(**OPTIONS)
 def _first_change(m, table, t, h, here, c, last):
     """Where in the step a contact changes first, as a share of it, and how."""
     apart()
     w, k = m.w, at(m, c)
     begun_at, j = w[k + BEGUN_AT], k + NODES
     for i in range(last):
-        x_a, x_b = _shares(table, i, last)
+        x_a, x_b = shares(table, i, last)
         wide, a, b = x_b - x_a, j + 4 * i, j + 4 * (i + 1)
         p_0, m_0, p_1, m_1 = w[a], w[a + 1] * h, w[b], w[b + 1] * h
         if begun_at == 0.0 or switches(m, c):
             if p_1 <= 0.0 and (m_1 < 0.0 or p_0 > 0.0 or m_0 < 0.0):
-                return x_a + wide * _falls(p_0, m_0 * wide, p_1, m_1 * wide), CLOSES
+                return x_a + wide * falls(p_0, m_0 * wide, p_1, m_1 * wide), CLOSES
             if p_1 > 0.0:
-                x = _dips(m, table, t, h, here, c, i, last)
-                if x < _NEVER:
+                x = dips(m, table, t, h, here, c, i, last)
+                if x < NEVER:
                     return x, CLOSES
             continue
-        x, how = _NEVER, 0
+        x, how = NEVER, 0
         if p_1 > 0.0 and m_1 > 0.0 and not rigid(m, c):
-            x, how = x_a + wide * _falls(-p_0, -m_0 * wide, -p_1, -m_1 * wide), OPENS
+            x, how = x_a + wide * falls(-p_0, -m_0 * wide, -p_1, -m_1 * wide), OPENS
         sign_0, sign_1, none = w[a + 3], w[b + 3], no_force(m, c)
         if begun_at > 0.0 and sign_1 < -none and (m_1 > 0.0 or rigid(m, c)):
             share = sign_0 / (sign_0 - sign_1) if sign_0 > 0.0 else 0.0
@@ -313,10 +288,10 @@ def _first_change(m, table, t, h, here, c, last):
                 x, how = x_a + wide * share, PUSHES
         if how:
             return x, how
-    return _NEVER, 0
+    return NEVER, 0
 
 
-@of_holds(_NEVER)
+@of_holds(NEVER)
 @njit(**OPTIONS)
 def _first_shift(m, table, t, h, here, n, last):
     """Where in the step a hold sticks, slips or turns round first, as a share of it."""
@@ -324,9 +299,9 @@ def _first_shift(m, table, t, h, here, n, last):
     w, k = m.w, at(m, n)
     mode = w[k + MODE]
     if mode == holds.IDLE or mode == holds.FLOWS:
-        return _NEVER
+        return NEVER
     for i in range(last):
-        x_a, x_b = _shares(table, i, last)
+        x_a, x_b = shares(table, i, last)
         j = k + NODES + 4 * i
         p_0, m_0, p_1, m_1, near = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h, w[j + 6]
         wide = x_b - x_a
@@ -334,12 +309,12 @@ def _first_shift(m, table, t, h, here, n, last):
             if p_1 < -near:
                 return x_a + wide * (p_0 / (p_0 - p_1) if p_0 > 0.0 else 0.0)
         elif p_1 < -near or (p_1 <= near and m_1 < 0.0 and p_0 > near):
-            return x_a + wide * _falls(p_0, m_0 * wide, p_1, m_1 * wide)
+            return x_a + wide * falls(p_0, m_0 * wide, p_1, m_1 * wide)
         elif p_1 > near:
-            x = _dips(m, table, t, h, here, n, i, last)
-            if x < _NEVER:
+            x = dips(m, table, t, h, here, n, i, last)
+            if x < NEVER:
                 return x
-    return _NEVER
+    return NEVER
 
 
 @njit(**OPTIONS)
@@ -375,105 +350,3 @@ def _harden(m, last):
             if -w[k + NODES + 4 * last + 1] > _FAR_FASTER * w[k + BEGUN_AT]:
                 w[k + DUE], found = HARDENS, True
     return found
-
-
-@njit(**OPTIONS)
-def between(m, table, t, h, here, x):
-    """Put everything where the step's polynomial has it after a share x of the step; False: a loop doesn't close."""
-    apart()
-    plan, w, c, n = m.plan, m.w, table.nodes, m.plan[COORDINATES]
-    a_1, of = table.a_1, plan[STAGE_A]
-    for k in range(n):
-        v_0 = here[1 + n + k]
-        y, v, a = 0.0, 0.0, 0.0
-        for i in range(3):
-            other, third = c[(i + 1) % 3], c[(i + 2) % 3]
-            scale = 1.0 / ((c[i] - other) * (c[i] - third))
-            part = x * (x * (x / 3.0 - 0.5 * (other + third)) + other * third) * scale
-            rate = v_0
-            for j in range(3):
-                rate += h * a_1[3 * i + j] * w[of + n * j + k]
-            y += part * rate
-            v += part * w[of + n * i + k]
-            a += (x - other) * (x - third) * scale * w[of + n * i + k]
-        w[plan[Y] + k], w[plan[RATE] + k], w[plan[ACCEL] + k] = here[1 + k] + h * y, v_0 + h * v, a
-    if not follow(m, t + x * h):
-        return False
-    meet_all(m, t + x * h)
-    for n in range(plan[HOLDS] - plan[DRIVES], 0):
-        holds.row_of(m, n)
-    return True
-
-
-@njit(**OPTIONS)
-def _dips(m, table, t, h, here, c, i, last):
-    """Where between nodes i and i + 1 of a step an open contact's gap falls through zero and comes back; else never."""
-    apart()
-    w, k = m.w, at(m, c)
-    x_a, x_b = _shares(table, i, last)
-    j = k + NODES + 4 * i
-    p_0, m_0, p_1, m_1 = w[j], w[j + 1] * h, w[j + 4], w[j + 5] * h
-    begin_x, g_0, r_0 = x_a, p_0, m_0
-    tiny = near(m, c, 0.0, 0.0) if c >= 0 else w[j + 6]
-    for _ in range(20):
-        wide = x_b - x_a
-        s = _lowest(p_0, m_0 * wide, p_1, m_1 * wide)
-        if s < 0.0:
-            return _NEVER
-        least = _cubic(p_0, m_0 * wide, p_1, m_1 * wide, s)
-        if least > 0.1 * (larger(p_0, p_1) - least) + tiny:
-            return _NEVER
-        x = x_a + s * wide
-        if not between(m, table, t, h, here, x):
-            return _NEVER
-        gap, rate = gap_of(m, c), w[k + GAP_RATE] * h
-        if c < 0:
-            gap, rate = w[k + MODE] * w[k + SLIP] + tiny, w[k + MODE] * w[k + SLIP_RATE] * h
-        if gap <= 0.0:
-            wide = x - begin_x
-            return begin_x + wide * _falls(g_0, r_0 * wide, gap, rate * wide)
-        if abs(rate) * wide < tiny:
-            return _NEVER
-        if rate < 0.0:
-            x_a, p_0, m_0 = x, gap, rate
-        else:
-            x_b, p_1, m_1 = x, gap, rate
-    return _NEVER
-
-
-@njit(**OPTIONS)
-def _falls(p_0, m_0, p_1, m_1):
-    """Where the cubic falls through zero, which it has at 1; where it never was above it, where it falls."""
-    low, high = 0.0, 1.0
-    if p_0 <= 0.0:
-        low = _lowest(-p_0, -m_0, -p_1, -m_1)
-        if low < 0.0:
-            return 0.0
-        if _cubic(p_0, m_0, p_1, m_1, low) <= 0.0:
-            return low
-    for _ in range(52):
-        middle_ = 0.5 * (low + high)
-        if _cubic(p_0, m_0, p_1, m_1, middle_) > 0.0:
-            low = middle_
-        else:
-            high = middle_
-    return high
-
-
-@njit(**OPTIONS)
-def _lowest(p_0, m_0, p_1, m_1):
-    """Where the cubic has its minimum, -1 where it has none inside."""
-    a, b = 3.0 * (2.0 * (p_0 - p_1) + m_0 + m_1), 3.0 * (p_1 - p_0) - 2.0 * m_0 - m_1
-    root = b * b - a * m_0
-    if not root > 0.0:
-        return -1.0
-    root = math.sqrt(root)
-    s = -m_0 / (b + root) if b > 0.0 else ((root - b) / a if a != 0.0 else -1.0)
-    return s if 0.0 < s < 1.0 else -1.0
-
-
-@njit(**OPTIONS)
-def _cubic(p_0, m_0, p_1, m_1, s):
-    """Hermite's cubic of two values and slopes at s in [0, 1]."""
-    a, b = 2.0 * (p_0 - p_1) + m_0 + m_1, 3.0 * (p_1 - p_0) - 2.0 * m_0 - m_1
-    return ((a * s + b) * s + m_0) * s + p_0

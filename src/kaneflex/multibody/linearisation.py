@@ -20,8 +20,9 @@ import numpy as np
 from kaneflex.generated import joints as laws
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
+from kaneflex.multibody.dense_output import balance
 from kaneflex.multibody.engine import Engine
-from kaneflex.multibody.run import CoupledTrajectory, balance
+from kaneflex.multibody.run import CoupledTrajectory
 from kaneflex.multibody.system import CoupledSystem, Unfolded
 
 _OFFSETS, _WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0

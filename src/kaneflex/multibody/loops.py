@@ -12,16 +12,18 @@ import math
 from numba import njit
 
 from kaneflex.multibody import dense_lu, holds
-from kaneflex.multibody.recursion import add_force, assemble, factorise, solve, twist_of
+from kaneflex.multibody.acting import meet
+from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
+from kaneflex.multibody.recursion import assemble
+from kaneflex.multibody.rows import copy
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, AT, BEGUN_AT, BENDS, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSE_OF, CUT,
-    CUT_OF, CUT_ROWS, DEMAND, DEPENDENT, DOF, DRIVES, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, HOLDS, INBOARD,
-    JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP, LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS,
-    OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, PUSH, RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE,
-    SCHUR, SEC, SECTION, SECTIONS, SHAPES, SIDE, SPEEDS, STIFF, SWITCH, TOUCHING, VISCOUS, WHAT, WORKS, W_NOW, Y,
-    YIELDING, apart, kernel, larger, of_holds, shifted,
+    ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUT_OF, CUT_ROWS, DEMAND, DEPENDENT,
+    DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP,
+    LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC,
+    RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y,
+    YIELDING, apart, kernel, larger, of_holds, turned,
 )  # fmt: skip
-from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, meet, move, place, prescribe, turned
+from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
@@ -174,109 +176,6 @@ def stand(m, t):
 
 
 @njit(**OPTIONS)
-def reach(m, h, A):
-    """Factors of M + h C + h^2 K of the tree, coordinates by unit reactions of the kept rows and of contacts, and what
-    those do to these rows, at SCHUR; False: a pivot vanishes."""
-    apart()
-    if not factorise(m, h, A):
-        return False
-    plan, w = m.plan, m.w
-    count = plan[KEPT] + m.pivots[YIELDING]
-    for r in range(count):
-        for k in range(plan[SPEEDS]):
-            A[plan[PUSH] + k] = 0.0
-        for k in range(plan[COORDINATES]):
-            A[column(m, r) + k] = 0.0
-        cut, k = row_at(m, r)
-        n = holds.brought(m, r)
-        for side in range(2):
-            j = k + 3 * side
-            add_force(m, A, m.acts[cut, AT + side], w[j], w[j + 1], w[j + 2])
-            if n:
-                size, j = holds.share(m, n, r), hold_row(m, n) + 3 * side
-                add_force(m, A, m.acts[plan[DRIVES] + n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
-        solve(m, A, r if r < plan[KEPT] else r + 1)
-        for q in range(count):
-            A[plan[SCHUR] + count * q + r] = opening(m, A, q)
-    return True
-
-
-@njit(**OPTIONS)
-def factorise_closed(m, h, A, pivots):
-    """Factors of M + h C + h^2 K with its loops closed; False where motion or reactions are not determined.
-
-    Beside the tree's factors: coordinates by unit reactions of the kept rows, and what those do to the cuts.
-    """
-    apart()
-    if not reach(m, h, A):
-        return False
-    plan, w = m.plan, m.w
-    count = plan[KEPT] + m.pivots[YIELDING]
-    for r in range(plan[KEPT], count):
-        n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-        k = plan[CONTACT] + CONTACT_SIZE * n
-        own = plan[SCHUR] + (count + 1) * r
-        soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF])) if n >= 0 else holds.compliance(m, n, h, A[own])
-        A[own] += soft
-    return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
-
-
-@njit(**OPTIONS)
-def row_at(m, r):
-    """The act of a kept row, or of a contact or a hold after these, and where its Jacobian is."""
-    plan = m.plan
-    if r < plan[KEPT]:
-        return plan[plan[CUT_OF] + r], plan[MIDDLE_CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + 3
-    n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
-    return (plan[CONTACTS] if n >= 0 else plan[DRIVES]) + n, hold_row(m, n)
-
-
-@njit(**OPTIONS)
-def hold_row(m, n):
-    """Where the Jacobian of a contact or a hold is."""
-    return m.plan[MIDDLE_CUT] + ROW_SIZE * (m.plan[CUT_ROWS] + n) + 3
-
-
-@njit(**OPTIONS)
-def column(m, r):
-    """Where the coordinates by such a row's unit force are: the answer stands between those of cuts and contacts."""
-    return m.plan[COLUMNS] + m.plan[COORDINATES] * (r if r < m.plan[KEPT] else r + 1)
-
-
-@njit(**OPTIONS)
-def opening(m, A, r):
-    """Rate of a row by the speeds at PUSH."""
-    w = m.w
-    cut, k = row_at(m, r)
-    total = 0.0 * A[m.plan[PUSH]]
-    for side in range(2):
-        t_0, t_1, t_2 = twist_of(m, A, m.acts[cut, AT + side])
-        j = k + 3 * side
-        total += w[j] * t_0 + w[j + 1] * t_1 + w[j + 2] * t_2
-    return total
-
-
-@njit(**OPTIONS)
-def solve_closed(m, A, pivots):
-    """What forces of the coordinates bring about: both in the row of COLUMNS after the kept ones, and at REACTION what
-    these need to stay closed, and what contacts push back."""
-    apart()
-    plan = m.plan
-    count, n, x = plan[KEPT] + m.pivots[YIELDING], plan[COORDINATES], plan[REACTION]
-    for k in range(plan[SPEEDS]):
-        A[plan[PUSH] + k] = 0.0
-    solve(m, A, plan[KEPT])
-    if count:
-        for r in range(count):
-            A[x + r] = holds.wanted(m, A, r) - opening(m, A, r)
-        dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
-        answer = plan[COLUMNS] + n * plan[KEPT]
-        for r in range(count):
-            for i in range(n):
-                A[answer + i] += A[column(m, r) + i] * A[x + r]
-
-
-@njit(**OPTIONS)
 def worn(m):
     """Whether an independent joint's coordinate should take the place of a dependent one that moves far more than it.
 
@@ -304,70 +203,6 @@ def worn(m):
                 if moved * w[plan[MEASURE] + i] > WORN:
                     return True
     return False
-
-
-@njit(**OPTIONS)
-def row_size(m):
-    """Numbers of a row of the integration: t, coordinates, rates, accelerations, reactions of the cuts and holds, modes
-    of the holds, BEGUN_AT of the contacts, where holds stuck, works."""
-    return works_at(m) + m.plan[WORKS]
-
-
-@njit(**OPTIONS)
-def works_at(m):
-    """Where the works are in a row."""
-    return 1 + 3 * m.plan[COORDINATES] + m.plan[REACTIONS] + standing(m)
-
-
-@njit(**OPTIONS)
-def standing(m):
-    """Numbers of a row that say how contacts and holds stand."""
-    return m.plan[ACTS] - m.plan[CONTACTS] + 2 * (m.plan[DRIVES] - m.plan[HOLDS])
-
-
-@njit(**OPTIONS)
-def take(m, row):
-    """The motion of a row."""
-    apart()
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    for i in range(n):
-        w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i] = row[1 + i], row[1 + n + i], row[1 + 2 * n + i]
-    for r in range(plan[REACTIONS]):
-        w[plan[NOW] + r] = row[1 + 3 * n + r]
-    stands(m, shifted(row, 1 + 3 * n + plan[REACTIONS]))
-
-
-@njit(**OPTIONS)
-def stands(m, row):
-    """How contacts and holds stand by a row."""
-    plan, w = m.plan, m.w
-    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
-    for k in range(held + touching):
-        w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT] = row[k]
-    holds.taken(m, row, held + touching)
-
-
-@njit(**OPTIONS)
-def give(m, t, row):
-    """The motion as a row, its works left."""
-    apart()
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    row[0] = t
-    for i in range(n):
-        row[1 + i], row[1 + n + i], row[1 + 2 * n + i] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
-    for r in range(plan[REACTIONS]):
-        row[1 + 3 * n + r] = w[plan[NOW] + r]
-    held, touching = plan[DRIVES] - plan[HOLDS], plan[ACTS] - plan[CONTACTS]
-    for k in range(held + touching):
-        row[1 + 3 * n + plan[REACTIONS] + k] = w[plan[CONTACT] + CONTACT_SIZE * (k - held) + BEGUN_AT]
-    holds.given(m, row, 1 + 3 * n + plan[REACTIONS] + held + touching)
-
-
-@njit(**OPTIONS)
-def copy(w, of, into, count):
-    """Copy numbers of the tables."""
-    for k in range(count):
-        w[into + k] = w[of + k]
 
 
 @njit(**OPTIONS)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody import holds
+from kaneflex.multibody.acting import load_direction
 from kaneflex.multibody.tables import (
-    ACTS, AT, BLOCK, BODIES, CONTACT, CONTACT_SIZE, CONTACTS, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
+    ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
     ELASTIC, ENERGY, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, KIND, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
-    OPTIONS, PARENT, POWER, PUSH_NOW, RATE, REVOLUTE, ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRING_SIZE, SPRINGS,
-    SUMS, TORQUE, WHAT, WORKS, Y, apart, kernel, shifted,
+    OPTIONS, PARENT, POWER, PUSH_NOW, RATE, REVOLUTE, ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE,
+    SUMS, TORQUE, WHAT, WORKS, Y, apart, kernel, shifted, turned,
 )  # fmt: skip
-from kaneflex.multibody.tree import load_direction, turned
 
 
 @njit(**OPTIONS)

@@ -14,8 +14,8 @@ from kaneflex.multibody.tables import (
     BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGES, HINGE_SIZE,
     INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, KIND, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
     POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel,
+    turned,
 )  # fmt: skip
-from kaneflex.multibody.tree import turned
 
 
 @njit(**OPTIONS)

@@ -18,65 +18,19 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody.acting import acceleration, lean, meet
+from kaneflex.multibody.closed_factors import column, reach
 from kaneflex.multibody.complementarity import complement
-from kaneflex.multibody.contacts import EPS, LETS_GO, at, no_force, part, rigid, tolerance
-from kaneflex.multibody.loops import column, follow, give, mend, middle, reach, works_at
+from kaneflex.multibody.contact_numbers import EPS, at, no_force, rigid, tolerance
+from kaneflex.multibody.contacts import LETS_GO, part
+from kaneflex.multibody.loops import follow, mend, middle
+from kaneflex.multibody.rows import give, works_at
 from kaneflex.multibody.tables import (
-    ACTS,
-    ALLOWED,
-    APPROACH,
-    AT,
-    BEGUN_AT,
-    BODIES,
-    COMPLEMENT,
-    CONTACTS,
-    COORDINATES,
-    COURSE,
-    COURSE_AT,
-    COURSE_OF,
-    CUT_OF,
-    CUT_ROWS,
-    DOF,
-    DUE,
-    FIRST,
-    FLANK,
-    GAP,
-    GAP_RATE,
-    IMPULSE,
-    KEPT,
-    LOADS,
-    LOST_BEFORE,
-    MODAL,
-    NOW,
-    NUMBERS_AT,
-    ON,
-    OPTIONS,
-    PEAK,
-    POWER,
-    PUSH_NOW,
-    RATE,
-    REACTION,
-    RESISTING_MASS,
-    RESTED,
-    ROW_AT,
-    ROW_OF,
-    SCHUR,
-    SEC,
-    SECTION,
-    SHAPES,
-    SHUT,
-    SINCE,
-    SPRINGS,
-    TOUCH,
-    TOUCHING,
-    WHAT,
-    WORKS,
-    YIELDING,
-    apart,
-    larger,
-    of_contacts,
+    ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COMPLEMENT, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF,
+    CUT_OF, CUT_ROWS, DOF, DUE, FIRST, FLANK, GAP, GAP_RATE, IMPULSE, KEPT, LOADS, LOST_BEFORE, MODAL, NOW, NUMBERS_AT,
+    ON, OPTIONS, PEAK, POWER, PUSH_NOW, RATE, REACTION, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SCHUR, SEC, SECTION,
+    SHAPES, SHUT, SINCE, SPRINGS, TOUCH, TOUCHING, WHAT, WORKS, YIELDING, apart, larger, of_contacts,
 )  # fmt: skip
-from kaneflex.multibody.tree import acceleration, lean, meet
 
 OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, STICKS, RESTED_BEFORE, MAY, QUIET = range(10)
 """Vectors over the contacts that touch: rates of their gaps before and after, impulses, forces at rest, accelerations

@@ -15,7 +15,9 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody import collocation, impacts, rubbing
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.coefficients import GAUSS, RADAU
-from kaneflex.multibody.system import BODY, CoupledSystem, Unfolded
+from kaneflex.multibody.dense_output import balance
+from kaneflex.multibody.scipy_run import by_scipy
+from kaneflex.multibody.system import BODY, CoupledSystem
 
 _PIECE, _FEW, _QUICK = 100, 10, 0.2
 """Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first
@@ -124,7 +126,7 @@ def integrate(
 
     ``ends`` [s], with all ``times`` among them, are those of the steps to take where the error doesn't choose them.
     """
-    run = _Run(system, q, v, times, method, np.zeros(0) if ends is None else ends)
+    run = Run(system, q, v, times, method, np.zeros(0) if ends is None else ends)
     started = time.perf_counter()
     outcome, message = run.go(progress, stop)
     seconds = time.perf_counter() - started
@@ -138,7 +140,7 @@ def first_step(accelerations: np.ndarray, scale: np.ndarray, longest: float) -> 
     return min(math.sqrt(20.0 / largest) if largest > 0 else math.inf, longest)
 
 
-class _Run:
+class Run:
     """Rows of one integration, filled piece by piece."""
 
     def __init__(
@@ -182,8 +184,8 @@ class _Run:
         most = _PIECE if scipy else 1 if stop is None else _FEW
         while self.filled + 1 < len(self.times):
             before, tried, began = self.filled, self.tried, time.perf_counter()
-            advance = self._scipy if scipy else self._collocation
-            ended = advance(slice(before, before + 1 + min(most, _PIECE)), most)
+            rows = slice(before, before + 1 + min(most, _PIECE))
+            ended = by_scipy(self, rows) if scipy else self._collocation(rows, most)
             seconds = time.perf_counter() - began
             if not scipy:  # which starts anew, and can be interrupted anywhere
                 most = max(1, min(2 * most, int((self.tried - tried) * _QUICK / seconds)))
@@ -302,53 +304,6 @@ class _Run:
             self.rows[self.filled] = self.here
         return settled
 
-    def _scipy(self, rows: slice, most: int) -> int:
-        """Through scipy's Radau in the independent coordinates, with works integrated beside the motion."""
-        from scipy.integrate import solve_ivp
-
-        engine, times = self.engine, self.times[rows]
-        y, v, a, _ = engine.motion
-        engine.stand(self.here)
-        engine.choose(float(times[0]))
-        free = engine.independent
-        works, last = engine.count(at.WORKS), times[0]
-
-        def stand(t: float, x: np.ndarray) -> np.ndarray:
-            """The motion at t; loops are followed from where it stood last."""
-            nonlocal last
-            y[:] += (t - last) * v
-            last = t
-            y[free], v[free] = x[: len(free)], x[len(free) : 2 * len(free)]
-            if not engine.settle(t):
-                raise np.linalg.LinAlgError
-            row = engine.row(t)
-            row[-works:] = x[2 * len(free) :]
-            return row
-
-        def slope(t: float, x: np.ndarray) -> np.ndarray:
-            row = stand(t, x)
-            return np.concatenate([x[len(free) : 2 * len(free)], a[free], engine.unfold(row[None])[5][0]])
-
-        first = np.concatenate([y[free], v[free], self.here[-works:]])
-        scale = self.scale[free]
-        allowed = np.concatenate([scale, scale / self.longest, np.full(works, math.inf)])
-        try:
-            found = solve_ivp(
-                slope, (times[0], times[-1]), first, "Radau", dense_output=True, max_step=self.longest,
-                rtol=self.method.tolerance, atol=allowed,
-            )  # fmt: skip
-            engine.stand(self.here)
-            last = times[0]
-            for t in np.union1d(found.t[1:], times[1:][times[1:] <= found.t[-1]]):
-                row = stand(float(t), found.sol(t))
-                if t == self.times[self.filled + 1]:
-                    self.filled += 1
-                    self.rows[self.filled] = self.here[:] = row
-        except np.linalg.LinAlgError:
-            return collocation.SINGULAR
-        self.counts[0] += len(found.t) - 1
-        return collocation.DONE if found.success else collocation.TOO_SMALL
-
     def trajectory(
         self, rows: slice, outcome: Outcome = Outcome.COMPLETED, message: str = "", ns: float = 0.0
     ) -> CoupledTrajectory:
@@ -378,55 +333,6 @@ class _Run:
 
 TABLES = {"radau": at.Handle(*RADAU), "gauss": at.Handle(*GAUSS)}
 """Coefficients of the integrators that control their error."""
-
-
-def balance(found: Unfolded, dissipated: np.ndarray, supplied: np.ndarray) -> tuple[Energy, np.ndarray, np.ndarray]:
-    """Energies at some states, and the powers lost and supplied there; what was since the start is known already."""
-    kinetic, strain, _, weight = found.sums.T
-    energy = Energy(kinetic, strain, weight, dissipated, supplied)
-    return energy, found.sums[:, 2], found.powers[:, 1:].sum(axis=1)
-
-
-def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndarray) -> CoupledTrajectory:
-    """The motion at other instants within the run (dense output).
-
-    q by the quintic through q, q', q'' of the stored instants, put onto the constraints; accelerations and reactions
-    from the equations there. Of an impact it knows what is stored, and no more: contacts that are closed count as begun
-    as at the stored instants beside it, else at the speed that would bring them as deep.
-    """
-    from scipy.interpolate import BPoly, CubicHermiteSpline
-
-    knots = trajectory.times
-    curve = BPoly.from_derivatives(knots, np.stack([trajectory.q, trajectory.v, trajectory.a], axis=1))
-    begun = None
-    if trajectory.standing is not None:
-        k = np.searchsorted(knots, times, side="right") - 1
-        before, after = (trajectory.standing[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
-        begun = np.where((before != 0.0) | (knots[k] == times)[:, None], before, after)
-        held, width = len(system.engine.holds), len(before[0])
-        rigid = np.zeros(width, bool)
-        rigid[held : held + len(system.mechanism.contacts)] = [
-            contact.law == "newton" for contact in system.mechanism.contacts.values()
-        ]
-        parted = (knots[k] != times)[:, None] & ((before == 0.0) | (after == 0.0)) & rigid
-        begun[parted] = 0.0
-    found = system.states(times, curve(times), curve.derivative()(times), begun)
-    dissipated = CubicHermiteSpline(knots, trajectory.energy.dissipated, trajectory.loss)(times)
-    supplied = CubicHermiteSpline(knots, trajectory.energy.supplied, trajectory.power)(times)
-    energy, loss, power = balance(found, dissipated, supplied)
-    contacts, standing = trajectory.contacts, begun
-    if contacts is not None:
-        lost = np.array([np.interp(times, knots, part) for part in contacts.lost.T]).reshape(-1, len(times)).T
-        gap, force = (found.gaps[:, : len(contacts.names), k] for k in (0, 1))
-        contacts = replace(contacts, gap=gap, force=force, lost=lost, begun=found.gaps[:, :, 4])
-    frictions = trajectory.frictions
-    if frictions is not None:
-        lost = np.array([np.interp(times, knots, part) for part in frictions.lost.T]).reshape(-1, len(times)).T
-        frictions = rubbing.FrictionRecord.of(frictions.names, found.frictions, lost)
-    return replace(
-        trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
-        power=power, contacts=contacts, frictions=frictions, standing=standing,
-    )  # fmt: skip
 
 
 _SINGULAR = "the constraints there determine neither motion nor reactions, as in a linkage stretched to its limit"

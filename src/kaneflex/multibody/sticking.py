@@ -10,53 +10,14 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.holds import FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows
-from kaneflex.multibody.loops import factorise_closed, follow, hold_now, mend, middle, solve_closed
+from kaneflex.multibody.loops import follow, hold_now, mend, middle
 from kaneflex.multibody.tables import (
-    ALONG,
-    AT,
-    BEFORE,
-    BEGUN_AT,
-    BLOCK,
-    BODIES,
-    COLUMNS,
-    CONTACT,
-    CONTACT_SIZE,
-    CONTACTS,
-    COORDINATES,
-    CUT,
-    DRIVES,
-    DUE,
-    EXTENT,
-    FRAME,
-    FRAME_SIZE,
-    GRAVITY,
-    HOLDING,
-    KEPT,
-    LIMIT,
-    MODE,
-    NODES,
-    NUMBERS_AT,
-    OPTIONS,
-    PIVOTS,
-    PLACE,
-    RATE,
-    ROW_SIZE,
-    SEC,
-    SECTION,
-    SLIP,
-    SLIP_RATE,
-    SPEED_SIZE,
-    STUCK_AT,
-    TOUCH,
-    TURN,
-    WANTED,
-    WHAT,
-    YIELDING,
-    Y,
-    apart,
-    larger,
-    of_holds,
+    ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, DRIVES, DUE,
+    EXTENT, FRAME, FRAME_SIZE, GRAVITY, HOLDING, KEPT, LIMIT, MODE, NODES, NUMBERS_AT, OPTIONS, PIVOTS, PLACE, RATE,
+    ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED, WHAT, Y, YIELDING, apart,
+    larger, of_holds,
 )  # fmt: skip
 
 _EPS = 2.3e-16

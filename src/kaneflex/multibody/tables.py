@@ -9,6 +9,7 @@ addresses: no index is looked at twice, and whole numbers, which it never writes
 from __future__ import annotations
 
 import inspect
+import math
 import operator
 from typing import NamedTuple
 
@@ -337,3 +338,10 @@ def larger(a, b):
 def smaller(a, b):
     """The smaller of two numbers in the same way."""
     return a if a <= b or a != a else b
+
+
+@njit(**OPTIONS)
+def turned(w, theta, k):
+    """Global components of the direction at ``k``, fixed in axes at the angle theta."""
+    c, s = math.cos(theta), math.sin(theta)
+    return c * w[k] - s * w[k + 1], s * w[k] + c * w[k + 1]

@@ -9,21 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaneflex.mechanism import contacts, friction
 from kaneflex.mechanism.mechanism import NumericMechanism
-from kaneflex.mechanism.parts import Contact, Joint, Mechanism
+from kaneflex.mechanism.parts import Joint, Mechanism
 from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody import tables as at
+from kaneflex.multibody.acts import KINDS, ROWS, Branch, Numbers, key_of, lend, list_acts
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.support.contract import BODY_BLOCK, block_shapes
-from kaneflex.support.errors import SceneError
-
-_KINDS = {"weld": at.WELD, "revolute": at.REVOLUTE, "prismatic": at.PRISMATIC}
-ROWS = {at.WELD: 3, at.REVOLUTE: 2, at.PRISMATIC: 2, at.TURN: 1, at.SLIDE: 1}
-"""Constraints of a cut by its kind."""
-
-Branch = tuple[str, Joint | None, int]
-"""A body, its inboard joint (None: it floats freely) and which of the joint's sides is its own."""
 
 
 @dataclass(frozen=True)
@@ -55,23 +47,6 @@ class Layout:
     driven: tuple[str, ...]
 
 
-class _Numbers:
-    """The array w as it grows."""
-
-    def __init__(self) -> None:
-        self.parts: list[np.ndarray] = []
-        self.size = 0
-
-    def put(self, numbers: np.ndarray | Sequence[float]) -> int:
-        """Where the numbers begin."""
-        self.parts.append(np.asarray(numbers, float).ravel())
-        self.size += self.parts[-1].size
-        return self.size - self.parts[-1].size
-
-    def room(self, count: int) -> int:
-        return self.put(np.zeros(count))
-
-
 def build_tables(
     mechanism: NumericMechanism, counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]],
     blocks: Blocks, measure: float, switches: int = 0,
@@ -97,11 +72,11 @@ def build_tables(
     order = _order(mechanism)
     index = {key: k for k, key in enumerate(_sections(mechanism, order))}
     prescribed = [name for name, drive in mechanism.drives.items() if not drive.free]
-    numbers = _Numbers()
+    numbers = Numbers()
     found = _build_bodies(mechanism, order, index, counts, kinds, blocks, numbers)
     bodies, sections, coordinates, hold, row, square, jacobian = found
-    lent = _lend(mechanism, order, index, bodies, numbers.parts, measure)
-    acts, ranges, cut_names = _acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
+    lent = lend(mechanism, order, index, bodies, numbers.parts, measure)
+    acts, ranges, cut_names = list_acts(mechanism, order, bodies, index, prescribed, numbers, lent, switches)
     plan = np.zeros(at.PLAN, np.int64)
     n, cut_rows = len(coordinates), sum(ROWS[int(kind)] for kind in acts[: ranges[1], at.WHAT])
     touching, holds = len(mechanism.contacts) + switches, int(ranges[2] - ranges[1])
@@ -183,7 +158,7 @@ class _Bodies(NamedTuple):
 
 def _build_bodies(
     mechanism: Mechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int],
-    counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks, numbers: _Numbers,
+    counts: Mapping[str, Sequence[int]], kinds: Sequence[tuple[int, int]], blocks: Blocks, numbers: Numbers,
 ) -> _Bodies:  # fmt: skip
     names = list(index)
     coordinates: list[tuple[str, str]] = []
@@ -205,7 +180,7 @@ def _build_bodies(
             kind, units, inboard, parent, course = at.FREE, ("m", "m", "rad"), (body, "start"), 0, -1
             joint_numbers, held = (1.0, 0.0, 1.0, 0.0), [(0.0, 0.0)] * 3
         else:
-            kind, inboard, parent = _KINDS[joint.kind], _key(joint.sides[child]), index[_key(joint.sides[1 - child])]
+            kind, inboard, parent = KINDS[joint.kind], key_of(joint.sides[child]), index[key_of(joint.sides[1 - child])]
             units = {at.WELD: (), at.REVOLUTE: ("rad",), at.PRISMATIC: ("m",)}[kind]
             course = prescribed.index(joint.name) if joint.name in prescribed else -1
             joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
@@ -255,10 +230,6 @@ def _holding(mechanism: Mechanism, joint: Joint) -> tuple[float, float]:
     """Stiffness and damping of the springs at a joint."""
     springs = [spring for spring in mechanism.springs.values() if spring.joint == joint.name]
     return sum(float(spring.stiffness) for spring in springs), sum(float(spring.damping) for spring in springs)
-
-
-def _key(point: BodyPoint) -> tuple[str, str]:
-    return point.body, point.name
 
 
 def _order(mechanism: NumericMechanism) -> list[Branch]:
@@ -315,7 +286,7 @@ def _points(mechanism: Mechanism) -> Iterator[BodyPoint]:
 
 def _sections(mechanism: Mechanism, order: Sequence[Branch]) -> list[tuple[str, str]]:
     """(body, point) of every section, the ground's first, then body by body."""
-    points = [_key(point) for point in _points(mechanism)]
+    points = [key_of(point) for point in _points(mechanism)]
     floating = [(body, "start") for body, joint, _ in order if joint is None]
     owners = [GROUND, *(body for body, _, _ in order)]
     wanted = dict.fromkeys([(GROUND, "start"), *floating, *points])
@@ -323,7 +294,7 @@ def _sections(mechanism: Mechanism, order: Sequence[Branch]) -> list[tuple[str, 
 
 
 def _ground(mechanism: Mechanism, name: str) -> tuple[float, float]:
-    return next((point.at for point in _points(mechanism) if _key(point) == (GROUND, name)), (0.0, 0.0))
+    return next((point.at for point in _points(mechanism) if key_of(point) == (GROUND, name)), (0.0, 0.0))
 
 
 def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
@@ -338,119 +309,3 @@ def _tree_joint(joint: Joint, child: int) -> tuple[float, ...]:
         c, s = math.cos(joint.angle), math.sin(joint.angle)
         x, y = -(c * x + s * y), -(c * y - s * x)
     return sign, angle, float(x), float(y)
-
-
-def _lend(
-    mechanism: NumericMechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int], bodies: np.ndarray,
-    parts: Sequence[np.ndarray], measure: float,
-) -> dict[int, float]:  # fmt: skip
-    """Section -> the inertia [kg m^2] that its body is lent, to turn freely before its cuts hold it.
-
-    A body without inertia that hangs on joints with friction alone, or beside them on a pin at its centre, is no body
-    of a tree; a hold takes back what it is lent. Raises SceneError for one without mass.
-    """
-    rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
-    starts = np.cumsum([0, *(part.size for part in parts)])
-    found: dict[int, float] = {}
-    for fields, (body, joint, child) in zip(bodies, order, strict=True):
-        own = [each.name for each in rubbing if body in each.bodies]
-        turns = joint is None or joint.kind == "revolute"
-        if not turns or not own or fields[at.SHAPES]:
-            continue
-        block = parts[int(np.searchsorted(starts, fields[at.BLOCK]))]
-        mass, x, y, second = block[:4]
-        if mass <= 0.0:
-            raise SceneError(
-                f"bodies.{body}.mass", float(mass),
-                f"nothing says how the friction of {own[0]} moves a body without mass", "Give it one",
-            )  # fmt: skip
-        inboard = BodyPoint(body, "start", (0.0, 0.0)) if joint is None else joint.sides[child]
-        p_x, p_y = (x / mass, y / mass) if joint is None else inboard.at  # about which it turns
-        if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
-            found[index[_key(inboard)]] = mass * measure**2
-            block[3] += mass * measure**2
-    return found
-
-
-def _hold_acts(
-    mechanism: NumericMechanism, index: Mapping[tuple[str, str], int], cuts: Sequence[str], row: int,
-    numbers: _Numbers, lent: Mapping[int, float],
-) -> list[tuple[int, ...]]:  # fmt: skip
-    """Holds, from a row on, after the joints ``cuts``: those that take back what is lent, then frictions."""
-    found: list[tuple[int, ...]] = []
-    for section, inertia in lent.items():
-        found.append((at.TURN, 0, section, -1, row + len(found), numbers.put(friction.numbers_of_lent(inertia))))
-    after = len(mechanism.drives) + len(mechanism.observed) + len(mechanism.loads) + len(mechanism.springs)
-    first_contact = len(cuts) + len(lent) + len(mechanism.frictions) + after
-    for name, held in mechanism.frictions.items():
-        pair: Joint | Contact
-        if name in mechanism.joints:
-            pair = joint = mechanism.joints[name]
-            kind, of = at.SLIDE if joint.slides else at.TURN, cuts.index(name)
-        else:
-            pair, kind = mechanism.contacts[name], at.ALONG
-            of = first_contact + list(mechanism.contacts).index(name)
-        first, second = (index[_key(side)] for side in pair.sides)
-        place = numbers.put(friction.numbers_of(held, pair.direction, of))
-        found.append((kind, first, second, -1, row + len(found), place))
-    return found
-
-
-def _acts(
-    mechanism: NumericMechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
-    prescribed: Sequence[str], numbers: _Numbers, lent: Mapping[int, float], switches: int,
-) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
-    """Cuts, holds, drives, loads, springs and contacts; where each kind of them begins, the end; the cuts' joints.
-
-    Joints that laws know stand after the drives, what switches laws after the contacts.
-    """
-    taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
-    found: list[tuple[int, ...]] = []
-    ends, names, row = [0], [], 0
-
-    def sides(of: Joint) -> tuple[int, int]:
-        return index[_key(of.first)], index[_key(of.second)]
-
-    for joint in mechanism.joints.values():
-        if joint.name in taken:
-            continue
-        kinds = [(_KINDS[joint.kind], -1)]
-        if joint.name in prescribed:
-            kinds.append((at.SLIDE if joint.slides else at.TURN, prescribed.index(joint.name)))
-        for kind, course in kinds:
-            angle = float(joint.angle) if kind in (at.WELD, at.PRISMATIC) else 0.0
-            found.append((kind, *sides(joint), course, row, numbers.put([*joint.direction, angle])))
-            names.append(joint.name)
-            row += ROWS[kind]
-    ends.append(len(found))
-    found += _hold_acts(mechanism, index, names, row, numbers, lent)
-    row += len(found) - ends[-1]
-    ends.append(len(found))
-    for name in (*mechanism.drives, *mechanism.observed):
-        joint = mechanism.joints[name]
-        place = int(bodies[taken[name], at.FIRST]) if name in taken else -1
-        kind = at.SLIDE if joint.slides else at.TURN
-        found.append((kind, *sides(joint), place, -1, numbers.put(joint.direction)))
-    ends.append(len(found))
-    for load in mechanism.loads.values():
-        if load.joint is not None:
-            found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), -1, -1, -1))
-            continue
-        point = load.point if load.spread is None else load.spread[0]
-        assert point is not None and load.direction is not None  # which a torque alone has not
-        on = index[_key(point) if load.spread is None else (point.body, f"loads.{load.name}")]
-        kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
-        found.append((kind, on, index[_key(point)], -1, -1, numbers.put(load.direction)))
-    ends.append(len(found))
-    for spring in mechanism.springs.values():
-        kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL
-        place = numbers.put([spring.stiffness, spring.damping, spring.free])
-        found.append((kind, *(index[_key(side)] for side in spring.sides), -1, -1, place))
-    ends.append(len(found))
-    for k, contact in enumerate(mechanism.contacts.values(), start=row):
-        what, law = contacts.KINDS.index(contact.kind), contacts.LAWS.index(contact.law)
-        sections = (index[_key(side)] for side in contact.sides)
-        found.append((what, *sections, law, k, numbers.put(contacts.numbers_of(contact))))
-    found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
-    ends.append(len(found))
-    return np.array(found, np.int64).reshape(-1, 6), ends, names

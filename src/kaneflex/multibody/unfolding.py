@@ -9,17 +9,17 @@ from numba.types import boolean, float64, int64, void
 
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds, powers
+from kaneflex.multibody.acting import rests
 from kaneflex.multibody.contacts import stand_closed
-from kaneflex.multibody.loops import (
-    bent, follow, give, gradient, row_size, settle_now, stand, standing, stands, take, works_at,
-)  # fmt: skip
+from kaneflex.multibody.loops import bent, follow, gradient, settle_now, stand
+from kaneflex.multibody.rows import give, row_size, standing, stands, take, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, JOINT_ROWS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC,
-    ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, LAST, LAW, LOCAL, LOSING,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY,
+    FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST, LAW, LOCAL, LOSING,
     MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE,
-    ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, shifted,
+    ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, shifted, turned,
 )  # fmt: skip
-from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe, rests, turned
+from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe
 
 
 @njit(**ENTRY)

@@ -156,7 +156,7 @@ class Solution:
             asked = f"{times.min():.9g} to {times.max():.9g} s"
             raise ValueError(f"instants from {asked} asked for, where the run has {first:.9g} to {last:.9g} s")
         if self.model.coupled is not None:
-            from kaneflex.multibody.run import between
+            from kaneflex.multibody.dense_output import between
 
             return replace(self, trajectory=between(self.model.coupled, self.trajectory, times), whole=self)
         return replace(self, trajectory=_between(self.trajectory, times), whole=self)

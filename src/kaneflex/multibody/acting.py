@@ -1,0 +1,214 @@
+"""What acts on the bodies of a tree, compiled: loads, springs and contacts where their sections are.
+
+All of it is taken off what the motion of the bodies asks for (:mod:`kaneflex.multibody.tree`).
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.generated import joints as laws
+from kaneflex.mechanism.contacts import NEWTON
+from kaneflex.multibody import holds
+from kaneflex.multibody.tables import (
+    ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
+    FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, KIND, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
+    NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSHED, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
+    ROW_SIZE, SEC, SECTION, SIZE, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WHAT, X,
+    Y, apart, kernel, of_contacts, shifted, turned,
+)  # fmt: skip
+
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def rest_rows(m):
+    """The rows of contacts that rest by Newton's law: gap, its rate and acceleration, and their Jacobians."""
+    apart()
+    plan, w = m.plan, m.w
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        if rests(m, n):
+            k, row = meet(m, n), plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT]
+            w[row], w[row + 1], w[row + 2] = w[k + GAP], w[k + GAP_RATE], acceleration(m, n)
+            lean(m, n)
+
+
+@njit(**OPTIONS)
+def acceleration(m, n):
+    """g'' of a contact [m/s^2]."""
+    first, second = m.plan[SECTION] + SEC * m.acts[n, AT], m.plan[SECTION] + SEC * m.acts[n, ON]
+    return touching.gap_acceleration(m.acts[n, WHAT], m.w, first, second, m.w, m.acts[n, NUMBERS_AT])
+
+
+@njit(**OPTIONS)
+def rests(m, n):
+    """Whether a contact rests by Newton's law."""
+    return m.acts[n, LAW] == NEWTON and m.w[m.plan[CONTACT] + CONTACT_SIZE * (n - m.plan[CONTACTS]) + BEGUN_AT] != 0.0
+
+
+@njit(**OPTIONS)
+def lean(m, n):
+    """A contact's row by the twists of its sections, where it has been met."""
+    w, plan = m.w, m.plan
+    k = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS])
+    x, z = w[k + NORMAL_X], w[k + NORMAL_Y]
+    for side in range(2):
+        section, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
+        j = plan[CUT] + ROW_SIZE * m.acts[n, ROW_AT] + 3 + 3 * side
+        w[j], w[j + 1] = sign * x, sign * z
+        arm = (w[k + PLACE_X] - w[section]) * z - (w[k + PLACE_Y] - w[section + 1]) * x
+        w[j + 2] = sign * (arm + w[k + NORMAL_TURN])
+
+
+@njit(**OPTIONS)
+def load_sizes(m, t):
+    """Coordinates of the joints that laws know with their rates, and the sizes of the loads, which depend on them."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    sec = shifted(w, plan[SECTION])
+    for n in range(plan[DRIVES], plan[LOADS]):
+        k, i = plan[X] + 2 * (n - plan[DRIVES]), acts[n, COURSE_AT]
+        second_rate = plan[X] + 2 * (plan[LOADS] - plan[DRIVES]) + n - plan[DRIVES]
+        first, second, j, row = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT], plan[SUMS]
+        if i >= 0:
+            w[k], w[k + 1], w[second_rate] = w[plan[Y] + i], w[plan[RATE] + i], w[plan[ACCEL] + i]
+            continue
+        if acts[n, WHAT] == TURN:
+            laws.turn(sec, first, second, w[j], w[j + 1], 0.0, w, row)
+        else:
+            laws.slide(sec, first, second, w[j], w[j + 1], 0.0, w, row)
+        w[k], w[k + 1], w[second_rate] = w[row], w[row + 1], w[row + 2]
+    if plan[LOADS] < plan[SPRINGS]:
+        take_sides(m)
+        kernel(m.kernels, MAGNITUDES)(t, w, plan[X], m.p, w, plan[SIZE])
+        for k in range(plan[SPRINGS] - plan[LOADS]):
+            w[plan[SIZE] + k] += w[plan[INPUT] + k]
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def take_sides(m):
+    """Have the laws of loads on the sides of zero on which what switches them counts."""
+    apart()
+    plan, w = m.plan, m.w
+    first = plan[X] + 3 * (plan[LOADS] - plan[DRIVES])
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        if m.acts[n, WHAT] == SWITCH:
+            side = w[plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]) + BEGUN_AT]
+            w[first + m.acts[n, ROW_AT]] = 1.0 if side == ABOVE else (-1.0 if side == BELOW else 0.0)
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def meet_switch(m, n, k):
+    """Fill in a switch: as a gap that falls through zero where its loads' laws are to change.
+
+    The gap is how far it is from zero on its side; of one that stays there how much room it has left.
+    """
+    plan, w = m.plan, m.w
+    j, side = plan[SIZE] + plan[SPRINGS] - plan[LOADS] + 2 * m.acts[n, ROW_AT], w[k + BEGUN_AT]
+    value, rate = w[j], w[j + 1]
+    if rate - rate != 0.0:  # no number, as where an argument has none on one side
+        rate = 0.0
+    if side == BELOW:
+        value, rate = -value, -rate
+    elif side == STAYS:
+        rate = -rate if value > 0.0 else rate
+        value = w[k + ROOM] - abs(value)
+    w[k + GAP], w[k + GAP_RATE] = value, rate
+    w[k + NORMAL_X] = w[k + NORMAL_Y] = 0.0
+
+
+@njit(**OPTIONS)
+def push(m, n, x, z, turn):
+    """Take a force and a moment on a section off what the motion of its body asks for."""
+    apart()
+    b = m.sections[n, OWNER]
+    if b >= 0:
+        w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
+        kernel(m.kernels, PUSHED)(
+            m.bodies[b, KIND], w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4],
+            -x, -z, -turn, w, m.plan[FORCE] + m.bodies[b, ROW],
+        )  # fmt: skip
+
+
+@njit(**OPTIONS)
+def load_direction(m, n):
+    """Global direction of a load."""
+    w, j = m.w, m.acts[n, NUMBERS_AT]
+    if m.acts[n, WHAT] == FOLLOWER:
+        return turned(w, w[m.plan[SECTION] + SEC * m.acts[n, ON] + 2], j)
+    return w[j], w[j + 1]
+
+
+@njit(**OPTIONS)
+def act(m, t):
+    """Loads and springs, taken off what the motion asks for."""
+    apart()
+    plan, w, acts = m.plan, m.w, m.acts
+    load_sizes(m, t)
+    for n in range(plan[LOADS], plan[SPRINGS]):
+        size = w[plan[SIZE] + n - plan[LOADS]]
+        if acts[n, WHAT] == TORQUE:
+            push(m, acts[n, AT], 0.0, 0.0, -size)
+            push(m, acts[n, ON], 0.0, 0.0, size)
+        else:
+            x, z = load_direction(m, n)
+            push(m, acts[n, AT], size * x, size * z, 0.0)
+    sec = shifted(w, plan[SECTION])
+    for n in range(plan[SPRINGS], plan[CONTACTS]):
+        first, second, j = acts[n, AT], acts[n, ON], acts[n, NUMBERS_AT]
+        k = plan[SPRING] + SPRING_SIZE * (n - plan[SPRINGS])
+        if acts[n, WHAT] == TORSIONAL:
+            laws.twist(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
+            push(m, first, 0.0, 0.0, w[k + 1])
+            push(m, second, 0.0, 0.0, -w[k + 1])
+        else:
+            laws.pull(sec, first, second, w[j], w[j + 1], w[j + 2], w, k)
+            push(m, first, -w[k + 2], -w[k + 3], 0.0)
+            push(m, second, w[k + 2], w[k + 3], 0.0)
+    for n in range(plan[CONTACTS], plan[ACTS]):
+        press(m, n)
+    holds.exert(m)
+
+
+@njit(**OPTIONS)
+def press(m, n):
+    """A contact where its sections are, and what it exerts on them if it is closed."""
+    apart()
+    plan, w = m.plan, m.w
+    k = meet(m, n)
+    if w[k + PUSH_NOW] != 0.0:
+        x, z = w[k + PUSH_NOW] * w[k + NORMAL_X], w[k + PUSH_NOW] * w[k + NORMAL_Y]
+        for side in range(2):
+            at, sign = plan[SECTION] + SEC * m.acts[n, AT + side], 2.0 * side - 1.0
+            turn = (w[k + PLACE_X] - w[at]) * z - (w[k + PLACE_Y] - w[at + 1]) * x
+            turn += w[k + PUSH_NOW] * w[k + NORMAL_TURN]
+            push(m, m.acts[n, AT + side], sign * x, sign * z, sign * turn)
+
+
+@njit(**OPTIONS)
+def meet(m, n):
+    """Where a contact's numbers are, filled in: gap and what follows from it; nothing is stored or exerted apart.
+
+    A contact that lets go, which a negative BEGUN_AT says, pushes no more, and loses what it has stored. One that rests
+    by Newton's law pushes as its row says, whose reaction is an unknown.
+    """
+    plan, w, sec = m.plan, m.w, m.plan[SECTION]
+    k, j, law = plan[CONTACT] + CONTACT_SIZE * (n - plan[CONTACTS]), m.acts[n, NUMBERS_AT], m.acts[n, LAW]
+    w[k + PUSH_NOW] = w[k + ELASTIC] = w[k + LOSING] = 0.0
+    if m.acts[n, WHAT] == SWITCH:
+        meet_switch(m, n, k)
+        return k
+    touching.gap(m.acts[n, WHAT], w, sec + SEC * m.acts[n, AT], sec + SEC * m.acts[n, ON], w, j, w, k)
+    begun_at, gap, rate = w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+    if law == NEWTON:
+        if begun_at != 0.0:
+            w[k + PUSH_NOW] = w[plan[NOW] + m.acts[n, ROW_AT]]
+    elif begun_at != 0.0:
+        if begun_at > 0.0:
+            w[k + PUSH_NOW] = touching.normal_force(law, w, j, begun_at, gap, rate)
+        w[k + ELASTIC] = touching.stored(w, j, gap)
+        w[k + LOSING] = (touching.elastic(w, j, gap) - w[k + PUSH_NOW]) * rate
+    return k

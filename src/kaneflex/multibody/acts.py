@@ -1,0 +1,155 @@
+"""What acts on the bodies of a tree as a table: cuts, holds, drives, loads, springs and contacts, one a row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from kaneflex.mechanism import contacts, friction
+from kaneflex.mechanism.mechanism import NumericMechanism
+from kaneflex.mechanism.parts import Contact, Joint
+from kaneflex.mechanism.planar import BodyPoint
+from kaneflex.multibody import tables as at
+from kaneflex.support.errors import SceneError
+
+KINDS = {"weld": at.WELD, "revolute": at.REVOLUTE, "prismatic": at.PRISMATIC}
+ROWS = {at.WELD: 3, at.REVOLUTE: 2, at.PRISMATIC: 2, at.TURN: 1, at.SLIDE: 1}
+"""Constraints of a cut by its kind."""
+Branch = tuple[str, Joint | None, int]
+"""A body, its inboard joint (None: it floats freely) and which of the joint's sides is its own."""
+class Numbers:
+    """The array w as it grows."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.size = 0
+
+    def put(self, numbers: np.ndarray | Sequence[float]) -> int:
+        """Where the numbers begin."""
+        self.parts.append(np.asarray(numbers, float).ravel())
+        self.size += self.parts[-1].size
+        return self.size - self.parts[-1].size
+
+    def room(self, count: int) -> int:
+        return self.put(np.zeros(count))
+
+
+def key_of(point: BodyPoint) -> tuple[str, str]:
+    return point.body, point.name
+
+
+def lend(
+    mechanism: NumericMechanism, order: Sequence[Branch], index: Mapping[tuple[str, str], int], bodies: np.ndarray,
+    parts: Sequence[np.ndarray], measure: float,
+) -> dict[int, float]:  # fmt: skip
+    """Section -> the inertia [kg m^2] that its body is lent, to turn freely before its cuts hold it.
+
+    A body without inertia that hangs on joints with friction alone, or beside them on a pin at its centre, is no body
+    of a tree; a hold takes back what it is lent. Raises SceneError for one without mass.
+    """
+    rubbing = [mechanism.joints[name] for name in mechanism.frictions if name in mechanism.joints]
+    starts = np.cumsum([0, *(part.size for part in parts)])
+    found: dict[int, float] = {}
+    for fields, (body, joint, child) in zip(bodies, order, strict=True):
+        own = [each.name for each in rubbing if body in each.bodies]
+        turns = joint is None or joint.kind == "revolute"
+        if not turns or not own or fields[at.SHAPES]:
+            continue
+        block = parts[int(np.searchsorted(starts, fields[at.BLOCK]))]
+        mass, x, y, second = block[:4]
+        if mass <= 0.0:
+            raise SceneError(
+                f"bodies.{body}.mass", float(mass),
+                f"nothing says how the friction of {own[0]} moves a body without mass", "Give it one",
+            )  # fmt: skip
+        inboard = BodyPoint(body, "start", (0.0, 0.0)) if joint is None else joint.sides[child]
+        p_x, p_y = (x / mass, y / mass) if joint is None else inboard.at  # about which it turns
+        if second - 2 * (p_x * x + p_y * y) + mass * (p_x**2 + p_y**2) <= 1e-9 * mass * measure**2:
+            found[index[key_of(inboard)]] = mass * measure**2
+            block[3] += mass * measure**2
+    return found
+
+
+def _hold_acts(
+    mechanism: NumericMechanism, index: Mapping[tuple[str, str], int], cuts: Sequence[str], row: int,
+    numbers: Numbers, lent: Mapping[int, float],
+) -> list[tuple[int, ...]]:  # fmt: skip
+    """Holds, from a row on, after the joints ``cuts``: those that take back what is lent, then frictions."""
+    found: list[tuple[int, ...]] = []
+    for section, inertia in lent.items():
+        found.append((at.TURN, 0, section, -1, row + len(found), numbers.put(friction.numbers_of_lent(inertia))))
+    after = len(mechanism.drives) + len(mechanism.observed) + len(mechanism.loads) + len(mechanism.springs)
+    first_contact = len(cuts) + len(lent) + len(mechanism.frictions) + after
+    for name, held in mechanism.frictions.items():
+        pair: Joint | Contact
+        if name in mechanism.joints:
+            pair = joint = mechanism.joints[name]
+            kind, of = at.SLIDE if joint.slides else at.TURN, cuts.index(name)
+        else:
+            pair, kind = mechanism.contacts[name], at.ALONG
+            of = first_contact + list(mechanism.contacts).index(name)
+        first, second = (index[key_of(side)] for side in pair.sides)
+        place = numbers.put(friction.numbers_of(held, pair.direction, of))
+        found.append((kind, first, second, -1, row + len(found), place))
+    return found
+
+
+def list_acts(
+    mechanism: NumericMechanism, order: Sequence[Branch], bodies: np.ndarray, index: Mapping[tuple[str, str], int],
+    prescribed: Sequence[str], numbers: Numbers, lent: Mapping[int, float], switches: int,
+) -> tuple[np.ndarray, list[int], list[str]]:  # fmt: skip
+    """Cuts, holds, drives, loads, springs and contacts; where each kind of them begins, the end; the cuts' joints.
+
+    Joints that laws know stand after the drives, what switches laws after the contacts.
+    """
+    taken = {joint.name: k for k, (_, joint, _) in enumerate(order) if joint is not None}
+    found: list[tuple[int, ...]] = []
+    ends, names, row = [0], [], 0
+
+    def sides(of: Joint) -> tuple[int, int]:
+        return index[key_of(of.first)], index[key_of(of.second)]
+
+    for joint in mechanism.joints.values():
+        if joint.name in taken:
+            continue
+        kinds = [(KINDS[joint.kind], -1)]
+        if joint.name in prescribed:
+            kinds.append((at.SLIDE if joint.slides else at.TURN, prescribed.index(joint.name)))
+        for kind, course in kinds:
+            angle = float(joint.angle) if kind in (at.WELD, at.PRISMATIC) else 0.0
+            found.append((kind, *sides(joint), course, row, numbers.put([*joint.direction, angle])))
+            names.append(joint.name)
+            row += ROWS[kind]
+    ends.append(len(found))
+    found += _hold_acts(mechanism, index, names, row, numbers, lent)
+    row += len(found) - ends[-1]
+    ends.append(len(found))
+    for name in (*mechanism.drives, *mechanism.observed):
+        joint = mechanism.joints[name]
+        place = int(bodies[taken[name], at.FIRST]) if name in taken else -1
+        kind = at.SLIDE if joint.slides else at.TURN
+        found.append((kind, *sides(joint), place, -1, numbers.put(joint.direction)))
+    ends.append(len(found))
+    for load in mechanism.loads.values():
+        if load.joint is not None:
+            found.append((at.TORQUE, *sides(mechanism.joints[load.joint]), -1, -1, -1))
+            continue
+        point = load.point if load.spread is None else load.spread[0]
+        assert point is not None and load.direction is not None  # which a torque alone has not
+        on = index[key_of(point) if load.spread is None else (point.body, f"loads.{load.name}")]
+        kind = at.FORCE_ALONG if load.axes == "global" else at.FOLLOWER
+        found.append((kind, on, index[key_of(point)], -1, -1, numbers.put(load.direction)))
+    ends.append(len(found))
+    for spring in mechanism.springs.values():
+        kind = at.STRAIGHT if spring.joint is None else at.TORSIONAL
+        place = numbers.put([spring.stiffness, spring.damping, spring.free])
+        found.append((kind, *(index[key_of(side)] for side in spring.sides), -1, -1, place))
+    ends.append(len(found))
+    for k, contact in enumerate(mechanism.contacts.values(), start=row):
+        what, law = contacts.KINDS.index(contact.kind), contacts.LAWS.index(contact.law)
+        sections = (index[key_of(side)] for side in contact.sides)
+        found.append((what, *sections, law, k, numbers.put(contacts.numbers_of(contact))))
+    found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]
+    ends.append(len(found))
+    return np.array(found, np.int64).reshape(-1, 6), ends, names

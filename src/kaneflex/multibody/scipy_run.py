@@ -1,0 +1,62 @@
+"""Coupled equations through scipy's Radau: a second opinion, in the independent coordinates."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.multibody import collocation
+from kaneflex.multibody import tables as at
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.run import Run
+
+
+def by_scipy(run: Run, rows: slice) -> int:
+    """Fill rows of a run, with works integrated beside the motion; how that ended."""
+    from scipy.integrate import solve_ivp
+
+    engine, times = run.engine, run.times[rows]
+    y, v, a, _ = engine.motion
+    engine.stand(run.here)
+    engine.choose(float(times[0]))
+    free = engine.independent
+    works, last = engine.count(at.WORKS), times[0]
+
+    def stand(t: float, x: np.ndarray) -> np.ndarray:
+        """The motion at t; loops are followed from where it stood last."""
+        nonlocal last
+        y[:] += (t - last) * v
+        last = t
+        y[free], v[free] = x[: len(free)], x[len(free) : 2 * len(free)]
+        if not engine.settle(t):
+            raise np.linalg.LinAlgError
+        row = engine.row(t)
+        row[-works:] = x[2 * len(free) :]
+        return row
+
+    def slope(t: float, x: np.ndarray) -> np.ndarray:
+        row = stand(t, x)
+        return np.concatenate([x[len(free) : 2 * len(free)], a[free], engine.unfold(row[None])[5][0]])
+
+    first = np.concatenate([y[free], v[free], run.here[-works:]])
+    scale = run.scale[free]
+    allowed = np.concatenate([scale, scale / run.longest, np.full(works, math.inf)])
+    try:
+        found = solve_ivp(
+            slope, (times[0], times[-1]), first, "Radau", dense_output=True, max_step=run.longest,
+            rtol=run.method.tolerance, atol=allowed,
+        )  # fmt: skip
+        engine.stand(run.here)
+        last = times[0]
+        for t in np.union1d(found.t[1:], times[1:][times[1:] <= found.t[-1]]):
+            row = stand(float(t), found.sol(t))
+            if t == run.times[run.filled + 1]:
+                run.filled += 1
+                run.rows[run.filled] = run.here[:] = row
+    except np.linalg.LinAlgError:
+        return collocation.SINGULAR
+    run.counts[0] += len(found.t) - 1
+    return collocation.DONE if found.success else collocation.TOO_SMALL

@@ -1,0 +1,126 @@
+"""What closed contacts and holds are to a step of the compiled integration: rows of its factors, and errors.
+
+A contact yields by the slopes of its law half way through the step; its gap may be wrong by a share of how deep it is.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.generated import contact as touching
+from kaneflex.multibody import holds
+from kaneflex.multibody.acting import lean, meet
+from kaneflex.multibody.contact_numbers import EPS, at, extent, gradient_at, product, rigid
+from kaneflex.multibody.loops import bent, gradient
+from kaneflex.multibody.tables import (
+    ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, COURSE_OF, DRIVES, FIRST, GAP, GAP_RATE, HOLDS, KEPT,
+    LAW, NUMBERS_AT, OPTIONS, RATE, REACTION, ROW_AT, SLOPE, SPEEDS, STIFF, TOUCHING, VISCOUS, YIELDING, apart, larger,
+    of_contacts, shifted,
+)  # fmt: skip
+from kaneflex.multibody.tree import deform, move
+
+
+
+@njit(**OPTIONS)
+def along(m, c):
+    """A contact's row by the twists of its sections, and where its gap's gradient by all but prescribed coordinates is.
+
+    It has been met where everything is now; of a hold, by its number below zero, the row is known already.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    act, n = (plan[CONTACTS] if c >= 0 else plan[DRIVES]) + c, plan[COORDINATES]
+    row, out = m.acts[act, ROW_AT], gradient_at(m, c)
+    if c >= 0:
+        lean(m, act)
+    for i in range(n):
+        w[out + i] = 0.0
+    gradient(m, row, act, plan[SPEEDS] > 3 * plan[BODIES], out)
+    for b in range(plan[BODIES]):
+        if m.bodies[b, COURSE_OF] >= 0:
+            w[out + m.bodies[b, FIRST]] = 0.0
+    return out
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def let_yield(m, h, here):
+    """Have the factors of a step know contacts that push, by their slopes half way, and holds; positions are those
+    there."""
+    apart()
+    plan, w, n, count = m.plan, m.w, m.plan[COORDINATES], 0
+    for c in range(plan[ACTS] - plan[CONTACTS]):
+        if w[at(m, c) + BEGUN_AT] > 0.0 and not rigid(m, c):
+            m.pivots[plan[TOUCHING] + count] = c
+            count += 1
+    m.pivots[YIELDING] = count
+    if count == 0 and plan[HOLDS] == plan[DRIVES]:
+        return
+    for k in range(n):
+        w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
+    deform(m)
+    move(m)
+    if plan[SPEEDS] > 3 * plan[BODIES]:
+        bent(m)
+    for r in range(count):
+        c = m.pivots[plan[TOUCHING] + r]
+        act = plan[CONTACTS] + c
+        k = meet(m, act)
+        by_gap, by_rate = touching.normal_slopes(
+            m.acts[act, LAW], w, m.acts[act, NUMBERS_AT], w[k + BEGUN_AT], w[k + GAP], w[k + GAP_RATE]
+        )
+        w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
+        along(m, c)
+    more = holds.known_rows(m, count)
+    m.pivots[YIELDING] = count + more
+    for r in range(count, count + more):
+        along(m, m.pivots[plan[TOUCHING] + r])
+
+
+@of_contacts(0.0)
+@njit(**OPTIONS)
+def change_of_gaps(m, h, real, pair, one, two, A, B):
+    """Largest change of a gap by an iteration's answers for one stage, in errors allowed."""
+    apart()
+    plan, w, largest = m.plan, m.w, 0.0
+    step, steps = h * real, h * pair
+    for r in range(m.pivots[YIELDING]):
+        touching, x = m.pivots[plan[TOUCHING] + r], plan[REACTION] + plan[KEPT] + r
+        k = at(m, touching)
+        if touching < 0:
+            continue
+        c, s = w[k + VISCOUS], w[k + STIFF]
+        d = one * A[x] / (step * (c + step * s)) + (two * B[x] / (steps * (c + steps * s))).real
+        largest = larger(largest, (h * h * abs(d) - EPS * 8.0 * extent(m, touching)) / w[k + ALLOWED])
+    return largest
+
+
+@of_contacts(None)
+@njit(**OPTIONS)
+def resist_defect(m, step, A, answer):
+    """Take what contacts make of a defect, at ACCEL, off the forces at the answer: see ``collocation._error``."""
+    apart()
+    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
+    for r in range(m.pivots[YIELDING]):
+        c = m.pivots[plan[TOUCHING] + r]
+        k, g = at(m, c), gradient_at(m, c)
+        slope = w[k + VISCOUS] + step * w[k + STIFF] if c >= 0 else w[k + SLOPE]
+        size = step * slope * product(w, g, shifted(w, plan[ACCEL]), n)
+        for i in range(n):
+            A[answer + i] -= size * w[g + i]
+
+
+@of_contacts(0.0)
+@njit(**OPTIONS)
+def error_of_gaps(m, h, A, answer):
+    """Largest error of a gap by the defect at ACCEL and the answer to it, as an acceleration in errors allowed."""
+    apart()
+    plan, w, n, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
+    for r in range(m.pivots[YIELDING]):
+        c = m.pivots[plan[TOUCHING] + r]
+        k, g = at(m, c), gradient_at(m, c)
+        if c < 0:
+            continue
+        error = abs(product(w, g, shifted(w, plan[ACCEL]), n) + product(w, g, shifted(A, answer), n))
+        largest = larger(largest, (error - 16.0 * EPS * extent(m, c) / (h * h)) / w[k + ALLOWED])
+    return largest
