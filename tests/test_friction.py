@@ -364,3 +364,69 @@ def test_friction_that_no_reaction_agrees_with_ends_the_run(tmp_path, law, reach
     found = simulate(load(with_settings(read_scene(path), settings)))
     assert found.outcome in (Outcome.PARADOX, Outcome.SINGULAR) and "no way to stick or slip" in found.message
     assert found.times[-1] == pytest.approx(reached, abs=0.004)
+
+
+ARM = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+arm = {length = "1 m", mass = "2 kg"}
+block = {mass = "0.5 kg", inertia = "0.001 kg m^2"}
+[joints]
+hinge = {revolute = ["ground", "arm"]}
+slot = {prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}}
+[drives]
+hinge = {free = true, angle = "30 deg", initial_speed = "60 rpm"}
+slot = {free = true, position = "0.6 m"}
+[sensors]
+way = {position = "slot"}
+angle = {position = "hinge", component = "angle"}
+[solve]
+preset = "coupled"
+duration = "10 s"
+steps = 500
+"""
+
+
+def test_a_block_that_is_stuck_in_a_slot_that_turns_stays_where_it_stuck(tmp_path):
+    """Its steps are curved, and what is left of their errors doesn't grow; the arm swings as with a welded block."""
+    found = solved(tmp_path, ARM)
+    assert abs(found.series["way"].values - 0.6).max() < 3e-10
+    assert (found.trajectory.frictions.mode == 2).all()
+    welded = ARM.replace('prismatic = ["arm", "block"], direction = [1, 0], friction = {preload = "100 N"}',
+                         'weld = ["arm.there", "block"]')  # fmt: skip
+    for line in ('slot = {free = true, position = "0.6 m"}\n', 'way = {position = "slot"}\n'):
+        welded = welded.replace(line, "")
+    welded = welded.replace('arm = {length = "1 m", ', 'arm = {length = "1 m", points = {there = ["0.6 m", 0]}, ')
+    other = simulate(load(with_settings(read_scene(write(tmp_path, welded)), [])))
+    assert found.series["angle"].values == pytest.approx(other.series["angle"].values, abs=1e-6)
+
+
+def write(tmp_path, text):
+    path = tmp_path / "other.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("friction", "force"),
+    [
+        ('law = "viscous", viscous = "4 N s/m"', lambda v: 4 * v),
+        ('law = "stribeck", mu = 0.1, mu_static = 0.4, stribeck_speed = "0.3 m/s", viscous = "1 N s/m"',
+         lambda v: 2 * G * (0.1 + 0.3 * math.exp(-((v / 0.3) ** 2))) + v),
+    ],
+)  # fmt: skip
+def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(tmp_path, friction, force):
+    """Against scipy's integrator of m v' = -f(v), up to where it stops."""
+    from scipy.integrate import solve_ivp
+
+    level = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}, {-G * math.cos(SLOPE)}]", f"gravity = [0, {-G}]")
+    level = level.replace("friction = {mu = 0.3}", f"friction = {{{friction}}}")
+    found = solved(tmp_path, level, "drives.slide.initial_speed=1", "solve.duration=0.5 s")
+    exact = solve_ivp(
+        lambda t, y: [y[1], -force(y[1]) / 2 if y[1] > 0 else 0.0], (0, 0.5), [0.0, 1.0], "DOP853", found.times,
+        rtol=1e-12, atol=1e-13,
+    )  # fmt: skip
+    moving = exact.y[1] > 1e-3
+    assert moving.sum() > 20
+    assert found.series["x"].values[moving] == pytest.approx(exact.y[0][moving], abs=1e-8)
