@@ -7,7 +7,9 @@ import pytest
 
 from kaneflex import SceneError, linearise, load, simulate
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.quantities import FRICTION_RESULTS
 
 G, SLOPE = 9.81, math.radians(30)
 BLOCK = f"""
@@ -430,3 +432,27 @@ def test_viscous_friction_and_stribecks_slow_a_block_down_by_their_laws(tmp_path
     moving = exact.y[1] > 1e-3
     assert moving.sum() > 20
     assert found.series["x"].values[moving] == pytest.approx(exact.y[0][moving], abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["pin", "pin_torque", "friction_lost"])
+def test_no_sensor_has_the_name_of_a_result_of_friction(tmp_path, name):
+    with pytest.raises(SceneError, match=rf"sensors.{name}: the results of friction have this name"):
+        solved(tmp_path, HINGE.replace("drag =", f"{name} ="))
+
+
+def test_results_have_torques_of_pins_apart_from_forces(tmp_path):
+    hinge = solved(tmp_path, HINGE)
+    found = hinge.dataset
+    assert "friction_force" not in found and found["pin"].values.tolist() == ["hinge"]
+    others = {"time", "drive_angle_hinge", "state", "last_state", "last_rate"}
+    assert set(found.variables) - set(hinge.series) - others == {each for each in FRICTION_RESULTS if "pin" in each}
+    assert (found["pin_torque"].attrs["units"], found["pin_speed"].attrs["units"]) == ("N m", "rad/s")
+    assert (found["pin_torque"].values[:, 0] == hinge.series["drag"].values).all()
+    slide = solved(tmp_path, BLOCK)
+    found = slide.dataset
+    assert "pin_torque" not in found and found["friction_force"].attrs["units"] == "N"
+    assert (found["friction_force"].values[:, 0] == slide.series["drag"].values).all()
+    for solution, name, unit in ((hinge, "hinge", "torque"), (slide, "slide", "force")):
+        summary = summarise(solution).frictions[name]
+        largest = {"force": summary.largest_force, "torque": summary.largest_torque}
+        assert largest.pop(unit) == abs(solution.series["drag"].values).max() and [*largest.values()] == [None]

@@ -111,11 +111,12 @@ def contact_table(summary: Summary) -> str:
 
 def friction_table(summary: Summary) -> str:
     """What every friction did."""
-    rows = [
-        (name, f"{friction.largest:.5g}", f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}")
-        for name, friction in summary.frictions.items()
-    ]
-    return table(("friction", "largest N or N m", "lost J", "stuck %"), rows)
+    rows = []
+    for name, friction in summary.frictions.items():
+        turns = friction.largest_torque is not None
+        largest = f"{friction.largest_torque:.5g} N m" if turns else f"{friction.largest_force:.5g} N"
+        rows.append((name, largest, f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}"))
+    return table(("friction", "largest", "lost J", "stuck %"), rows)
 
 
 def run_lines(summary: Summary) -> str:

@@ -10,7 +10,7 @@ from kaneflex.scene.contact_check import clearance_problems, contact_problems, t
 from kaneflex.scene.drive_check import drive_problems
 from kaneflex.scene.load_check import address_problems, event_problems, load_problems, spring_problems
 from kaneflex.scene.modal_check import modal_problems
-from kaneflex.scene.quantities import CONTACT_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
+from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS, RESERVED_NAMES, RESULT_NAMES, Address
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.sensors import (
     CONTACT_KINDS,
@@ -69,6 +69,8 @@ def _names(scene: Scene) -> Iterator[Problem]:
                 yield Problem(key, None, f"a reserved name: {reason}", "Choose another name")
             elif table == "sensors" and scene.contacts and name in CONTACT_RESULTS:
                 yield Problem(key, None, "the results of contacts have this name", "Choose another name")
+            elif table == "sensors" and scene.frictions and name in FRICTION_RESULTS:
+                yield Problem(key, None, "the results of friction have this name", "Choose another name")
     for name in scene.joints:
         if name in scene.bodies:
             yield Problem(f"joints.{name}", None, "a body has this name already", "Choose another name")
@@ -233,7 +235,7 @@ def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]
 
 def _friction_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
-    turning = {name: name in scene.joints and scene.joints[name].kind == "revolute" for name in scene.frictions}
+    turning = {name: scene.turns_at(name) for name in scene.frictions}
     if target not in turning:
         cure = nearest(target, turning) if turning else "Give a joint or a contact friction"
         yield Problem(f"{key}.{sensor.kind}", target, "nothing of that name has friction", cure)

@@ -27,6 +27,12 @@ CONTACT_RESULTS = (
     "state", "last_state", "last_rate",
 )  # fmt: skip
 """What the results of a scene with contacts have beside its sensors: no sensor of one can be called so."""
+_OF_FRICTION = ("speed", "pressed", "sticks", "lost")
+FRICTION_RESULTS = (
+    "friction", *(f"friction_{key}" for key in ("force", *_OF_FRICTION)),
+    "pin", *(f"pin_{key}" for key in ("torque", *_OF_FRICTION)),
+)  # fmt: skip
+"""The same of a scene with friction."""
 RESERVED_NAMES = RESULT_NAMES | {
     **dict.fromkeys(("t", "pi", "e", *FUNCTIONS), "laws are written with it"),
     **dict.fromkeys(("ground", "origin", "start", "end", "mid", "chord", "frame"), "a word of addresses"),

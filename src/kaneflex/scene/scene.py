@@ -123,6 +123,10 @@ class Scene(SceneTable):
         found |= {name: contact.friction for name, contact in self.contacts.items()}
         return {name: friction for name, friction in found.items() if friction is not None}
 
+    def turns_at(self, name: str) -> bool:
+        """Whether the joint of this name is a pin, so that its friction is a torque."""
+        return name in self.joints and self.joints[name].kind == "revolute"
+
     def remember(self, raw: dict[str, Any], source: str) -> None:
         """Keep what the scene was read from, and its tables as they are now."""
         self._raw, self._source = raw, source

@@ -31,7 +31,8 @@ class FrictionSummary(PlainTable):
     """What a friction did over the run."""
 
     lost: float = Field(description="energy taken up, J")
-    largest: float = Field(description="largest force at a stored instant, N; of a pin torque, N m")
+    largest_force: float | None = Field(description="largest force at a stored instant, N; null of a pin")
+    largest_torque: float | None = Field(description="of a pin, largest torque at a stored instant, N m; else null")
     stuck: float = Field(description="share of the stored instants at which it is stuck")
 
 
@@ -74,33 +75,40 @@ def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
     record, found = _rubbing(solution), {}
     for k, name in enumerate(() if record is None else record.names):
         assert record is not None
-        stuck = float((record.mode[:, k] == STUCK).mean())
-        found[name] = FrictionSummary(lost=record.lost[-1, k], largest=abs(record.force[:, k]).max(), stuck=stuck)
+        turns, largest = solution.model.scene.turns_at(name), float(abs(record.force[:, k]).max())
+        found[name] = FrictionSummary(
+            lost=record.lost[-1, k],
+            largest_force=None if turns else largest,
+            largest_torque=largest if turns else None,
+            stuck=float((record.mode[:, k] == STUCK).mean()),
+        )
     return found
 
 
 def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
-    """Coordinates and variables: ``friction_force`` and the like over time and ``friction``."""
+    """Coordinates and variables: ``friction_force`` and the like over time and ``friction``, of pins ``pin_torque`` and
+    the like over ``pin``."""
     record = _rubbing(solution)
-    if record is None:
-        return {}, {}
-    both = ("time", "friction")
-    variables: dict[str, Entry] = {
-        "friction_force": (both, record.force, {
-            "units": "N", "long_name": "friction on the second side", "comment": "of a pin its torque [N m]",
-        }),
-        "friction_speed": (both, record.speed, {
-            "units": "m/s", "long_name": "speed of the second side past the first",
-            "comment": "of a pin its rate [rad/s]",
-        }),
-        "friction_pressed": (both, record.pressed, {
-            "units": "N", "long_name": "what presses the sides together", "comment": "of a pin times its radius [N m]",
-        }),
-        "friction_sticks": (both, (record.mode == STUCK).astype(np.int8), {"long_name": "1 where it is stuck"}),
-        "friction_lost": (both, record.lost, {"units": "J", "long_name": "energy that a friction has taken up so far"}),
-    }  # fmt: skip
-    about = {"long_name": "frictions, by joint or contact"}
-    return {"friction": ("friction", np.array(record.names), about)}, variables
+    coordinates: dict[str, Entry] = {}
+    variables: dict[str, Entry] = {}
+    for kind, push, units in (("friction", "force", ("N", "m/s")), ("pin", "torque", ("N m", "rad/s"))):
+        turns, names = kind == "pin", () if record is None else record.names
+        columns = [k for k, name in enumerate(names) if solution.model.scene.turns_at(name) == turns]
+        if record is None or not columns:
+            continue
+        both, sticks = ("time", kind), (record.mode[:, columns] == STUCK).astype(np.int8)
+        about = "joints and contacts with friction" if not turns else "pins with friction"
+        coordinates[kind] = (kind, np.array(names)[columns], {"long_name": about})
+        for key, values, unit, meaning in (
+            (push, record.force, units[0], f"{push} of friction on the second side"),
+            ("speed", record.speed, units[1], "speed of the second side past the first"),
+            ("pressed", record.pressed, units[0],
+             "what presses the sides together" + turns * ", times the radius of the pin"),
+            ("lost", record.lost, "J", "energy that friction has taken up so far"),
+        ):  # fmt: skip
+            variables[f"{kind}_{key}"] = (both, values[:, columns], {"units": unit, "long_name": meaning})
+        variables[f"{kind}_sticks"] = (both, sticks, {"long_name": "1 where it is stuck"})
+    return coordinates, variables
 
 
 def labelled_contacts(solution: Solution) -> tuple[dict[str, Entry], dict[str, Entry]]:
