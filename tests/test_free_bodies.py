@@ -8,6 +8,7 @@ from command_line import cli, refused
 
 from kaneflex import SceneError, linearise, load, simulate
 from kaneflex.fem.mobility import count_freedom
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.plots import animation, displacements
 from kaneflex.plots.style import styled
@@ -181,6 +182,19 @@ def test_a_rod_with_room_at_both_ends_follows_the_tight_mechanism(tmp_path):
     assert 1e-5 < apart < 4e-5
     assert found.trajectory.energy.drift < 1e-5
     assert {impact.contact for impact in found.impacts} == {"big", "wrist"}
+
+
+@pytest.mark.parametrize("e", [0, 0.5])
+def test_an_elastic_rod_loose_at_both_ends_parts_as_slowly_as_the_other_end_makes_it(tmp_path, e):
+    """By Newton's law: a resting end that another impact lifts hardly at all rests on, and nothing cascades."""
+    text = LOOSE.replace("stiffness = 1e11, restitution = 0.3", f'law = "newton", restitution = {e}')
+    beam = 'beam = {material = "steel", section = {rectangle = ["6 mm", "12 mm"]}, elements = 6}'
+    found = simulate(load(scene_of(tmp_path, text.replace('mass = "0.07 kg"', beam).replace("0.01 mm", "0.1 mm"))))
+    a = 100 * math.pi * found.times
+    tight = 0.05 * np.cos(a) + np.sqrt(0.12**2 - (0.05 * np.sin(a)) ** 2)
+    assert found.outcome is Outcome.COMPLETED
+    assert 1e-4 < abs(found.series["slide"].values - tight).max() < 4e-4
+    assert found.trajectory.energy.drift < 1e-5
 
 
 @pytest.mark.parametrize(

@@ -228,9 +228,9 @@ def _press(m, t, count):
                 pressing = larger(pressing, -w[vector(m, WANTED) + i])
             for j in range(count):
                 noise += NOISE * abs(w[W + count * i + j]) * w[p + j]
-            w[vector(m, QUIET) + i] = noise
             low = math.sqrt(2.0 * LEAST_HEIGHT * tolerance(m, c, t, v) * pressing)
             low = larger(low, 32.0 * EPS * abs(t) * pressing)
+            w[vector(m, QUIET) + i] = larger(noise, low)  # by the impact of another one it may part as slowly as this
             if w[sticks + i] == 0.0 and v <= larger(noise, low):
                 w[sticks + i] = 1.0
                 slowed += v > noise
