@@ -35,8 +35,9 @@ def outputs(folder) -> dict[str, str]:
 
 def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
-    assert files == {"press.toml", "press.png", "engine.svg", "engine.npz", "engine.mat", "engine.tex", "modal"}
-    assert {command.split()[1] for command in outputs} == {"new", "show", "linearise", "equations", "modes"}
+    pictures = {"press.png", "engine.svg", "explored.png"}
+    assert files == pictures | {"press.toml", "engine.npz", "engine.mat", "engine.tex", "modal"}
+    assert {command.split()[1] for command in outputs} == {"new", "show", "explore", "linearise", "equations", "modes"}
 
 
 def test_the_count_is_printed_as_the_page_shows_it(outputs):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from kaneflex.cli.compare import compare
+from kaneflex.cli.explore import explore
 from kaneflex.cli.folders import Target, folder_options
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
 from kaneflex.cli.scene import (
@@ -354,5 +355,5 @@ def _modes_as_data(
     }
 
 
-for command in (derive, compare, trade, terms, stability, sweep, show, new, linearise, equations):
+for command in (derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations):
     main.add_command(command)

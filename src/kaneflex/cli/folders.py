@@ -1,4 +1,4 @@
-"""The folder that a command makes: its options, and its files, written whole or not at all."""
+"""The folder or the picture that a command makes: its options, and its files, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from kaneflex.support.atomic_output import refuse_existing
+from kaneflex.support.errors import OutputError
 from kaneflex.support.output_folders import file_stem, whole_folder, writing
 from kaneflex.support.terminal import Waiting
 
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
     from kaneflex.scene import Scene
 
 Found = TypeVar("Found")
+_PICTURES = (".png", ".svg", ".pdf")
+
+force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,13 @@ def into(
                 waiting.stage("drawing the pictures")
                 draw(picture, found, partial)
     return found
+
+
+def check_picture(path: Path, force: bool, example: str) -> None:
+    """Raise OutputError for what is no name of a picture, or of a file that is there, unless ``force``."""
+    if path.suffix not in _PICTURES:
+        raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
+    refuse_existing(path, force, example)
 
 
 def write_json(path: Path, data: object) -> None:

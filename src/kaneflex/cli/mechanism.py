@@ -6,14 +6,11 @@ from pathlib import Path
 
 import click
 
+from kaneflex.cli.folders import check_picture, force_option
 from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathered, read, scene_options
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.errors import OutputError, SceneError
 from kaneflex.support.output_folders import file_stem
-
-_PICTURES = (".png", ".svg", ".pdf")
-
-force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
 
 
 @click.command()
@@ -38,13 +35,11 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     from kaneflex.mechanism.position_analysis import place, with_branches
     from kaneflex.mechanism.reach import followed, reach_lines
     from kaneflex.report.presentation import block, mobility_lines, parts
-    from kaneflex.support.atomic_output import refuse_existing, write_bytes
+    from kaneflex.support.atomic_output import write_bytes
 
     scene = asked.read()
     path = output or Path(f"{file_stem(scene.name)}.png")
-    if path.suffix not in _PICTURES:
-        raise OutputError(str(path), None, "not a kind of picture", f"End the name in {', '.join(_PICTURES)}")
-    refuse_existing(path, force, "mechanism.png")
+    check_picture(path, force, "mechanism.png")
     at = dict(configuration(scene, text) for text in places)
     click.echo(parts(scene))
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import textwrap
 
@@ -19,7 +18,7 @@ from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.plots.drawing import MM, draw_guides, draw_outline, draw_scenery, frame_axes, hatched
 from kaneflex.plots.labels import Labels
 from kaneflex.plots.mechanism import Outline, Scenery, grounded, rigid_outline, rigid_scenery
-from kaneflex.plots.style import PALETTE, new_figure, styled
+from kaneflex.plots.style import PALETTE, as_file, new_figure, styled
 from kaneflex.scene import Scene
 from kaneflex.scene.parts import Load
 from kaneflex.scene.quantities import Address
@@ -42,11 +41,8 @@ _PER_CHARACTER, _PER_TITLE_CHARACTER = 0.062, 0.088
 
 def scheme_picture(scene: Scene, placement: Placement, kind: str) -> bytes:
     """The drawing of a scene at one configuration as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
-    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
-    file = io.BytesIO()
     with styled():
-        scheme(scene, placement).savefig(file, format=kind, metadata=undated)
-    return file.getvalue()
+        return as_file(scheme(scene, placement), kind)
 
 
 def scheme(scene: Scene, placement: Placement) -> Figure:

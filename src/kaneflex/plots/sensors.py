@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
-_QUANTITY = {
+QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
     "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
@@ -31,7 +32,7 @@ _QUANTITY = {
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``sensors``: one panel for each kind, unit and direction."""
-    groups = _groups(solution)
+    groups = grouped(solution.model.scene, solution.model.scene.sensors)
     if not groups:
         return {}
     shown = view(solution)
@@ -49,11 +50,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
     return {"sensors": figure}
 
 
-def _groups(solution: Solution) -> dict[str, list[str]]:
-    """Title of each panel -> its sensors, at most as many as there are colours."""
+def grouped(scene: Scene, names: Iterable[str]) -> dict[str, list[str]]:
+    """Title of each panel -> those of the sensors that it shows, at most as many as there are colours."""
     groups: dict[str, list[str]] = {}
-    scene = solution.model.scene
-    for name, sensor in scene.sensors.items():
+    for name in names:
+        sensor = scene.sensors[name]
         title = _title(sensor)
         if in_clearance(scene, sensor):
             title = "Angle in a clearance" if sensor.component == "angle" else "Place in a clearance"
@@ -114,6 +115,6 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
     if f"{names[0]}_rigid" in series:
         axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
     axes.set_title(title)
-    axes.set_ylabel(f"{_QUANTITY[sensor.kind]} [{label}]")
+    axes.set_ylabel(f"{QUANTITY[sensor.kind]} [{label}]")
     axes.margins(x=0)
     legend_beside(axes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
@@ -80,6 +81,13 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     figure.set_layout_engine("none")  # places are found: half of the time to draw
     figure.savefig(svg, metadata={"Date": None})
     return [png, svg]
+
+
+def as_file(figure: Figure, kind: str) -> bytes:
+    """A figure as a "png", "svg" or "pdf" file, without a date in it."""
+    file = io.BytesIO()
+    figure.savefig(file, format=kind, metadata={"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind))
+    return file.getvalue()
 
 
 def readable(unit: str, *values: np.ndarray) -> tuple[float, str]:

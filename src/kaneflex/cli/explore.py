@@ -1,0 +1,55 @@
+"""The command that opens a window with sliders for a scene's numbers."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import click
+
+from kaneflex.cli.folders import check_picture, force_option
+from kaneflex.cli.scene import SceneArguments, gathered, scene_options
+
+
+@click.command()
+@scene_options()
+@click.option(
+    "--vary", "open_", multiple=True, metavar="PATH=LOW:HIGH",
+    help="A slider for this entry of the scene, like main.speed=2000:6000rpm or rod.elements=1:8; "
+    "ends without a point or a unit mean whole numbers. Can be repeated.",
+)  # fmt: skip
+@click.option(
+    "--sensor", "sensors", multiple=True, metavar="NAME",
+    help="Show this one; can be repeated. [default: the first four kinds]",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.png",
+    help="Write the window as it opens, .png, .svg or .pdf, and open none.",
+)  # fmt: skip
+@force_option
+@gathered(asked=SceneArguments)
+def explore(
+    asked: SceneArguments, open_: tuple[str, ...], sensors: tuple[str, ...], output: Path | None, force: bool
+) -> None:
+    """Open a window with sliders for a few numbers of SCENE; its sensors follow at once.
+
+    Every curve is what `kaneflex run` gives for where the sliders stand; pale behind it is the scene as it is. Where
+    that can't be computed, the window says why. When it is closed, the settings of the sliders are printed.
+    """
+    from kaneflex.study.exploration import Exploration, varied
+    from kaneflex.support.atomic_output import write_bytes
+
+    scene = asked.read()
+    exploration = Exploration(scene, tuple(varied(scene, text) for text in open_), sensors)
+    if output is not None:
+        check_picture(output, force, "explored.png")
+        from kaneflex.plots.explorer import picture
+
+        write_bytes(output, picture(exploration, output.suffix[1:]))
+        click.echo(f"Written to {output}")
+        return
+    from kaneflex.plots.explorer import open_window
+
+    changes = [*asked.changes, *open_window(exploration)]
+    words = ["kaneflex", "run", asked.name, *(word for change in changes for word in ("--set", change))]
+    click.echo(f"The sliders stood at: {shlex.join(words)}")

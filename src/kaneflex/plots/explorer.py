@@ -1,0 +1,212 @@
+"""A window with a slider for each number that is left open; its curves follow at once."""
+
+from __future__ import annotations
+
+import textwrap
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.widgets import Slider
+
+from kaneflex.plots.sensors import QUANTITY, grouped
+from kaneflex.plots.style import GREY, PALETTE, as_file, legend_beside, new_figure, readable, styled
+from kaneflex.plots.view import view
+from kaneflex.support.errors import UserError
+
+if TYPE_CHECKING:
+    from kaneflex.solve.solution import Solution
+    from kaneflex.study.exploration import Exploration
+
+_PANELS = 4
+"""Panels that are shown where no sensors are named: the first of them."""
+_WIDTH, _PANEL, _SLIDER, _HEAD, _FOOT = 9.6, 1.75, 0.34, 0.95, 0.75
+"""Inches: of the window, then what a panel, a slider, the title with the message, and the abscissa take in height."""
+_PAUSE = 20
+"""Milliseconds from a slider's move to the next solution: moves within are one."""
+_LINE = 110
+"""Characters of a line of the message."""
+_MOST_LINES = 3
+
+
+@dataclass(eq=False)
+class _Panel:
+    """Sensors of one kind: their lines, and pale ones of the scene as it is."""
+
+    axes: Axes
+    quantity: str
+    unit: str
+    lines: dict[str, Line2D] = field(default_factory=dict)
+    pale: dict[str, tuple[Line2D, np.ndarray]] = field(default_factory=dict)
+
+    def draw(self, x: np.ndarray, series: dict[str, np.ndarray]) -> None:
+        before = [values for _, values in self.pale.values()]
+        factor, label = readable(self.unit, *series.values(), *before)
+        for name, values in series.items():
+            self.lines[name].set_data(x, factor * values)
+        for line, values in self.pale.values():
+            line.set_ydata(factor * values)
+        self.axes.set_ylabel(f"{self.quantity} [{label}]")
+        self.axes.relim()
+        self.axes.autoscale_view()
+
+
+class Explorer:
+    """Panels of sensors over the cycle, and the sliders below them.
+
+    Parameters
+    ----------
+    figure : Figure
+        Empty; of pyplot for a window, of any canvas for a picture.
+    exploration : Exploration
+        Its scene, as it is, is solved at once and stays in pale behind the curves.
+
+    Attributes
+    ----------
+    sliders : tuple of Slider
+        One for each number that is left open, in its unit.
+    message : str
+        Why nothing can be computed where the sliders stand, so that there are no curves but the pale ones; else what to
+        know before trusting the numbers, mostly nothing.
+    solution : Solution or None
+        What is drawn: of where the sliders stand; None where it can't be computed.
+    """
+
+    def __init__(self, figure: Figure, exploration: Exploration) -> None:
+        self.exploration, self.figure = exploration, figure
+        self.message = ""
+        self.solution: Solution | None = None
+        scene = exploration.scene
+        groups = grouped(scene, exploration.sensors or scene.sensors)
+        if not exploration.sensors:
+            groups = dict(list(groups.items())[:_PANELS])
+        height = _HEAD + _PANEL * len(groups) + _FOOT + _SLIDER * len(exploration.open)
+        figure.set_size_inches(_WIDTH, height)
+        figure.suptitle(f"{scene.name}, preset {scene.solve.preset}", y=1.0 - 0.12 / height)
+        self._text = figure.text(0.09, 1.0 - 0.36 / height, "", va="top", color=PALETTE[1])
+        bottom = (_SLIDER * len(exploration.open) + _FOOT) / height
+        grid = {"left": 0.09, "right": 0.77, "top": 1.0 - _HEAD / height, "bottom": bottom, "hspace": 0.42}
+        axes = figure.subplots(len(groups), 1, sharex=True, squeeze=False, gridspec_kw=grid).ravel()
+        self._panels = [
+            _new_panel(each, title, names, QUANTITY[scene.sensors[names[0]].kind], scene.sensors[names[0]].unit)
+            for each, (title, names) in zip(axes, groups.items(), strict=True)
+        ]
+        self.sliders = tuple(self._slider(number, height) for number in range(len(exploration.open)))
+        self._drawn: tuple[float, ...] | None = None
+        self._waiting = False
+        self._timer = figure.canvas.new_timer(interval=_PAUSE)
+        self._timer.single_shot = True
+        self._timer.add_callback(self.update)
+        self._begin()
+
+    def _slider(self, number: int, height: float) -> Slider:
+        varied = self.exploration.open[number]
+        place = (0.25, (0.12 + _SLIDER * (len(self.exploration.open) - 1 - number)) / height, 0.52, 0.2 / height)
+        slider = Slider(
+            self.figure.add_axes(place), varied.path, varied.low, varied.high, valinit=varied.start,
+            valstep=1 if varied.whole else None, valfmt="%.5g " + varied.unit.replace("%", "%%"),
+            color=PALETTE[0], initcolor=GREY,
+        )  # fmt: skip
+        slider.on_changed(self._moved)
+        return slider
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Where the sliders stand."""
+        return tuple(float(slider.val) for slider in self.sliders)
+
+    @property
+    def settings(self) -> list[str]:
+        """What makes the scene that of the sliders, as path=value."""
+        return self.exploration.settings(self.values)
+
+    def _begin(self) -> None:
+        """The curves of the scene as it is, and where the sliders stand."""
+        with suppress(UserError):  # it has no curves then
+            shown = view(self.exploration.solve())
+            for panel in self._panels:
+                for name, line in panel.lines.items():
+                    values = shown.solution.series[name].values[shown.instants]
+                    (pale,) = panel.axes.plot(shown.x, values, color=line.get_color(), alpha=0.3, linewidth=0.9)
+                    panel.pale[name] = pale, values
+                panel.axes.plot([], [], color=GREY, linewidth=0.9, label="pale: the scene as it is")
+                legend_beside(panel.axes)
+        self.update()
+
+    def _moved(self, value: float) -> None:
+        # one solution for all moves of a pause: a slider that is dragged sends more than can be solved and drawn
+        if not self._waiting:
+            self._waiting = True
+            self._timer.start()
+
+    def update(self) -> None:
+        """Solve where the sliders stand and draw it; nothing to do where that is drawn already."""
+        self._waiting = False
+        values = self.values
+        if values == self._drawn:
+            return
+        self._drawn = values
+        try:
+            self.solution = self.exploration.solve(values)
+            self._draw(self.solution)
+            self.message = "\n".join(self.solution.warnings)
+        except UserError as error:
+            self.solution, self.message = None, str(error)
+        self._text.set(text=_short(self.message), color=PALETTE[1] if self.solution is None else GREY)
+        for panel in self._panels:
+            for line in panel.lines.values():
+                line.set_visible(self.solution is not None)
+        self.figure.canvas.draw_idle()
+
+    def _draw(self, solution: Solution) -> None:
+        shown = view(solution)
+        for panel in self._panels:
+            panel.draw(shown.x, {name: solution.series[name].values[shown.instants] for name in panel.lines})
+        shown.label_x(self._panels[-1].axes)
+
+
+def _new_panel(axes: Axes, title: str, names: list[str], quantity: str, unit: str) -> _Panel:
+    axes.set_title(title)
+    axes.margins(x=0)
+    lines = {name: axes.plot([], [], color=colour, label=name)[0] for name, colour in zip(names, PALETTE, strict=False)}
+    legend_beside(axes)
+    return _Panel(axes, quantity, unit, lines)
+
+
+def _short(message: str) -> str:
+    lines = [line for part in message.splitlines() for line in textwrap.wrap(part, _LINE)]
+    return "\n".join(lines if len(lines) <= _MOST_LINES else [*lines[: _MOST_LINES - 1], "..."])
+
+
+def open_window(exploration: Exploration) -> list[str]:
+    """Show the window until it is closed; returns the settings of where its sliders then stood.
+
+    Raises
+    ------
+    UserError
+        Where matplotlib can open no window.
+    """
+    import matplotlib.pyplot as plt
+
+    with styled():
+        figure = plt.figure(f"kaneflex explore {exploration.scene.name}")
+        if figure.canvas.required_interactive_framework is None:
+            backend = plt.get_backend()
+            plt.close(figure)
+            raise UserError(
+                "matplotlib's backend", backend, "it opens no window",
+                "Work on a screen with PyQt6 or tkinter installed, or write a picture with -o FILE.png",
+            )  # fmt: skip
+        explorer = Explorer(figure, exploration)
+        plt.show()
+    return explorer.settings
+
+
+def picture(exploration: Exploration, kind: str) -> bytes:
+    """The window as it opens, as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
+    with styled():
+        return as_file(Explorer(new_figure(_WIDTH, _WIDTH, "", layout="none"), exploration).figure, kind)

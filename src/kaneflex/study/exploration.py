@@ -1,0 +1,145 @@
+"""A scene of which a few numbers are left open between two ends: what the sliders of a window move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.settings import resolved
+from kaneflex.solve.simulation import solve
+from kaneflex.solve.solution import Solution
+from kaneflex.solve.variants import Variants
+from kaneflex.study.plan import setting
+from kaneflex.study.study import number_and_unit
+from kaneflex.support.errors import SceneError, StoppedEarly, nearest
+
+
+@dataclass(frozen=True)
+class Varied:
+    """A number of the scene that is left open.
+
+    Attributes
+    ----------
+    path : str
+        Of its entry, as in `kaneflex run --set`.
+    unit : str
+        Of the three numbers; empty: SI.
+    low, high : float
+        The ends.
+    start : float
+        The scene's own number, or the end next to it; half way where the scene has none in that unit.
+    whole : bool
+        Whether only whole numbers are meant: elements, modes, steps.
+    """
+
+    path: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    whole: bool
+
+    def setting(self, value: float) -> str:
+        """What lays a value over the scene, as path=value."""
+        number = round(value) if self.whole else float(value)
+        return setting(self.path, f"{number!r} {self.unit}" if self.unit else number)
+
+
+def varied(scene: Scene, text: str) -> Varied:
+    """What "path=low:high" leaves open of a scene: main.speed=2000:6000rpm, rod.elements=1:8.
+
+    A unit at `high` is that of `low`, too, where that has none. Two ends without a point or a unit are whole numbers.
+
+    Raises
+    ------
+    SceneError
+        For a path that leads nowhere, anything else than two rising numbers with one unit, and a number that the scene
+        can't have where the slider is to begin.
+    """
+    path, equals, ends = (part.strip() for part in text.partition("="))
+    first, colon, last = (part.strip() for part in ends.partition(":"))
+    cure = "Write like main.speed=2000:6000rpm or rod.elements=1:8"
+    low, high = number_and_unit(first), number_and_unit(last)
+    if not (equals and colon) or low is None or high is None:
+        raise SceneError("--vary", text, "not of the form PATH=LOW:HIGH with two numbers", cure)
+    unit = high[1]
+    if low[1] not in ("", unit):
+        raise SceneError("--vary", text, f"{low[1]!r} and {unit!r} are two units", "Give both ends the same one")
+    if not (math.isfinite(low[0]) and math.isfinite(high[0]) and low[0] < high[0]):
+        raise SceneError("--vary", text, "not two rising numbers", cure)
+    whole = not unit and all(end.lstrip("+-").isdecimal() for end in (first, last))
+    found = Varied(path, unit, low[0], high[0], _start(scene, path, unit, low[0], high[0]), whole)
+    with_settings(scene, [found.setting(found.start)])
+    return found
+
+
+def _start(scene: Scene, path: str, unit: str, low: float, high: float) -> float:
+    entry: Any = scene.raw
+    for key in resolved(scene.raw, path):
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    known = number_and_unit(entry)
+    if known is None or known[1] != unit:
+        return 0.5 * (low + high)
+    return min(max(known[0], low), high)
+
+
+@dataclass(frozen=True, eq=False)
+class Exploration:
+    """A scene with what is left open of it.
+
+    Attributes
+    ----------
+    scene : Scene
+    open : tuple of Varied
+    sensors : tuple of str
+        Those that are looked at; all where none is named.
+
+    Raises
+    ------
+    SceneError
+        If nothing is left open, something twice, or a sensor is not one of the scene's.
+    """
+
+    scene: Scene
+    open: tuple[Varied, ...]
+    sensors: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        paths = [tuple(resolved(self.scene.raw, each.path)) for each in self.open]
+        if not paths:
+            raise SceneError("--vary", None, "nothing varies", "Give a number two ends: --vary main.speed=2000:6000rpm")
+        twice = next((each.path for each, path in zip(self.open, paths, strict=True) if paths.count(path) > 1), None)
+        if twice is not None:
+            raise SceneError("--vary", twice, "given twice", "Give each number once")
+        if not self.scene.sensors:
+            raise SceneError("sensors", None, "the scene has none to look at", "Give it one, see docs/scene.md")
+        unknown = [name for name in self.sensors if name not in self.scene.sensors]
+        if unknown:
+            cure = nearest(unknown[0], self.scene.sensors)
+            raise SceneError("--sensor", unknown[0], "the scene has no such sensor", cure)
+
+    @cached_property
+    def _variants(self) -> Variants:
+        return Variants(self.scene)
+
+    def settings(self, values: Sequence[float]) -> list[str]:
+        """What makes the scene that of these values, as path=value."""
+        return [each.setting(value) for each, value in zip(self.open, values, strict=True)]
+
+    def solve(self, values: Sequence[float] | None = None) -> Solution:
+        """What `kaneflex run` computes of the scene at these values, or of the scene as it is.
+
+        Raises
+        ------
+        SceneError
+            Where the scene can't be run there, or the run stops early: it says why.
+        """
+        solution = solve(self._variants.load([] if values is None else self.settings(values)))
+        if solution.outcome is not Outcome.COMPLETED:
+            raise StoppedEarly("the run", None, solution.message, "Move on")
+        return solution

@@ -1,0 +1,123 @@
+"""`kaneflex explore`: what a range leaves open, curves that follow the sliders, failing places, and no window."""
+
+import matplotlib
+import numpy as np
+import pytest
+from command_line import cli, refused
+
+from kaneflex.plots.explorer import Explorer
+from kaneflex.plots.style import new_figure, styled
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.study.exploration import Exploration, varied
+from kaneflex.support.errors import SceneError
+
+SCENE = with_settings(read_scene("engine"), ["solve.steps=144"])
+SPEED, LENGTH = "main.speed=2000:9000rpm", "rod.length=30:180mm"
+SENSORS = ("mid_transverse", "mid_axial", "crank_torque")
+
+
+@pytest.fixture
+def explorer() -> Explorer:
+    exploration = Exploration(SCENE, (varied(SCENE, SPEED), varied(SCENE, LENGTH)), SENSORS)
+    with styled():
+        return Explorer(new_figure(9.0, 9.0, "", layout="none"), exploration)
+
+
+def curves(explorer: Explorer) -> dict[str, tuple[np.ndarray, str]]:
+    """Sensor -> what its visible line shows, and the label of its axis."""
+    axes = explorer.figure.axes[: -len(explorer.sliders)]
+    return {
+        line.get_label(): (line.get_ydata(), each.get_ylabel())
+        for each in axes for line in each.lines if line.get_label() in SENSORS and line.get_visible()
+    }  # fmt: skip
+
+
+def test_a_moved_slider_shows_what_a_run_gives_there(explorer):
+    speed, length = explorer.sliders
+    assert (speed.val, length.val) == (6000.0, 137.0)
+    speed.set_val(4500.0)
+    length.set_val(150.0)
+    explorer.update()
+    expected = simulate(load(with_settings(SCENE, ["main.speed=4500 rpm", "rod.length=150 mm"]))).series
+    factors = {"displacement [µm]": 1e6, "displacement [mm]": 1e3, "torque [N m]": 1.0}
+    shown = curves(explorer)
+    assert set(shown) == set(SENSORS)
+    for name, (values, label) in shown.items():
+        np.testing.assert_allclose(values, factors[label] * expected[name].values, rtol=1e-12, atol=1e-12)
+    assert explorer.settings == ['main.speed="4500.0 rpm"', 'rod.length="150.0 mm"']
+
+
+def test_where_the_linkage_cannot_close_the_window_says_so_and_goes_on(explorer):
+    _, length = explorer.sliders
+    length.set_val(35.0)
+    explorer.update()
+    assert curves(explorer) == {} and explorer.solution is None
+    (said,) = [text.get_text() for text in explorer.figure.texts if "can't close" in text.get_text()]
+    assert said.startswith("joints.bore")
+    length.set_val(140.0)
+    explorer.update()
+    assert set(curves(explorer)) == set(SENSORS)
+    assert "free vibrations are not resolved" in explorer.message  # 144 steps: a run's warnings stand there, too
+
+
+def test_many_moves_of_a_slider_are_one_solution(explorer, monkeypatch):
+    solved = []
+    solve = Exploration.solve
+    monkeypatch.setattr(Exploration, "solve", lambda self, values: solved.append(values) or solve(self, values))
+    for speed in (3000.0, 3500.0, 4000.0):
+        explorer.sliders[0].set_val(speed)
+    assert solved == []  # the canvas's timer brings it, which one without a window does not have
+    explorer.update()
+    explorer.update()
+    assert solved == [(4000.0, 137.0)]
+
+
+def test_panels_have_titles_units_and_legends(explorer):
+    panels = explorer.figure.axes[: -len(explorer.sliders)]
+    assert len(panels) == 3
+    for axes in panels:
+        assert axes.get_title(loc="left") and axes.get_ylabel().endswith("]")
+        assert "pale: the scene as it is" in [text.get_text() for text in axes.get_legend().get_texts()]
+    assert panels[-1].get_xlabel() == "crank angle [deg]"
+    assert [slider.label.get_text() for slider in explorer.sliders] == ["main.speed", "rod.length"]
+
+
+def test_a_range_says_unit_start_and_whole_numbers():
+    speed = varied(SCENE, SPEED)
+    assert (speed.unit, speed.low, speed.high, speed.start, speed.whole) == ("rpm", 2000.0, 9000.0, 6000.0, False)
+    assert varied(SCENE, "rod.length=10:100 mm").start == 100.0  # the end next to 137 mm
+    assert varied(SCENE, "main.speed=100.0:300.0").start == 200.0  # the scene says it in rpm
+    elements = varied(SCENE, "rod.elements=1:8")
+    assert elements.whole and elements.setting(3.0) == "rod.elements=3"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("main.speed=2000rpm", "not of the form"),
+        ("main.speed=2000rpm:3000mm", "two units"),
+        ("main.speed=2000:3000mm", "not a unit of angular speed"),
+        ("main.speed=3000:2000rpm", "rising"),
+        ("main.sped=1:2", "no such entry"),
+        ("rod.elements=1.5:3.0", "whole number"),
+    ],
+)
+def test_a_range_that_is_none_is_refused(text, words):
+    with pytest.raises(SceneError, match=words):
+        varied(SCENE, text)
+
+
+def test_what_cannot_be_explored_is_refused(tmp_path):
+    picture = tmp_path / "explored.png"
+    refused(cli("explore", "engine", "-o", picture), "--vary", "nothing varies")
+    refused(cli("explore", "engine", "--vary", SPEED, "--vary", "drives.main.speed=1:2rpm", "-o", picture), "twice")
+    refused(cli("explore", "engine", "--vary", SPEED, "--sensor", "crank_torqe", "-o", picture), "crank_torque")
+    refused(cli("explore", "engine", "--vary", SPEED, "-o", tmp_path / "explored.txt"), "not a kind of picture")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_screen_it_says_how_to_have_a_picture():
+    with matplotlib.rc_context({"backend": "agg"}):
+        refused(cli("explore", "engine", "--vary", SPEED), "opens no window", "-o FILE.png")
