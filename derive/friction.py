@@ -15,17 +15,20 @@ from kaneflex.support.contract import FORMAT
 
 NUMBERS = (
     "direction_x", "direction_y", "angle", "mu", "mu_static", "v_s", "delta", "viscous", "preload", "arm", "law", "of",
+    "sigma_0", "sigma_1",
 )  # fmt: skip
 """Numbers of a friction in the order in which the kernels read them."""
 _number = {name: sm.Symbol(name) for name in NUMBERS}
 _OWN = tuple((symbol, f"p[c + {k}]" if k else "p[c]") for k, symbol in enumerate(_number.values()))
 _N, _v, _size = sm.symbols("N v size")
+_g, _slope, _way, _z = sm.symbols("g slope way z")
 
 _ABOUT = """
 A friction is the numbers of p from c on that NUMBERS names: direction and angle of its joint; kinetic and static
 coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N m]; the arm
-of its joint; the number of its law, and of the act that it belongs to. N is what presses the sides together [N or N m],
-v the speed of the second past the first.
+of its joint; the number of its law, and of the act that it belongs to; stiffness [N/m or N m/rad] and damping of its
+bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of v. N is what
+presses the sides together [N or N m], v the speed of the second past the first.
 """
 _DISPATCH = '''@njit(**OPTIONS)
 def dry(p, c, N, v):
@@ -66,6 +69,22 @@ def _kernels() -> list[tuple[emit.Kernel, Program]]:
         _returning("coulomb", friction.dry(mu, mu_static, preload, _N, sm.S.Zero), "Of Coulomb's law.", _N),
         _returning("stribeck", falling, "Of Stribeck's law.", _N, _v),
         _returning("stribeck_slope", falling.diff(_size), "Derivative of ``stribeck`` by |v|.", _N, _v),
+        *_bristles(),
+    ]
+
+
+def _bristles() -> list[tuple[emit.Kernel, Program]]:
+    """Of the law lugre: its rate is linear in z, its derivatives are those with |v| and g as they follow from v."""
+    stiffness, damping = _number["sigma_0"], _number["sigma_1"]
+    rate = friction.bristle_rate(stiffness, _g, _v, _size, _z)
+    force = friction.bristle_force(stiffness, damping, _number["viscous"], rate, _v, _z)
+    by_speed = rate.diff(_v) + _way * (rate.diff(_size) + _slope * rate.diff(_g))
+    return [
+        _returning("bristle_decay", -rate.diff(_z), "How fast bristles forget how they were bent [1/s].", _g, _v),
+        _returning("bristle_rate", rate, "How fast bristles bend [m/s or rad/s].", _g, _v, _z),
+        _returning("bristle_force", force, "Against the motion, of bristles.", _g, _v, _z),
+        _returning("bristle_by_speed", by_speed, "Derivative of their rate by v.", _g, _slope, _v, _way, _z),
+        _returning("bristle_by_dry", rate.diff(_g), "Derivative of their rate by g.", _g, _v, _z),
     ]
 
 

@@ -4,14 +4,20 @@ Format 3, SymPy 1.14; made by: make derive
 
 A friction is the numbers of p from c on that NUMBERS names: direction and angle of its joint; kinetic and static
 coefficient; Stribeck's speed v_s [m/s or rad/s] and exponent; viscous [N s/m or N m s/rad]; preload [N or N m]; the
-arm of its joint; the number of its law, and of the act that it belongs to. N is what presses the sides together [N or
-N m], v the speed of the second past the first.
+arm of its joint; the number of its law, and of the act that it belongs to; stiffness [N/m or N m/rad] and damping of
+its bristles, which are bent by z [m or rad]. g is what ``dry`` gives, slope ``dry_slope``, way the sign of v. N is
+what presses the sides together [N or N m], v the speed of the second past the first.
 
 Operations of one call, written out -> with shared subexpressions:
-    limit                2 -> 2
-    coulomb              2 -> 2
-    stribeck             9 -> 9
-    stribeck_slope      14 -> 10
+    limit                  2 -> 2
+    coulomb                2 -> 2
+    stribeck               9 -> 9
+    stribeck_slope        14 -> 10
+    bristle_decay          3 -> 3
+    bristle_rate           5 -> 5
+    bristle_force         10 -> 9
+    bristle_by_speed      11 -> 11
+    bristle_by_dry         5 -> 5
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
@@ -37,6 +43,8 @@ NUMBERS = (
     'arm',
     'law',
     'of',
+    'sigma_0',
+    'sigma_1',
 )
 
 # of friction
@@ -44,6 +52,7 @@ LAWS = (
     'coulomb',
     'stribeck',
     'viscous',
+    'lugre',
 )
 
 # kernel -> operations written out, operations with shared subexpressions
@@ -52,6 +61,11 @@ OPERATIONS = {
     'coulomb': (2, 2),
     'stribeck': (9, 9),
     'stribeck_slope': (14, 10),
+    'bristle_decay': (3, 3),
+    'bristle_rate': (5, 5),
+    'bristle_force': (10, 9),
+    'bristle_by_speed': (11, 11),
+    'bristle_by_dry': (5, 5),
 }
 
 
@@ -93,6 +107,49 @@ def stribeck_slope(p, c, N, v):
     size = abs(v)
     w0 = (size/v_s)**delta
     return -N*delta*w0*(-mu + mu_static)*math.exp(-w0)/size
+
+
+@njit(**OPTIONS)
+def bristle_decay(p, c, g, v):
+    """How fast bristles forget how they were bent [1/s]."""
+    sigma_0 = p[c + 12]
+    size = abs(v)
+    return sigma_0*size/g
+
+
+@njit(**OPTIONS)
+def bristle_rate(p, c, g, v, z):
+    """How fast bristles bend [m/s or rad/s]."""
+    sigma_0 = p[c + 12]
+    size = abs(v)
+    return v - sigma_0*size*z/g
+
+
+@njit(**OPTIONS)
+def bristle_force(p, c, g, v, z):
+    """Against the motion, of bristles."""
+    viscous = p[c + 7]
+    sigma_0 = p[c + 12]
+    sigma_1 = p[c + 13]
+    w0 = sigma_0*z
+    size = abs(v)
+    return sigma_1*(v - size*w0/g) + v*viscous + w0
+
+
+@njit(**OPTIONS)
+def bristle_by_speed(p, c, g, slope, v, way, z):
+    """Derivative of their rate by v."""
+    sigma_0 = p[c + 12]
+    size = abs(v)
+    return way*(-sigma_0*z/g + sigma_0*size*slope*z/(g*g)) + 1.0
+
+
+@njit(**OPTIONS)
+def bristle_by_dry(p, c, g, v, z):
+    """Derivative of their rate by g."""
+    sigma_0 = p[c + 12]
+    size = abs(v)
+    return sigma_0*size*z/(g*g)
 
 
 @njit(**OPTIONS)

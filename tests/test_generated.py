@@ -54,7 +54,7 @@ def module(name: str):
 # ---- what is committed ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*EVERY, *BEAMS, "body", "contact", "joints", "tables", "__init__"])
+@pytest.mark.parametrize("name", [*EVERY, *BEAMS, "body", "contact", "friction", "joints", "tables", "__init__"])
 def test_committed_text_is_the_derived_text(derived, name):
     assert (FOLDER / f"{name}.py").read_text(encoding="utf-8") == derived[f"{name}.py"]
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from kaneflex.mechanism.parts import Friction
 from kaneflex.mechanism.planar import Number, Vector
 
-LAWS = ("coulomb", "stribeck", "viscous")
+LAWS = ("coulomb", "stribeck", "viscous", "lugre")
 """In the order of the numbers that kernels know them by."""
 
 
@@ -34,9 +34,25 @@ def excess(speed: Number, v: Number, exponent: Number, exp: Callable[[Number], N
     return exp(-((v / speed) ** exponent))
 
 
+def bristle_rate(stiffness: Number, g: Number, v: Number, size: Number, z: Number) -> Number:
+    """How fast bristles that are bent by z bend further [m/s or rad/s]: v - sigma_0 |v| z / g, |v| = ``size``.
+
+    ``g`` is :func:`dry` at this speed (Canudas de Wit, Olsson, Astrom & Lischinsky 1995, IEEE Trans. Autom. Control 40,
+    419, eq. 2).
+    """
+    return v - stiffness * size / g * z
+
+
+def bristle_force(
+    stiffness: Number, damping: Number, viscous: Number, rate: Number, v: Number, z: Number
+) -> Number:  # fmt: skip
+    """Force [N or N m] of bristles that are bent by z at that rate, against the motion: eq. 3 of the same."""
+    return stiffness * z + damping * rate + viscous * v
+
+
 def numbers_of_lent(inertia: float) -> tuple[float, ...]:
     """The numbers of a hold that takes back an inertia [kg m^2]: no law, the inertia as its arm."""
-    return (*(0.0,) * 9, inertia, -1.0, -1.0)
+    return (*(0.0,) * 9, inertia, -1.0, -1.0, 0.0, 0.0)
 
 
 def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, ...]:
@@ -47,5 +63,5 @@ def numbers_of(friction: Friction, direction: Vector, of: int) -> tuple[float, .
     return (
         *(float(part) for part in direction), 0.0, friction.mu, friction.mu_static, friction.speed, friction.exponent,
         friction.viscous, friction.preload, friction.arm,
-        float(LAWS.index(friction.law)), float(of),
+        float(LAWS.index(friction.law)), float(of), friction.stiffness, friction.damping,
     )  # fmt: skip

@@ -63,7 +63,7 @@ def _friction(held: Any) -> Friction:
     """A friction's numbers: without a static coefficient of its own it has the kinetic one."""
     static = held.mu if held.mu_static is None else held.mu_static
     dry = held.mu, static, held.stribeck_speed or 0.0, held.stribeck_exponent, held.viscous, held.preload
-    return Friction(held.law, *dry, held.arm)
+    return Friction(held.law, *dry, held.arm, held.bristle_stiffness or 0.0, held.bristle_damping)
 
 
 def read(structure: Mapping[str, Any], numbers: Numbers) -> Mechanism:

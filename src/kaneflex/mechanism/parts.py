@@ -242,6 +242,8 @@ class Friction:
         Dry friction without any normal force [N or N m].
     arm : float
         Of a pin its radius [m]; of a guide 2 over the block's length [1/m], 0 where moments press nothing on.
+    stiffness, damping : float
+        Of bristles [N/m or N m/rad, N s/m or N m s/rad].
     """
 
     law: str
@@ -252,6 +254,8 @@ class Friction:
     viscous: float = 0.0
     preload: float = 0.0
     arm: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
 
 
 @dataclass(frozen=True)

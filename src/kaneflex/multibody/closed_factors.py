@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody import dense_lu, holds
+from kaneflex.multibody import bending, dense_lu, holds
 from kaneflex.multibody.recursion import add_force, factorise, solve, twist_of
 from kaneflex.multibody.tables import (
     AT, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT_OF, CUT_ROWS, DRIVES, KEPT, MIDDLE_CUT, OPTIONS,
@@ -59,6 +59,8 @@ def factorise_closed(m, h, A, pivots):
         n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
         k = plan[CONTACT] + CONTACT_SIZE * n
         own = plan[SCHUR] + (count + 1) * r
+        if bending.by_force(m, n, r, count, h, A):
+            continue
         soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF])) if n >= 0 else holds.compliance(m, n, h, A[own])
         A[own] += soft
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
@@ -111,7 +113,7 @@ def solve_closed(m, A, pivots):
     solve(m, A, plan[KEPT])
     if count:
         for r in range(count):
-            A[x + r] = holds.wanted(m, A, r) - opening(m, A, r)
+            A[x + r] = holds.wanted(m, A, r) - bending.weight(m, A, r) * opening(m, A, r)
         dense_lu.substitute(A, plan[SCHUR], count, m.pivots, pivots, x)
         answer = plan[COLUMNS] + n * plan[KEPT]
         for r in range(count):

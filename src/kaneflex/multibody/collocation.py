@@ -24,7 +24,7 @@ import math
 from numba import njit
 from numba.types import boolean, float64, int64
 
-from kaneflex.multibody import contact_search, contacts, holds, sticking, yielding
+from kaneflex.multibody import bending, contact_search, contacts, holds, sticking, yielding
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.coefficients import TABLE, basis
 from kaneflex.multibody.loops import close, follow, mend, middle, settle_now, worn
@@ -169,6 +169,7 @@ def _iterate(m, table, t, h, here, replayed, counts, A, B):
             copy(m.w, m.plan[DEMAND], m.plan[RESISTING] + size * i, size)
             if iteration > 0:
                 losses(m, m.plan[STAGE_P] + m.plan[WORKS] * i)
+        bending.bend(m, table, h, here)
         change = _improve(m, table, h, A, B)
         if not change < 1e200:
             return False
@@ -221,7 +222,7 @@ def _error(m, table, h, here, A):
             error = larger(error, 0.5 * h * h * missed / w[plan[SCALE] + k])
             error = _also(error, h * missed / w[plan[RATE_SCALE] + k], 5.0 / 4.0)
     if m.pivots[YIELDING]:
-        error = larger(error, 0.5 * h * h * yielding.error_of_gaps(m, h, A, answer))
+        error = larger(error, 0.5 * h * h * yielding.error_of_gaps(m, h, step, A, answer))
     return error
 
 
@@ -245,6 +246,7 @@ def _finish(m, table, t, end, here, A):
     of = plan[STAGE_R]
     for k in range(r):
         w[plan[NOW] + k] = w_0 * w[of + k] + w_1 * w[of + r + k] + w_2 * w[of + 2 * r + k]
+    bending.bent_at_end(m, table, h, here)
     if not follow(m, end):
         return False
     if not sticking.keep(m, end, h, A) or (table.ends[0] == 0.0 and not mend(m, end, A, 0.0, 1)):

@@ -298,7 +298,7 @@ def _first_shift(m, table, t, h, here, n, last):
     apart()
     w, k = m.w, at(m, n)
     mode = w[k + MODE]
-    if mode == holds.IDLE or mode == holds.FLOWS:
+    if mode == holds.IDLE or mode == holds.FLOWS or mode == holds.BENDS:
         return NEVER
     for i in range(last):
         x_a, x_b = shares(table, i, last)

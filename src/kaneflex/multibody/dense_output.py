@@ -39,6 +39,10 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
         before, after = (trajectory.standing[np.minimum(n, len(knots) - 1)] for n in (k, k + 1))
         begun = np.where((before != 0.0) | (knots[k] == times)[:, None], before, after)
         held, width = len(system.engine.holds), len(before[0])
+        bends = np.array([each.law == "lugre" for each in system.mechanism.frictions.values()], bool)
+        columns = width - len(bends) + np.flatnonzero(bends)
+        share = ((times - knots[k]) / np.diff(knots)[np.minimum(k, len(knots) - 2)])[:, None]
+        begun[:, columns] = (before + share * (after - before))[:, columns]
         rigid = np.zeros(width, bool)
         rigid[held : held + len(system.mechanism.contacts)] = [
             contact.law == "newton" for contact in system.mechanism.contacts.values()

@@ -86,7 +86,7 @@ class Engine:
 
     @property
     def standing(self) -> np.ndarray:
-        """How holds and contacts stand: modes, BEGUN_AT, then where each hold stuck."""
+        """How holds and contacts stand: modes, BEGUN_AT, then where each hold stuck, or its bristles are."""
         return np.concatenate([self.holds[:, at.MODE], self.contacts[:, at.BEGUN_AT], self.holds[:, at.STUCK_AT]])
 
     def take_impacts(self) -> np.ndarray:
@@ -103,7 +103,7 @@ class Engine:
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Take coordinates and rates of the bodies, in the order of the tree."""
-        self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = 0.0
+        self.contacts[:, at.BEGUN_AT] = self.holds[:, at.MODE] = self.holds[:, at.STUCK_AT] = 0.0
         self._call(unfolding.fold, np.ascontiguousarray(q, float), np.ascontiguousarray(v, float))
 
     def openings(self, t: float) -> np.ndarray:
@@ -294,7 +294,7 @@ class Engine:
     def unfold(self, rows: np.ndarray) -> tuple[np.ndarray, ...]:
         """q, v, a of the bodies, what joints exert, energies and powers at rows of the integration."""
         count, bodies, size = len(rows), self.count(at.BODIES), self.count(at.SPEEDS)
-        exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * len(self.contacts) + 4 * len(self.holds)
+        exerted = 3 * bodies + self.count(at.REACTIONS) + 5 * (len(self.contacts) + len(self.holds))
         widths = (size, size, size, exerted, 4, self.count(at.WORKS))
         out = tuple(np.zeros((count, width)) for width in widths)
         self._call(unfolding.unfold, np.ascontiguousarray(rows), count, *out)

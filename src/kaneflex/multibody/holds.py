@@ -5,7 +5,8 @@ by the sections' twists. Its number is below zero, -1 the last one's; its act li
 after the cuts', its own numbers before the contacts'. MODE says what it does: IDLE (its contact is open), 1 or -1 while
 it slips that way, STUCK, or FLOWS where its force is a function of the state by itself. While it slips its force is by
 its law (:mod:`kaneflex.generated.friction`) and against the slip; while it is stuck it is an unknown: a row of the
-factors that yields nothing, and a reaction of NOW and of the stages as the cuts' are, so that it is stuck indeed.
+factors that yields nothing, and a reaction of NOW and of the stages as the cuts' are, so that it is stuck indeed. Where
+it BENDS, bristles exert it: an unknown, too, whose row of the factors says by force what they yield (``bristles``).
 Beside the cuts' columns in the factors stand those of the friction that their reactions bring with them.
 
 Another kind of row becomes a hold so: a number after ALONG in ``tables`` with its kernel in :func:`row_of`, its act in
@@ -22,16 +23,17 @@ from numba import njit
 from kaneflex.generated import contact as touching
 from kaneflex.generated import friction as laws
 from kaneflex.generated import joints
+from kaneflex.multibody import bristles
 from kaneflex.multibody.tables import (
-    ALONG, AT, CONTACT, CONTACTS, CONTACT_SIZE, CUT, CUT_OF, CUT_ROWS, DRIVES, HOLDING, HOLDS, KEPT, LIMIT, MODE,
-    NORMAL, NOW, NUMBERS_AT, ON, OPTIONS, PLACE, PUSH_NOW, REACTION, REACTIONS, ROW_AT, ROW_OF, ROW_SIZE, SEC, SECTION,
-    SLIP, SLIP_RATE, SLOPE, SPEED_SIZE, STAGE_H, STAGE_R, STUCK_AT, TOUCHING, TURN, WANTED, WHAT, YIELDING, apart,
-    larger, of_holds, shifted,
+    ACTS, ALONG, AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUT_OF, CUT_ROWS, DRIVES, HOLDING, HOLDS, KEPT,
+    LIMIT, MODE, NORMAL, NOW, NUMBERS_AT, ON, OPTIONS, PLACE, PUSH_NOW, REACTION, REACTIONS, ROW_AT, ROW_OF, ROW_SIZE,
+    SEC, SECTION, SLIP, SLIP_RATE, SLOPE, SPEED_SIZE, STAGE_H, STAGE_R, STUCK_AT, TOUCHING, TURN, WANTED, WHAT,
+    YIELDING, apart, larger, of_holds, shifted,
 )  # fmt: skip
 
 _SOFT = 1e-9
 """Of what a row yields by itself, the share that it is let yield more."""
-IDLE, STUCK, FLOWS = 0.0, 2.0, 3.0
+IDLE, STUCK, FLOWS, BENDS = 0.0, 2.0, 3.0, 4.0
 """Modes of a hold beside 1 and -1."""
 ARM, VISCOUS_AT, LAW_AT, OF_AT = 9, 7, 10, 11
 """Among its law's numbers: the arm, the viscous part, the number of its law, the act that it belongs to."""
@@ -118,7 +120,7 @@ def exert(m):
             w[place] = 0.0
         elif mode == FLOWS:
             w[place] = -w[j + VISCOUS_AT] * v
-        elif mode != STUCK:
+        elif mode != STUCK and mode != BENDS:
             w[place] = -mode * laws.dry(w, j, N, v) - w[j + VISCOUS_AT] * v
         w[k + HOLDING] = w[place]
 
@@ -130,27 +132,36 @@ def stuck_rows(m, first):
     apart()
     found = 0
     for n in range(-count(m), 0):
-        if m.w[number_at(m, n) + MODE] == STUCK or lent(m, n) > 0.0:
+        w, k = m.w, number_at(m, n)
+        if w[k + MODE] == STUCK or w[k + MODE] == BENDS or lent(m, n) > 0.0:
             m.pivots[m.plan[TOUCHING] + first + found] = n
             found += 1
-            m.w[number_at(m, n) + SLOPE] = 0.0
+            w[k + SLOPE] = 0.0
+        if w[k + MODE] == BENDS:
+            j = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+            bristles.know(w, k, j, pressed(m, n), w[k + SLIP], w[k + STUCK_AT], 0.0)
     return found
 
 
 @of_holds(0)
 @njit(**OPTIONS)
-def known_rows(m, first):
-    """Have the factors of a step know holds where everything is, after ``first`` contacts; how many those are."""
+def known_rows(m, first, h, here):
+    """Have the factors of a step of h know holds where everything is, half way from ``here``, after ``first`` contacts;
+    how many those are."""
     apart()
     plan, w, found = m.plan, m.w, 0
+    for r in range(plan[REACTIONS]):
+        w[plan[NOW] + r] = here[1 + 3 * plan[COORDINATES] + r]
     for n in range(-count(m), 0):
         k, j = row_of(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT]
         mode, w[k + SLOPE] = w[k + MODE], 0.0
-        if mode != IDLE and mode != STUCK and lent(m, n) == 0.0:
+        if mode == BENDS:
+            bristles.know(w, k, j, pressed(m, n), w[k + SLIP], here[row_place(m, n)], 0.5 * h)
+        elif mode != IDLE and mode != STUCK and lent(m, n) == 0.0:
             w[k + SLOPE] = w[j + VISCOUS_AT]
             if mode != FLOWS:
                 w[k + SLOPE] = larger(w[j + VISCOUS_AT] + laws.dry_slope(w, j, pressed(m, n), w[k + SLIP]), 0.0)
-        if mode == STUCK or w[k + SLOPE] > 0.0 or lent(m, n) > 0.0:
+        if mode == STUCK or mode == BENDS or w[k + SLOPE] > 0.0 or lent(m, n) > 0.0:
             m.pivots[plan[TOUCHING] + first + found] = n
             found += 1
     return found
@@ -173,7 +184,7 @@ def compliance(m, n, h, own):
 @of_holds(0.0)
 @njit(**OPTIONS)
 def wanted(m, A, r):
-    """The acceleration that a row of the factors is to have, of those that are stuck."""
+    """The acceleration that a row of the factors is to have, of those that are stuck; of bristles the force missed."""
     if r < m.plan[KEPT]:
         return 0.0 * A[0]
     n = m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
@@ -193,33 +204,45 @@ def want_nothing(m, A):
 def brought(m, r):
     """The hold whose friction the reaction of a factors' row brings with it as it slips; 0: there is none."""
     apart()
-    plan, w = m.plan, m.w
-    of = plan[plan[CUT_OF] + r] if r < plan[KEPT] else plan[CONTACTS] + m.pivots[plan[TOUCHING] + r - plan[KEPT]]
     for n in range(-count(m), 0):
-        mode = w[number_at(m, n) + MODE]
-        if int(w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + OF_AT]) == of and (mode == 1.0 or mode == -1.0):
+        mode = m.w[number_at(m, n) + MODE]
+        if (mode == 1.0 or mode == -1.0) and presses(m, n, r):
             return n
     return 0
+
+
+@njit(**OPTIONS)
+def presses(m, n, r):
+    """Whether the reaction of a factors' row presses a hold on."""
+    plan = m.plan
+    of = plan[plan[CUT_OF] + r] if r < plan[KEPT] else plan[CONTACTS] + m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+    return int(m.w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + OF_AT]) == of
 
 
 @of_holds(0.0)
 @njit(**OPTIONS)
 def share(m, n, r):
     """Derivative of what a hold exerts as it slips by the reaction of a factors' row."""
+    w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+    v = w[k + SLIP]
+    return -w[k + MODE] * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v)) * pressed_by(m, n, r)
+
+
+@njit(**OPTIONS)
+def pressed_by(m, n, r):
+    """Derivative of what presses a hold on by the reaction of a factors' row."""
     apart()
     plan, w = m.plan, m.w
-    k, j, what = number_at(m, n), m.acts[plan[DRIVES] + n, NUMBERS_AT], m.acts[plan[DRIVES] + n, WHAT]
-    v = w[k + SLIP]
-    found = -w[k + MODE] * (laws.dry(w, j, 1.0, v) - laws.dry(w, j, 0.0, v))
+    j, what = m.acts[plan[DRIVES] + n, NUMBERS_AT], m.acts[plan[DRIVES] + n, WHAT]
     if r >= plan[KEPT]:
-        return found
+        return 1.0
     first, arm, row = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM], plan[plan[ROW_OF] + r]
     one, two, own = w[plan[NOW] + first], w[plan[NOW] + first + 1], w[plan[NOW] + row]
     if what == TURN:
-        return found * arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
+        return arm * own / larger(math.sqrt(one * one + two * two), 1e-300)
     if (abs(one) >= arm * abs(two)) != (row == first):
         return 0.0
-    return found * (1.0 if own >= 0.0 else -1.0) * (1.0 if row == first else arm)
+    return (1.0 if own >= 0.0 else -1.0) * (1.0 if row == first else arm)
 
 
 @of_holds(None)
@@ -234,15 +257,23 @@ def kept_of_stage(m, i):
         w[plan[STAGE_R] + plan[REACTIONS] * i + row_at(m, n)] = w[k + HOLDING]
 
 
+@njit(**OPTIONS)
+def row_place(m, n):
+    """Where a row of the integration has where a hold stuck, or how its bristles are bent."""
+    plan = m.plan
+    return 1 + 3 * plan[COORDINATES] + plan[REACTIONS] + plan[ACTS] - plan[CONTACTS] + 2 * count(m) + n
+
+
 @of_holds(None)
 @njit(**OPTIONS)
 def ask(m, into, A, B):
-    """Ask an iteration of the stages for accelerations that leave no hold with any that is stuck."""
+    """Ask an iteration of the stages for accelerations that leave no hold with any that is stuck; of bristles for the
+    force that is missed."""
     apart()
     plan, w, own = m.plan, m.w, m.plan[STAGE_H] + count(m)
     for n in range(-count(m), 0):
         a_0, a_1, a_2 = w[own + n], w[own + count(m) + n], w[own + 2 * count(m) + n]
-        stuck = w[number_at(m, n) + MODE] == STUCK
+        stuck = w[number_at(m, n) + MODE] == STUCK or w[number_at(m, n) + MODE] == BENDS
         one = -(into[0].real * a_0 + into[1].real * a_1 + into[2].real * a_2)
         two = -(into[3] * a_0 + into[4] * a_1 + into[5] * a_2)
         A[plan[WANTED] - 1 - n] = one if stuck else 0.0
@@ -264,10 +295,14 @@ def answered(m, i, one, two, A, B):
 @of_holds(None)
 @njit(**OPTIONS)
 def hold_still(m, A):
-    """Want no acceleration of what is stuck, by the motion that is met."""
+    """Want no acceleration of what is stuck, by the motion that is met, and of bristles the force by their law."""
+    w = m.w
     for n in range(-count(m), 0):
         k = number_at(m, n)
-        A[m.plan[WANTED] - 1 - n] = -m.w[k + SLIP_RATE] if m.w[k + MODE] == STUCK else 0.0
+        A[m.plan[WANTED] - 1 - n] = -w[k + SLIP_RATE] if w[k + MODE] == STUCK else 0.0
+        if w[k + MODE] == BENDS:
+            force, _ = bristles.by_now(w, k, m.acts[m.plan[DRIVES] + n, NUMBERS_AT])
+            A[m.plan[WANTED] - 1 - n] = force - w[k + HOLDING]
 
 
 @of_holds(None)
@@ -308,8 +343,8 @@ def not_moved(m):
 
 
 @njit(**OPTIONS)
-def _lost_by(m, n):
-    """Power that a hold dissipates [W]: none where it is stuck, whatever it slips by rounding."""
+def _taken_by(m, n):
+    """Power that a hold takes up [W]: none where it is stuck, whatever it slips by rounding."""
     w, k = m.w, number_at(m, n)
     return -w[k + HOLDING] * w[k + SLIP] if w[k + MODE] != STUCK else 0.0
 
@@ -320,24 +355,27 @@ def lost(m):
     """Power that holds dissipate [W]."""
     total = 0.0
     for n in range(-count(m), 0):
-        total += _lost_by(m, n)
+        k, j = number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+        total += _taken_by(m, n)
+        if m.w[k + MODE] == BENDS:
+            _, rate = bristles.by_now(m.w, k, j)
+            total -= m.w[j + bristles.STIFFNESS_AT] * m.w[k + STUCK_AT] * rate
     return total
 
 
 @of_holds(None)
 @njit(**OPTIONS)
 def losses(m, end):
-    """Each hold's at the places before ``end``."""
+    """What each hold takes up, of bristles what they store besides, at the places before ``end``."""
     for n in range(-count(m), 0):
-        m.w[end + n] = _lost_by(m, n)
+        m.w[end + n] = _taken_by(m, n)
 
 
 @of_holds(None)
 @njit(**OPTIONS)
 def told(m, out):
-    """Of every hold, as everything stands: force, speed, what presses it on, mode."""
+    """Of every hold, as everything stands: force, speed, what presses it on, mode, how far its bristles are bent."""
     for n in range(count(m)):
         k = number_at(m, n - count(m))
-        out[4 * n], out[4 * n + 1], out[4 * n + 2], out[4 * n + 3] = (
-            m.w[k + HOLDING], m.w[k + SLIP], m.w[k + NORMAL], m.w[k + MODE]
-        )  # fmt: skip
+        out[5 * n], out[5 * n + 1], out[5 * n + 2] = m.w[k + HOLDING], m.w[k + SLIP], m.w[k + NORMAL]
+        out[5 * n + 3], out[5 * n + 4] = m.w[k + MODE], m.w[k + STUCK_AT] if m.w[k + MODE] == BENDS else 0.0

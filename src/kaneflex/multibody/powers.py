@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody import holds
+from kaneflex.multibody import bending, holds
 from kaneflex.multibody.acting import load_direction
 from kaneflex.multibody.tables import (
     ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
@@ -39,6 +39,7 @@ def energies(m):
         w[at + 1] += w[k + ELASTIC]
         w[at + 2] += w[k + LOSING]
     w[at] -= holds.not_moved(m)
+    w[at + 1] += bending.stored(m)
     w[at + 2] += holds.lost(m)
 
 

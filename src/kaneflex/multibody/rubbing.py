@@ -27,10 +27,12 @@ class FrictionRecord:
         What presses the sides together: a contact's force [N], a pin's reaction times its radius [N m], the sum of what
         a guide's faces bear [N].
     mode : ndarray (n_times, n_frictions)
-        1 or -1 where it slips that way, 2 where it is stuck, 3 where its force is a function of the state, 0 where the
-        sides are apart.
+        1 or -1 where it slips that way, 2 where it is stuck, 3 where its force is a function of the state, 4 where
+        bristles have it, 0 where the sides are apart.
     lost : ndarray (n_times, n_frictions)
-        Energy [J] that each has taken up since the start.
+        Energy [J] that each has lost since the start.
+    bristles : ndarray (n_times, n_frictions)
+        How far those of law lugre are bent [m, in a pin rad]; 0 of others.
     """
 
     names: tuple[str, ...]
@@ -39,14 +41,15 @@ class FrictionRecord:
     pressed: np.ndarray
     mode: np.ndarray
     lost: np.ndarray
+    bristles: np.ndarray
 
     @classmethod
     def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray) -> FrictionRecord:
-        """From what the engine tells of each, (n_times, n_frictions, 4), and what it took up."""
-        force, speed, pressed, mode = np.moveaxis(told, 2, 0)
-        return cls(names, force, speed, pressed, mode, lost)
+        """From what the engine tells of each, (n_times, n_frictions, 5), and what it lost."""
+        force, speed, pressed, mode, bristles = np.moveaxis(told, 2, 0)
+        return cls(names, force, speed, pressed, mode, lost, bristles)
 
     def taken(self, instants: np.ndarray) -> FrictionRecord:
         """The same at some of the stored instants."""
-        picked = {key: getattr(self, key)[instants] for key in ("force", "speed", "pressed", "mode", "lost")}
-        return replace(self, **picked)
+        keys = ("force", "speed", "pressed", "mode", "lost", "bristles")
+        return replace(self, **{key: getattr(self, key)[instants] for key in keys})

@@ -318,7 +318,8 @@ class Run:
             happened += impacts.lasting(self.touching, self.engine, self.here)
         begun = found.gaps[:, :, 4]
         contacts = impacts.ContactRecord(self.touching, gaps[:, :, 0], gaps[:, :, 1], lost, begun, happened)
-        rubbed = done[:, works - count - held : works - count]
+        firm = np.array([each.stiffness for each in self.system.mechanism.frictions.values()])
+        rubbed = done[:, works - count - held : works - count] - 0.5 * firm * found.frictions[:, :, 4] ** 2
         frictions = rubbing.FrictionRecord.of(tuple(self.system.mechanism.frictions), found.frictions, rubbed)
         standing = self.rows[rows][:, -works - len(self.engine.standing) : -works]
         return CoupledTrajectory(

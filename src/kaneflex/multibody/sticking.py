@@ -10,13 +10,16 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody import bristles
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
-from kaneflex.multibody.holds import FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows
+from kaneflex.multibody.holds import (
+    BENDS, FLOWS, IDLE, LAW_AT, OF_AT, STUCK, count, exert, number_at, row_at, stuck_rows,
+)  # fmt: skip
 from kaneflex.multibody.loops import follow, hold_now, mend, middle
 from kaneflex.multibody.tables import (
     ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, DRIVES, DUE,
-    EXTENT, FRAME, FRAME_SIZE, GRAVITY, HOLDING, KEPT, LIMIT, MODE, NODES, NUMBERS_AT, OPTIONS, PIVOTS, PLACE, RATE,
-    ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED, WHAT, Y, YIELDING, apart,
+    EXTENT, FRAME, FRAME_SIZE, GRAVITY, HOLDING, KEPT, LIMIT, MODE, NODES, NORMAL, NUMBERS_AT, OPTIONS, PIVOTS, PLACE,
+    RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED, WHAT, Y, YIELDING, apart,
     larger, of_holds,
 )  # fmt: skip
 
@@ -49,6 +52,10 @@ def note(m, t, i):
     for n in range(-count(m), 0):
         k = number_at(m, n)
         j, mode = k + NODES + 4 * i, w[k + MODE]
+        if mode == BENDS:
+            own = m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+            w[j], w[j + 1] = w[k + SLIP], bristles.resisted(w, own, w[k + NORMAL], w[k + SLIP])
+            continue
         if mode == STUCK:
             w[j], w[j + 1], w[j + 2] = w[k + LIMIT] - abs(w[k + HOLDING]), 0.0, _CLOSE * w[k + LIMIT] + no_force(m, n)
         else:
@@ -216,9 +223,10 @@ def _stand(m, n, t):
     of = plan[CONTACT] + CONTACT_SIZE * (int(w[j + OF_AT]) - plan[CONTACTS])
     if m.acts[plan[DRIVES] + n, WHAT] == ALONG and w[of + BEGUN_AT] == 0.0:
         w[k + MODE] = IDLE
+        w[k + STUCK_AT] *= w[j + LAW_AT] != bristles.LUGRE  # which stand again
         return 0
-    if w[j + LAW_AT] == 2.0:
-        w[k + MODE] = FLOWS
+    if w[j + LAW_AT] >= 2.0:
+        w[k + MODE] = BENDS if w[j + LAW_AT] == bristles.LUGRE else FLOWS
         return 0
     if before != STUCK and not shifts and abs(v) > no_speed(m, n, t):
         w[k + MODE] = 1.0 if v > 0.0 else -1.0

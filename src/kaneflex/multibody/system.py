@@ -138,11 +138,11 @@ class CoupledSystem:
         q, v, a = (np.zeros((len(rows), self.size)) for _ in range(3))
         for part, of in zip((q, v, a), found, strict=False):
             part[:, self._order] = of
-        held, touching = 4 * len(self.engine.holds), 5 * len(self.engine.contacts)
+        held, touching = 5 * len(self.engine.holds), 5 * len(self.engine.contacts)
         ends, given = found[3][:, found[3].shape[1] - held - touching :], 1 + self.engine.inputs
         exerted = found[3][:, self._exerted]
         exerted[:, [name in self.undetermined for name in self.constraints]] = np.nan
-        gaps, frictions = ends[:, :touching].reshape(len(rows), -1, 5), ends[:, touching:].reshape(len(rows), -1, 4)
+        gaps, frictions = ends[:, :touching].reshape(len(rows), -1, 5), ends[:, touching:].reshape(len(rows), -1, 5)
         frictions = frictions[:, frictions.shape[1] - len(self.mechanism.frictions) :]
         return Unfolded(q, v, a, exerted, found[4], found[5][:, :given], gaps, frictions)
 
@@ -232,7 +232,8 @@ class Unfolded:
     """States of all bodies, one a row: q, v, a, reactions; energies (kinetic, strain, dissipated power, weight) and
     powers (dissipation, loads, drives); of every contact, and then of what switches laws, its gap [m], force [N],
     stored energy [J], loss [W] and BEGUN_AT [m/s]; of every friction its force [N or N m], speed, what presses it on,
-    mode. Dissipated power is all of it, the powers' is that without contacts and friction."""
+    mode, how far its bristles are bent [m or rad]. Dissipated power is all of it, the powers' is that without contacts
+    and friction."""
 
     q: np.ndarray
     v: np.ndarray

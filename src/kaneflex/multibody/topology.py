@@ -95,7 +95,7 @@ def build_tables(
     rows = cut_rows + touching
     size = _in_turn(plan, 0, {
         at.SQUARES: square, at.HINGES: at.HINGE_SIZE * len(order), at.COLUMNS: (rows + 1) * n,
-        at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows, at.WANTED: holds,
+        at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows, at.WANTED: 2 * holds,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
     of_rows |= {at.TOUCHING: 3 * touching + holds, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}

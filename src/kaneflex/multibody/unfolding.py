@@ -67,7 +67,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
 
     exerted: of every body three numbers of its inboard joint, in the order of the joint's rows with a drive last, then
     the reactions of cuts and holds, on the joint's second body; of every contact gap, force, stored energy, loss,
-    BEGUN_AT; of every hold force, speed, what presses it on, mode. sums:
+    BEGUN_AT; of every hold force, speed, what presses it on, mode, bristles. sums:
     kinetic energy, strain energy, dissipated power, potential energy of the weight. rates: powers of dissipation,
     loads, drives, holds, contacts. The rows close the loops.
     """
@@ -81,7 +81,7 @@ def unfold(m, rows, count, q, v, a, exerted, sums, rates):
         powers.powers(m)
         powers.energies(m)
         touching, held = plan[ACTS] - plan[CONTACTS], plan[DRIVES] - plan[HOLDS]
-        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * touching + 4 * held))
+        out = shifted(exerted, row * (3 * plan[BODIES] + plan[REACTIONS] + 5 * (touching + held)))
         for b in range(plan[BODIES]):
             f, i, size = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, MODAL], m.bodies[b, SHAPES]
             for j in range(3):

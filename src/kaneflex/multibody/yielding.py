@@ -8,14 +8,14 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import contact as touching
-from kaneflex.multibody import holds
+from kaneflex.multibody import bending, holds
 from kaneflex.multibody.acting import lean, meet
 from kaneflex.multibody.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.loops import bent, gradient
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, COURSE_OF, DRIVES, FIRST, GAP, GAP_RATE, HOLDS, KEPT,
-    LAW, NUMBERS_AT, OPTIONS, RATE, REACTION, ROW_AT, SLOPE, SPEEDS, STIFF, TOUCHING, VISCOUS, YIELDING, apart, larger,
-    of_contacts, shifted,
+    LAW, NUMBERS_AT, OPTIONS, RATE, REACTION, ROW_AT, SPEED_SIZE, SPEEDS, STIFF, TOUCHING, VISCOUS, YIELDING, apart,
+    larger, of_contacts, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, move
 
@@ -71,7 +71,7 @@ def let_yield(m, h, here):
         )
         w[k + STIFF], w[k + VISCOUS] = larger(-by_gap, 1e-200), larger(-by_rate, 0.0)
         along(m, c)
-    more = holds.known_rows(m, count)
+    more = holds.known_rows(m, count, h, here)
     m.pivots[YIELDING] = count + more
     for r in range(count, count + more):
         along(m, m.pivots[plan[TOUCHING] + r])
@@ -104,7 +104,7 @@ def resist_defect(m, step, A, answer):
     for r in range(m.pivots[YIELDING]):
         c = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, c), gradient_at(m, c)
-        slope = w[k + VISCOUS] + step * w[k + STIFF] if c >= 0 else w[k + SLOPE]
+        slope = w[k + VISCOUS] + step * w[k + STIFF] if c >= 0 else bending.resists(m, c, step)
         size = step * slope * product(w, g, shifted(w, plan[ACCEL]), n)
         for i in range(n):
             A[answer + i] -= size * w[g + i]
@@ -112,15 +112,17 @@ def resist_defect(m, step, A, answer):
 
 @of_contacts(0.0)
 @njit(**OPTIONS)
-def error_of_gaps(m, h, A, answer):
-    """Largest error of a gap by the defect at ACCEL and the answer to it, as an acceleration in errors allowed."""
+def error_of_gaps(m, h, step, A, answer):
+    """Largest error of a gap by the defect at ACCEL and the answer to it, as an acceleration in errors allowed; and of
+    how far bristles are bent."""
     apart()
     plan, w, n, largest = m.plan, m.w, m.plan[COORDINATES], 0.0
     for r in range(m.pivots[YIELDING]):
         c = m.pivots[plan[TOUCHING] + r]
         k, g = at(m, c), gradient_at(m, c)
-        if c < 0:
-            continue
         error = abs(product(w, g, shifted(w, plan[ACCEL]), n) + product(w, g, shifted(A, answer), n))
+        if c < 0:
+            largest = larger(largest, (error - 16.0 * EPS * w[k + SPEED_SIZE] / h) * bending.minds(m, c, step))
+            continue
         largest = larger(largest, (error - 16.0 * EPS * extent(m, c) / (h * h)) / w[k + ALLOWED])
     return largest

@@ -11,6 +11,7 @@ from kaneflex.scene.quantities import (
     JointDamping,
     JointForce,
     JointSpeed,
+    JointStiffness,
     NonNegativeLength,
     NonNegativeRatio,
     PositiveLength,
@@ -25,15 +26,18 @@ _DIMENSIONS: dict[str, tuple[Dimension, Dimension]] = {
     "preload": (units.TORQUE, units.FORCE),
     "viscous": (units.TORSIONAL_DAMPING, units.DAMPING),
     "stribeck_speed": (units.ANGULAR_SPEED, units.SPEED),
+    "bristle_stiffness": (units.TORSIONAL_STIFFNESS, units.STIFFNESS),
+    "bristle_damping": (units.TORSIONAL_DAMPING, units.DAMPING),
 }
 """Key -> what it is of a pin, and what of a guide or a contact."""
-_ABOVE_ZERO = ("stribeck_speed",)
-_NEEDS = {"coulomb": (), "stribeck": ("stribeck_speed",), "viscous": ()}
+_ABOVE_ZERO = ("stribeck_speed", "bristle_stiffness")
+_NEEDS = {"coulomb": (), "stribeck": ("stribeck_speed",), "viscous": (), "lugre": ("bristle_stiffness",)}
+_DRY = ("mu", "mu_static", "preload", "viscous", "radius", "length")
+_STRIBECK = (*_DRY, "stribeck_speed", "stribeck_exponent")
 _KNOWS = {
-    "coulomb": ("mu", "mu_static", "preload", "viscous", "radius", "length"),
-    "stribeck": ("mu", "mu_static", "preload", "viscous", "radius", "length", "stribeck_speed", "stribeck_exponent"),
-    "viscous": ("viscous",),
-}
+    "coulomb": _DRY, "stribeck": _STRIBECK, "viscous": ("viscous",),
+    "lugre": (*_STRIBECK, "bristle_stiffness", "bristle_damping"),
+}  # fmt: skip
 
 
 class Friction(SceneTable):
@@ -42,10 +46,11 @@ class Friction(SceneTable):
     N is a contact's normal force; the reaction of a pin times its `radius`; the normal force of a guide, or with the
     `length` of its block the sum of what both ends bear. Nothing slides below `mu_static` N + `preload`. `law` is
     `coulomb`; `stribeck`, whose coefficient falls from `mu_static` to `mu` as exp(-(v/v_s)^delta) of the
-    `stribeck_speed` and `stribeck_exponent`; or `viscous`.
+    `stribeck_speed` and `stribeck_exponent`; `viscous`; or `lugre`, whose sides are held by bristles of a
+    `bristle_stiffness` and `bristle_damping` that bend until they slip by Stribeck's law, or Coulomb's.
     """
 
-    law: Literal["coulomb", "stribeck", "viscous"] = "coulomb"
+    law: Literal["coulomb", "stribeck", "viscous", "lugre"] = "coulomb"
     mu: NonNegativeRatio = 0.0
     mu_static: NonNegativeRatio | None = Field(default=None, description="that of `mu`")
     preload: JointForce = 0.0
@@ -54,6 +59,8 @@ class Friction(SceneTable):
     length: NonNegativeLength = 0.0
     stribeck_speed: JointSpeed | None = None
     stribeck_exponent: PositiveRatio = 2.0
+    bristle_stiffness: JointStiffness | None = None
+    bristle_damping: JointDamping = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Friction:
@@ -72,7 +79,17 @@ class Friction(SceneTable):
             raise Fault(reason, "Give a mu_static of at least mu", below="mu_static")
         if not (self.mu or self.mu_static or self.preload or self.viscous):
             raise Fault("nothing resists", "Give mu, preload or viscous, or leave friction out")
+        if self.law == "lugre":
+            self._check_bristles()
         return self
+
+    def _check_bristles(self) -> None:
+        if not (self.mu or self.mu_static or self.preload):
+            reason = "law lugre without mu or preload: bristles that hold nothing"
+            raise Fault(reason, "Give mu or preload, or take law viscous")
+        if (self.mu_static or self.mu) > self.mu and self.stribeck_speed is None:
+            reason = f"law lugre comes from mu_static = {self.mu_static:g} to mu = {self.mu:g} by a stribeck_speed"
+            raise Fault(reason, "Give it, or leave mu_static out", below="mu_static")
 
     def check_at(self, kind: str) -> None:
         """Raise Fault where a key has no meaning at a "contact", or a "revolute" or "prismatic" joint."""

@@ -27,7 +27,7 @@ CONTACT_RESULTS = (
     "state", "last_state", "last_rate",
 )  # fmt: skip
 """What the results of a scene with contacts have beside its sensors: no sensor of one can be called so."""
-_OF_FRICTION = ("speed", "pressed", "sticks", "lost")
+_OF_FRICTION = ("speed", "pressed", "sticks", "lost", "bristles")
 FRICTION_RESULTS = (
     "friction", *(f"friction_{key}" for key in ("force", *_OF_FRICTION)),
     "pin", *(f"pin_{key}" for key in ("torque", *_OF_FRICTION)),
@@ -213,6 +213,7 @@ DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointForce = _turning_or_sliding(units.TORQUE, units.FORCE)
+JointStiffness = _turning_or_sliding(units.TORSIONAL_STIFFNESS, units.STIFFNESS)
 JointDamping = _turning_or_sliding(units.TORSIONAL_DAMPING, units.DAMPING)
 PositiveForce = _positive(units.FORCE)
 NonNegativeDamping = _quantity(units.DAMPING, lowest=0.0)

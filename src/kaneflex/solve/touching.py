@@ -104,7 +104,8 @@ def labelled_frictions(solution: Solution) -> tuple[dict[str, Entry], dict[str, 
             ("speed", record.speed, units[1], "speed of the second side past the first"),
             ("pressed", record.pressed, units[0],
              "what presses the sides together" + turns * ", times the radius of the pin"),
-            ("lost", record.lost, "J", "energy that friction has taken up so far"),
+            ("lost", record.lost, "J", "energy that friction has lost so far"),
+            ("bristles", record.bristles, "rad" if turns else "m", "how far the bristles of law lugre are bent"),
         ):  # fmt: skip
             variables[f"{kind}_{key}"] = (both, values[:, columns], {"units": unit, "long_name": meaning})
         variables[f"{kind}_sticks"] = (both, sticks, {"long_name": "1 where it is stuck"})
