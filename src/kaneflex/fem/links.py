@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
 
@@ -100,8 +101,15 @@ class Link:
 
     def shape(self, e: int, local: float) -> np.ndarray:
         """Rows u, v, theta, v' of an element's shape functions at ``local`` [m] from its start, (4, 6)."""
-        growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
-        return shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
+        if (e, local) not in self._shapes:
+            growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
+            self._shapes[e, local] = shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
+        return self._shapes[e, local]
+
+    @cached_property
+    def _shapes(self) -> dict[tuple[int, float], np.ndarray]:
+        """Those that were asked for: sensors ask at the same places, and the points of a study share a link."""
+        return {}
 
     def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
         """u, v, theta of each node in turn, (3 n_nodes, n_times), from the part's coordinates."""

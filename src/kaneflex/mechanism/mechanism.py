@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,6 +13,7 @@ from kaneflex.scene.numbers import number_at
 from kaneflex.scene.scene import Scene
 from kaneflex.scene.structure import ANY
 from kaneflex.support.contract import COURSES
+from kaneflex.support.kept import Kept
 
 Numbers = Callable[[str, str, Any], Number]
 """From a number's dotted path, its unit and what the structure has there (0, 1, -1 or "*") to the number."""
@@ -30,14 +30,10 @@ class NumericMechanism(Mechanism):
 
 def mechanism_of(scene: Scene) -> NumericMechanism:
     """The mechanism of a scene; made once, as scenes don't change."""
-    kept = _MADE.get(id(scene))
-    if kept is None or kept[0]() is not scene:
-        key = id(scene)
-        kept = _MADE[key] = weakref.ref(scene, lambda _: _MADE.pop(key, None)), _made(scene)
-    return kept[1]
+    return _MADE.of(scene, lambda: _made(scene))
 
 
-_MADE: dict[int, tuple[weakref.ref, NumericMechanism]] = {}
+_MADE: Kept[Scene, NumericMechanism] = Kept()
 
 
 def _made(scene: Scene) -> NumericMechanism:

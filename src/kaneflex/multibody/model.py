@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
+FROM_EQUATIONS = ("kept", "kept_parts", "monomials", "_products", "system")
+"""What a model computes when it is asked for, from its equations and options alone: models that share them share it."""
 JOINT_FORCES = ("force_x", "force_y", "normal", "moment", "drive")
 """Scalars JOINT.NAME of the motion: what a joint exerts on its second body, and its drive's torque or force."""
 

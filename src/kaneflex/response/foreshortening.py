@@ -20,11 +20,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kaneflex.fem.coordinate_map import Frame
+from kaneflex.fem.links import Link
 from kaneflex.mechanism.affine import Affine, as_array, solve
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, follow
+from kaneflex.support.kept import Kept
 
 _LEAST = 1e-11
 """Stiffness, as a share of each coordinate's own, by which undetermined motions are the least ones."""
@@ -49,18 +52,20 @@ def displaced(
     """The deformed links, and where the model's displacements include foreshortening, moved as far as it asks for."""
     if not (links and model.options.foreshortening):
         return Displaced(links, coordinates)
-    ends = {name: _ends_of(model, found) for name, found in links.items()}
-    moved = _closing(model, rigid, list(ends.values()))
+    joined = _JOINED.of(model.frame, lambda: _joined(model))
+    s = {name: _shortening(model, found) for name, found in links.items()}
+    moved = _closing(model, rigid, joined, s)
     shortened = {}
     for name, found in links.items():
-        strained = (part + s for part, s in zip(follow(model, rigid, moved, ends[name].L), ends[name].s, strict=True))
-        own = tuple(found.link.at_nodes(ends[name].shapes @ part) for part in strained)
+        end = joined.ends[name]
+        strained = (part + own for part, own in zip(follow(model, rigid, moved, end.L), s[name], strict=True))
+        own = tuple(found.link.at_nodes(end.shapes @ part) for part in strained)
         shortened[name] = replace(found, shortened=own)
     return Displaced(shortened, tuple(z + more for z, more in zip(coordinates, moved, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Ends:
+class _End:
     """A link as its joints feel it.
 
     Attributes
@@ -69,21 +74,57 @@ class _Ends:
         Coordinates of the joints from those of the mechanism.
     shapes : ndarray (size, rows)
         Static shapes of unit displacements of the joints.
-    stiffness : ndarray (rows, rows)
-        K condensed to the joints.
-    s : Rates
-        Shortening between the link's start and each joint, in the rows along the link; (rows, n_times).
+    pushes : tuple of Affine (n_used, rows)
+        -dg/ds, L^T with K condensed to the joints, and its first and second rates.
     """
 
     L: Affine
     shapes: np.ndarray
-    stiffness: np.ndarray
-    s: Rates
+    pushes: tuple[Affine, Affine, Affine]
 
 
-def _ends_of(model: Model, found: Deformation) -> _Ends:
-    link, part = found.link, found.link.part
-    held = sorted(model.interfaces.held_rows(part))
+@dataclass(frozen=True, eq=False)
+class _Joined:
+    """All links as their joints feel them, whatever the motion: models with the same equations share it.
+
+    Attributes
+    ----------
+    ends : mapping of str to _End
+    used : ndarray (n_used,)
+        The coordinates of the mechanism that move a joint.
+    S : tuple of Affine (n_used, n_used)
+        And its first and second rates.
+    """
+
+    ends: Mapping[str, _End]
+    used: np.ndarray
+    S: tuple[Affine, Affine, Affine]
+
+
+_JOINED: Kept[Frame, _Joined] = Kept()
+
+
+def _joined(model: Model) -> _Joined:
+    size = model.equations.size
+    statics = {name: _statics(model, link) for name, link in model.links.items()}
+    used = np.flatnonzero(sum(as_array(L.pattern()).sum(axis=0) for L, _, _ in statics.values()))
+    pick = np.eye(size)[:, used]
+    ends, S = {}, Affine.zero(len(used), len(used))
+    for name, (L, shapes, stiffness) in statics.items():
+        push = L.T @ Affine.constant(stiffness)
+        S += (push @ L).congruent(pick)
+        ends[name] = _End(L, shapes, _with_rates(push.projected(pick)))
+    return _Joined(ends, used, _with_rates(S))
+
+
+def _with_rates(affine: Affine) -> tuple[Affine, Affine, Affine]:
+    rate = affine.rate()
+    return affine, rate, rate.rate()
+
+
+def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:
+    """Of a link's end: L, shapes, and the stiffness condensed to the joints, (rows, rows)."""
+    part, held = link.part, _held(model, link)
     assembled = model.parts[link.name].coordinates
     pick = np.zeros((len(held), len(assembled)))
     pick[np.arange(len(held)), [assembled.index(part.coordinates[row]) for row in held]] = 1.0
@@ -95,32 +136,33 @@ def _ends_of(model: Model, found: Deformation) -> _Ends:
         inner, outer = stiffness[free][:, free], as_array(stiffness[free][:, held])
         turns = len(held) < 3  # on a single pin: it turns as a rigid body
         shapes[free] = -np.linalg.lstsq(as_array(inner), outer, rcond=None)[0] if turns else -solve(inner, outer)
+    return Affine.constant(pick) @ model.frame.maps[link.name], shapes, shapes.T @ (stiffness @ shapes)
+
+
+def _held(model: Model, link: Link) -> list[int]:
+    """Rows of a link's part at its joints."""
+    return sorted(model.interfaces.held_rows(link.part))
+
+
+def _shortening(model: Model, found: Deformation) -> Rates:
+    """Shortening between the link's start and each joint, in the rows along the link; (rows, n_times)."""
+    link, held = found.link, _held(model, found.link)
     s = np.zeros((3, len(held), found.q.shape[1]))
     for name, node in model.interfaces.displaced:
         if name == link.name:
-            s[:, held.index(part.place[node][0])] = found.foreshortening(float(link.nodes[node]))
-    L = Affine.constant(pick) @ model.frame.maps[link.name]
-    return _Ends(L, shapes, shapes.T @ (stiffness @ shapes), tuple(s))
+            s[:, held.index(link.part.place[node][0])] = found.foreshortening(float(link.nodes[node]))
+    return tuple(s)
 
 
-def _closing(model: Model, rigid: RigidMotion, ends: list[_Ends]) -> Rates:
+def _closing(model: Model, rigid: RigidMotion, joined: _Joined, shortening: Mapping[str, Rates]) -> Rates:
     """z of the shortening alone, and its rates; (n, n_times)."""
-    size = model.equations.size
-    used = np.flatnonzero(sum(as_array(end.L.pattern()).sum(axis=0) for end in ends))
-    found = np.zeros((3, size, len(rigid.times)))
+    used = joined.used
+    found = np.zeros((3, model.equations.size, len(rigid.times)))
     if not len(used):
         return tuple(found)
-    pick = np.eye(size)[:, used]
-    pushes = [end.L.T @ Affine.constant(end.stiffness) for end in ends]
-    S = Affine.zero(len(used), len(used))
-    for push, end in zip(pushes, ends, strict=True):
-        S += (push @ end.L).congruent(pick)
-    pushes = [push.projected(pick) for push in pushes]
-    orders = [S, S.rate(), S.rate().rate()]
     g = np.zeros((3, len(used), len(rigid.times)))
-    for push, end in zip(pushes, ends, strict=True):
-        first, second = push.rate(), push.rate().rate()
-        s, s_rate, s_accel = end.s
+    for name, (s, s_rate, s_accel) in shortening.items():
+        push, first, second = joined.ends[name].pushes
         g[0] -= rigid.apply(push, s)
         g[1] -= rigid.apply(first, s) + rigid.apply(push, s_rate)
         g[2] -= rigid.apply(second, s) + 2 * rigid.apply(first, s_rate) + rigid.apply(push, s_accel)
@@ -128,7 +170,7 @@ def _closing(model: Model, rigid: RigidMotion, ends: list[_Ends]) -> Rates:
     for start in range(0, len(rigid.times), batch):
         rows = slice(start, start + batch)
         here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
-        stiff, rate, accel = map(here.matrices, orders)
+        stiff, rate, accel = map(here.matrices, joined.S)
         diagonal = np.einsum("tii->i", stiff) / len(stiff)
         stiff += np.diag(_LEAST * np.where(diagonal > 0, diagonal, 1.0))
         push, push_rate, push_accel = (part[:, rows].T[..., None] for part in g)

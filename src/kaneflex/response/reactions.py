@@ -65,19 +65,20 @@ class _Balances:
     def assemble(self) -> tuple[np.ndarray, np.ndarray]:
         bodies = self.model.scene.bodies
         sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
-        matrix, residual = np.zeros((self.steps, 3 * len(sites), len(self.index))), []
+        matrix, residual = np.zeros((3 * len(sites), len(self.index), self.steps)), []
         for k, (name, node) in enumerate(sites):
-            self._add_joints(name, node, matrix[:, 3 * k : 3 * k + 3])
+            self._add_joints(name, node, matrix[3 * k : 3 * k + 3])
             residual.append(self._rigid_residual(name) if node is None else self._node_residual(name, node))
-        used = (matrix.max(axis=(0, 2)) > 0) | (matrix.min(axis=(0, 2)) < 0)  # a balance without joints says nothing
+        used = matrix.any(axis=(1, 2))  # a balance without joints says nothing
         scale = np.tile([1.0, 1.0, self.scale], len(sites))[used]
-        return matrix[:, used] * scale[:, None], np.concatenate(residual)[used].T * scale
+        scaled = matrix[used] * scale[:, None, None]
+        return np.ascontiguousarray(scaled.transpose(2, 0, 1)), np.concatenate(residual)[used].T * scale
 
     def _nodes(self, link: str) -> list[int]:
         return [node for name, node in self.model.interfaces.displaced if name == link]
 
     def _add_joints(self, body: str, node: int | None, rows: np.ndarray) -> None:
-        """Fill (n_times, 3, n_reactions): global force x, y and moment on the body (about its start) or on the node."""
+        """Fill (3, n_reactions, n_times): global force x, y and moment on the body (about its start) or on the node."""
         for name, joint in self.model.scene.joints.items():
             for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
                 if address.body == body and (node is None or self._node(address) == node):
@@ -93,9 +94,9 @@ class _Balances:
 
         def push(reaction: str, direction: np.ndarray | tuple[float, float]) -> None:
             k = self.index[f"{name}.{reaction}"]
-            rows[:, 0, k] += sign * direction[0]
-            rows[:, 1, k] += sign * direction[1]
-            rows[:, 2, k] += sign * cross(arm, direction)
+            rows[0, k] += sign * direction[0]
+            rows[1, k] += sign * direction[1]
+            rows[2, k] += sign * cross(arm, direction)
 
         if joint.kind == "prismatic":
             t = self.rigid.frame(joint.addresses[0].body).to_global(joint.direction)
@@ -106,9 +107,9 @@ class _Balances:
             push("force_x", (1.0, 0.0))
             push("force_y", (0.0, 1.0))
             if name in self.model.scene.drives:
-                rows[:, 2, self.index[f"{name}.drive"]] += sign
+                rows[2, self.index[f"{name}.drive"]] += sign
         if joint.kind != "revolute":
-            rows[:, 2, self.index[f"{name}.moment"]] += sign
+            rows[2, self.index[f"{name}.moment"]] += sign
 
     def _arm(self, joint, address: Address) -> np.ndarray:
         """Where a joint's force acts on a rigid body, from the body's start, global components (2, n_times)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,25 @@ def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
     square, mean = mean_over_time(np.array([(values / largest) ** 2, values]), times)
     rms = largest * math.sqrt(square)
     return Statistics(least, most, rms, float(mean), int(indices[lowest]), int(indices[highest]))
+
+
+def statistics_of_all(series: Mapping[str, np.ndarray], times: np.ndarray) -> dict[str, Statistics]:
+    """:func:`statistics` of every series, of those that have a value at all times in one go."""
+    whole = {name: values for name, values in series.items() if np.isfinite(values).all()}
+    found = {name: statistics(values, times) for name, values in series.items() if name not in whole}
+    if whole:
+        block = np.array(list(whole.values()))
+        lowest, highest = block.argmin(axis=1), block.argmax(axis=1)
+        rows = np.arange(len(block))
+        least, most = block[rows, lowest], block[rows, highest]
+        largest = np.maximum(abs(least), abs(most))
+        largest[largest == 0.0] = 1.0
+        rms = largest * np.sqrt(mean_over_time((block / largest[:, None]) ** 2, times))
+        columns = (least, most, rms, mean_over_time(block, times), lowest, highest)
+        found |= {
+            name: Statistics(*row) for name, *row in zip(whole, *(column.tolist() for column in columns), strict=True)
+        }
+    return found
 
 
 def mean_over_time(values: np.ndarray, times: np.ndarray) -> np.ndarray:

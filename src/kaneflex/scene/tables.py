@@ -12,7 +12,7 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -52,8 +52,19 @@ class Table:
         """The block of a cubic for each interval between two rows.
 
         With a period it closes through the mean of the first and the last ordinate, as smoothly as elsewhere. Without
-        one it keeps its end values outside: one interval more at each end says so.
+        one it keeps its end values outside: one interval more at each end says so. Read only: it is computed once.
         """
+        if (period, interpolation) not in self._blocks:
+            block = self._blocks[period, interpolation] = self._block(period, interpolation)
+            block.flags.writeable = False
+        return self._blocks[period, interpolation]
+
+    @cached_property
+    def _blocks(self) -> dict[tuple[float | None, Interpolation], np.ndarray]:
+        """Those that were asked for: the points of a study read the same table."""
+        return {}
+
+    def _block(self, period: float | None, interpolation: Interpolation) -> np.ndarray:
         x, y = self.x, self.y.copy()
         if period:
             y[0] = y[-1] = (y[0] + y[-1]) / 2
@@ -73,7 +84,7 @@ def _parts(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def largest_of_block(block: np.ndarray) -> float:
     """Largest absolute value of a block: at a knot, or where the slope of a cubic vanishes."""
-    return float(abs(_extremes(block)[1]).max())
+    return float(abs(_extremes(block.tobytes())[1]).max())
 
 
 @dataclass(frozen=True)
@@ -91,7 +102,7 @@ class Overshoot:
 
 def overshoot_of_block(block: np.ndarray) -> Overshoot:
     """The farthest of a block beyond the rows on either side of it."""
-    places, values = _extremes(block)
+    places, values = _extremes(block.tobytes())
     rows = np.sort(values[:2], axis=0)
     beyond = np.maximum(values - rows[1], rows[0] - values)
     worst = np.unravel_index(beyond.argmax(), beyond.shape)
@@ -99,12 +110,13 @@ def overshoot_of_block(block: np.ndarray) -> Overshoot:
     return Overshoot(float(places[worst]), float(values[worst]), (float(first), float(last)))
 
 
-def _extremes(block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each interval's cubic may be largest or smallest, and its values there, (4, n) each.
+@lru_cache(maxsize=64)
+def _extremes(block: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Where each interval's cubic may be largest or smallest, and its values there, (4, n) each; of a block's bytes.
 
     First its two ends, then where its slope c1 + 2 c2 d + 3 c3 d^2 vanishes: an end again where it does nowhere.
     """
-    knots, cubics = _parts(block)
+    knots, cubics = _parts(np.frombuffer(block))
     c0, c1, c2, c3 = cubics.T
     width = np.diff(knots)
     with np.errstate(all="ignore"):

@@ -16,7 +16,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.motion import Motion
-from kaneflex.response.time_statistics import Statistics, statistics
+from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.solve.initial import STATE, start_coordinates
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LARGEST
@@ -201,7 +201,7 @@ class Solution:
         The greatest of a contact's force or torque is that of its impacts, which may lie between stored times, at the
         nearest of them.
         """
-        found = statistics(self.series[name].values, self.times)
+        found = self._statistics[name]
         sensor = self.model.scene.sensors.get(name)
         contact = sensor and (sensor.contact_force or sensor.contact_torque)
         own = [impact for impact in self.impacts if impact.contact == contact]
@@ -209,6 +209,11 @@ class Solution:
         if hardest is None or hardest.peak <= found.max:
             return found
         return found._replace(max=hardest.peak, at_max=int(np.abs(self.times - hardest.begin).argmin()))
+
+    @cached_property
+    def _statistics(self) -> dict[str, Statistics]:
+        """Those of every series, impacts apart."""
+        return statistics_of_all({name: each.values for name, each in self.series.items()}, self.times)
 
     @property
     def drive_angles(self) -> dict[str, np.ndarray]:
