@@ -44,6 +44,9 @@ _FIRST_STEP = 0.03
 """Of the time in which an impact would come to its depth at its approach speed."""
 _MOST_AT_ONCE = 1000
 """Changes without time between them that are still resolved."""
+_DOUBTED = 4.0, 16.0
+"""Of these, the first and the last ones after which steps become ever shorter: what comes loose with hardly any
+acceleration turns back at once on the polynomial of a step that is too long to know, is caught, comes loose again."""
 
 
 @njit(**OPTIONS)
@@ -122,6 +125,8 @@ def change(m, here, A, wanted):
     plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], here[0]
     if _without_end(m, t):
         return 0.0
+    if _DOUBTED[0] < w[shared + STUCK] < _DOUBTED[1]:
+        wanted *= 0.5 ** (w[shared + STUCK] - _DOUBTED[0])
     count = plan[ACTS] - plan[CONTACTS]
     closing, still, changing = also_due(m, t)
     if still:

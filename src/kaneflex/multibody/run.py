@@ -343,7 +343,9 @@ _ENDED = {
     ),
     collocation.SINGULAR: (Outcome.SINGULAR, f"singular after {{at}}: {_SINGULAR}"),
     collocation.CASCADE: (
-        Outcome.CASCADE, "contacts close and open over and over after {at}, with no time between that a step resolves",
+        Outcome.CASCADE,
+        "contacts close and open, or sides stick and slip, over and over after {at}, with no time between that a step "
+        "resolves",
     ),
     collocation.PARADOX: (
         Outcome.PARADOX,
