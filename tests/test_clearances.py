@@ -11,7 +11,7 @@ from kaneflex.plots import clearances, records
 from kaneflex.plots.records import impact_zones, spectrum
 from kaneflex.plots.style import styled
 from kaneflex.plots.view import view
-from kaneflex.scene.quantities import CONTACT_RESULTS
+from kaneflex.scene.quantities import CONTACT_RESULTS, FRICTION_RESULTS
 
 LOOSE = """
 schema = 1
@@ -28,6 +28,7 @@ duration = "8 ms"
 """
 RIG = ("engine-rig-clearance", "solve.duration=1.5 s", "solve.steps=15000")
 TURN = 60 / 42.36
+SMOOTH = "bore.clearance.friction=none"
 READ = "Accelerometers (a \u2212 g)"
 
 
@@ -70,7 +71,8 @@ def test_results_have_where_pins_and_blocks_are(loose, rig):
     across, tilt, place = values(rig, "piston_across", "piston_tilt", "piston_position")
     assert block.clearance_angle.values[:, 0] == pytest.approx(tilt, abs=0)
     assert block.clearance_x.values[:, 0] == pytest.approx(place - 0.005 * np.cos(tilt), abs=1e-12)  # of its middle
-    assert set(block.variables) - set(rig.series) - set(block.coords) < set(CONTACT_RESULTS) > set(block.coords) - {
+    results = {*CONTACT_RESULTS, *FRICTION_RESULTS}
+    assert set(block.variables) - set(rig.series) - set(block.coords) < results > set(block.coords) - {
         "time", "drive_angle_main", "drive_angle_pin", "drive_angle_wrist",
     }  # fmt: skip
     for k, (side, end) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)]):  # of a rectangle of 60 by 72 mm
@@ -83,7 +85,7 @@ def test_results_have_where_pins_and_blocks_are(loose, rig):
 def test_the_rig_knocks_after_each_dead_centre_as_long_as_a_free_piston_takes_across():
     """m x'' = F' t across 2 x 50 um, F' = (m_p + m_r/2)(g + a) omega_rod, m = m_p + m_r/3: the rod turns on its pin."""
     settings = ("bodies.piston.centre=[1e-9, 0]", "bodies.piston.points.middle=[1e-9, 0]", "solve.duration=1.48 s")
-    found = run("engine-rig-clearance", *settings, "solve.steps=1480", "solve.tolerance=1e-8")
+    found = run("engine-rig-clearance", *settings, SMOOTH, "solve.steps=1480", "solve.tolerance=1e-8")
     omega, r, l = 2 * math.pi / TURN, 0.04, 0.137
     assert np.abs(found.series["piston_tilt"].values).max() < 1e-8  # everything acts at its middle
     for k, (begin, end) in enumerate(impact_zones(found)[1:]):
@@ -98,7 +100,7 @@ def test_the_rig_reads_two_zones_of_impacts_in_a_turn(rig):
     """The rest is the sinusoid of a tight rig: gravity across the rod that swings."""
     times, zones = rig.times, impact_zones(rig)
     assert [360 * begin / TURN for begin, _ in zones] == pytest.approx([7.0, 188.4, 368.9], abs=0.1)
-    assert [360 * end / TURN for _, end in zones] == pytest.approx([12.2, 195.4, 376.3], abs=0.1)
+    assert [360 * end / TURN for _, end in zones] == pytest.approx([12.1, 195.8, 376.1], abs=0.1)
     (read,) = values(rig, "rod_mid_acceleration_y")
     inside = np.any([(times >= begin) & (times < end + 0.015) for begin, end in zones], axis=0)
     quiet = ~inside & (times > 0.05)
@@ -107,7 +109,7 @@ def test_the_rig_reads_two_zones_of_impacts_in_a_turn(rig):
     flying = np.any([(times >= k * TURN / 2) & (times < begin) for k, (begin, _) in enumerate(zones)], axis=0)
     assert np.abs(read - tight)[quiet & ~flying].max() < 0.02 < 0.2 < np.abs(read - tight)[flying].max()
     assert np.abs(read)[quiet].max() == pytest.approx(2.5, abs=0.1)
-    assert np.abs(read).max() == pytest.approx(15.5, abs=0.2)
+    assert np.abs(read).max() == pytest.approx(16.6, abs=0.2)
     frequencies, amplitudes = spectrum(times, read)
     ringing = (frequencies > 2500) & (frequencies < 4000)
     assert frequencies[ringing][amplitudes[ringing].argmax()] == pytest.approx(3236, rel=0.03)
@@ -195,11 +197,9 @@ def test_the_largest_force_of_a_contact_is_that_of_its_impacts(loose):
     assert sensor_summaries(coarse)["pin_force"].at_max.time_s == pytest.approx(hardest.begin, abs=0.5e-4)
 
 
-def test_a_rig_with_friction_in_its_bore_knocks_where_one_without_does_and_knows_its_rods_forces(tmp_path):
-    path = tmp_path / "rubs.toml"
-    path.write_text('schema = 1\nlike = "engine-rig-clearance"\n[joints.bore.clearance.friction]\nmu = 0.1\n')
+def test_a_rig_with_friction_in_its_bore_knocks_where_one_without_does_and_knows_its_rods_forces():
     end = ("solve.duration=0.1 s", "solve.steps=1000")
-    smooth, rubs = run("engine-rig-clearance", *end), run(str(path), *end)
+    smooth, rubs = run("engine-rig-clearance", *end, SMOOTH), run("engine-rig-clearance", *end)
     assert rubs.impacts[0].begin == pytest.approx(smooth.impacts[0].begin, rel=1e-3)
     (plain,), (rubbed,) = (values(solution, "rod_force_piston") for solution in (smooth, rubs))
     pressed = rubs.dataset.friction_force.values.sum(axis=1)
