@@ -1,10 +1,16 @@
 """Linear complementarity problems of small size: what rigid sides exert on each other where several of them touch.
 
-x >= 0, u = W x + b >= 0 and x . u = 0, W being symmetric and positive semidefinite: u are rates of gaps, or their
-accelerations, and x impulses, or forces. It is that of the least x . (W x/2 + b) with x >= 0, solved by an active set
-(van de Panne & Whinston 1964, Oper. Res. 12, 422; as in Baraff 1994, Proc. SIGGRAPH, 23): one x after another
-grows until its u is zero, while those that are above zero already keep theirs at zero; whichever comes to zero on the
-way leaves. Where W is singular, as with more contacts than a body needs, x is one of many and u the only one.
+u = W x + b: u are rates of gaps, then of slips, or their accelerations, and x impulses, or forces. Of gaps x >= 0,
+u >= 0 and x . u = 0. Of slips |x| <= L, and x = -L sgn(u) where u isn't zero (Coulomb); L is mu times what presses, the
+x of a gap, and what holds beside that. With x = y - z of a slip, both no less than zero, and its size s, that is
+
+    W x + b >= 0,  s + (W x + b) >= 0 by y,  s - (W x + b) >= 0 by z,  L - y - z >= 0 by s
+
+(Stewart & Trinkle 1996, Int. J. Numer. Methods Eng. 39, 2673). For impulses there is always a solution that Lemke's
+method comes to unless restitution asks for more than a wedge gives (Anitescu & Potra 1997, Nonlinear Dyn. 14, 231); for
+forces there may be none. Lemke 1965, Manage. Sci. 11, 681; ties are broken lexicographically, so that it ends (Cottle,
+Pang & Stone 1992, The Linear Complementarity Problem, ch. 4). Where W is singular, as with more contacts than a body
+needs, x is one of many and the u of gaps the only one.
 """
 
 from __future__ import annotations
@@ -13,95 +19,195 @@ import math
 
 from numba import njit
 
-from kaneflex.multibody import dense_lu
-from kaneflex.multibody.tables import ACTS, CONTACTS, OPTIONS, TOUCHING, apart, larger
+from kaneflex.multibody.tables import (
+    ACTS, COMPLEMENT, CONTACTS, DRIVES, HOLDS, OPTIONS, TOUCHING, apart, larger,
+)  # fmt: skip
 
+(
+    OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, MAY, RATIO, BESIDE, PRESSES, STICKS, RESTED_BEFORE, QUIET,
+    SCALES, VECTORS,
+) = range(15)  # fmt: skip
+"""Vectors over the rows of contacts that touch, then of holds: rates before and after, impulses, forces at rest,
+accelerations, the problem's b, which rows may exert something; of a hold its mu, what holds besides, and the row that
+presses it on or -1; of a contact whether it doesn't bounce, whether it rested, and a rate that is none; what makes rows
+alike."""
 _NOTHING = 1e-13
 """Of the largest b: a u that is no less than its negative."""
-_FLAT = 1e-12
-"""Of W's own: what is left of it where others determine it."""
+_FLAT = 1e-11
+"""What is left of a row, which has begun with 1, where others determine it."""
+_TIE = 1e-12
+"""By which two ways to go on are the same."""
+_ASTRAY = 1e-9
+"""Of the largest b: a u below zero that is rounding where there is no way to go on."""
+
+
+def room_of(contacts: int, holds: int) -> int:
+    """How many numbers the problem takes."""
+    rows, size = contacts + holds, contacts + 3 * holds
+    return rows * (rows + VECTORS) + size * (2 * size + 2)
 
 
 @njit(**OPTIONS)
-def complement(m, W, b, x, u, may, n):
-    """Fill x and u [places in w] of n contacts; those whose ``may`` is 0 stay at x = 0, whatever their u. False: none.
+def most(m):
+    """How many rows there may be."""
+    return m.plan[ACTS] - m.plan[CONTACTS] + m.plan[DRIVES] - m.plan[HOLDS]
 
-    After W lies room for as large a square and a row more, and for whole numbers after the list of those that touch.
-    """
+
+@njit(**OPTIONS)
+def vector(m, which):
+    """Where one of the vectors is; W is at COMPLEMENT."""
+    return m.plan[COMPLEMENT] + most(m) * (most(m) + which)
+
+
+@njit(**OPTIONS)
+def listed(m):
+    """Where in whole numbers the contacts and holds are whose rows they are; after them there is room for as many."""
+    return m.plan[TOUCHING] + most(m)
+
+
+@njit(**OPTIONS)
+def complement(m, x, u, gaps, slips):
+    """Fill the vectors x and u; rows whose MAY is 0 stay at x = 0, whatever their u. False: there is no solution."""
     apart()
-    w, most = m.w, m.plan[ACTS] - m.plan[CONTACTS]
-    active, chosen, largest = m.plan[TOUCHING] + most, 0, 0.0
-    for i in range(n):
-        w[x + i], w[u + i] = 0.0, w[b + i]
-        largest = larger(largest, abs(w[b + i]))
-    for _ in range(20 * (n + 1)):
-        j, least = -1, 0.0
-        for i in range(n):
-            size = w[u + i] / math.sqrt(w[W + (n + 1) * i] + 1e-300)
-            if w[may + i] != 0.0 and w[u + i] < -_NOTHING * largest and size < least:
-                j, least = i, size
-        if j < 0:
+    w, rows, W = m.w, gaps + slips, m.plan[COMPLEMENT]
+    size, scales, x, u = gaps + 3 * slips, vector(m, SCALES), vector(m, x), vector(m, u)
+    end, basis = vector(m, VECTORS) + 2 * size + 1, listed(m) + most(m)
+    asked = _fill(m, gaps, slips, size)
+    if asked and not _lemke(m, size):
+        return False
+    for i in range(rows):
+        w[x + i] = 0.0
+    for i in range(size if asked else 0):
+        k = m.pivots[basis + i] - size
+        if 0 <= k < size:
+            row, sign = _row(k, gaps)
+            if sign != 0.0:
+                w[x + row] += sign * w[scales + row] * w[end + (2 * size + 2) * i]
+    for i in range(rows):
+        w[u + i] = w[vector(m, WANTED) + i]
+        for j in range(rows):
+            w[u + i] += w[W + rows * i + j] * w[x + j]
+    return True
+
+
+@njit(**OPTIONS)
+def _row(k, gaps):
+    """The row of an unknown of the problem, and its sign there; 0 of a slip's size."""
+    if k < gaps:
+        return k, 1.0
+    kind = (k - gaps) % 3
+    return gaps + (k - gaps) // 3, 1.0 if kind == 0 else -1.0 if kind == 1 else 0.0
+
+
+@njit(**OPTIONS)
+def _fill(m, gaps, slips, size):
+    """Fill the problem of z >= 0 and M z + q >= 0, the largest q being about 1; whether z = 0 doesn't solve it."""
+    apart()
+    w, rows, wide, T = m.w, gaps + slips, 2 * size + 2, vector(m, VECTORS)
+    scales, largest = vector(m, SCALES), 0.0
+    for i in range(rows):
+        own = abs(w[m.plan[COMPLEMENT] + (rows + 1) * i])
+        w[scales + i] = math.ldexp(1.0, -math.frexp(own)[1] // 2) if own > 1e-300 else 1.0  # which rounds nothing
+        if w[vector(m, MAY) + i] != 0.0:
+            largest = larger(largest, abs(w[vector(m, WANTED) + i]) * w[scales + i])
+            if i >= gaps:
+                largest = larger(largest, w[vector(m, BESIDE) + i] / w[scales + i])
+    largest, asked = math.ldexp(1.0, math.frexp(largest)[1]), False
+    for k in range(size):
+        i, sign = _row(k, gaps)
+        for j in range(wide):
+            w[T + wide * k + j] = 0.0
+        m.pivots[listed(m) + most(m) + k] = k
+        q, w[T + wide * k + k], w[T + wide * k + 2 * size] = T + wide * k + 2 * size + 1, 1.0, -1.0
+        if w[vector(m, MAY) + i] == 0.0:
+            w[q], w[T + wide * k + size + k] = 1.0, -1.0
+            continue
+        if sign == 0.0:
+            w[q] = w[vector(m, BESIDE) + i] / w[scales + i] / largest
+            asked = asked or w[q] > 0.0
+            w[T + wide * k + size + k - 2] = w[T + wide * k + size + k - 1] = 1.0
+            n = int(w[vector(m, PRESSES) + i])
+            if n >= 0 and w[vector(m, MAY) + n] != 0.0:
+                w[T + wide * k + size + n] = -w[vector(m, RATIO) + i] * w[scales + n] / w[scales + i]
+            continue
+        w[q] = sign * w[vector(m, WANTED) + i] * w[scales + i] / largest
+        asked = asked or (i < gaps and w[q] < -_NOTHING)
+        for j in range(size):
+            n, other = _row(j, gaps)
+            if w[vector(m, MAY) + n] != 0.0:
+                between = sign * other * w[m.plan[COMPLEMENT] + rows * i + n] * w[scales + i] * w[scales + n]
+                w[T + wide * k + size + j] = -between
+        if i >= gaps:
+            w[T + wide * k + size + gaps + 3 * (i - gaps) + 2] = -1.0
+    for i in range(rows):
+        w[scales + i] *= largest
+    return asked
+
+
+@njit(**OPTIONS)
+def _lemke(m, size):
+    """Solve it: which unknowns are not zero, after the list, and their values in the last column; False: there is no
+    solution."""
+    apart()
+    w, wide, T, basis = m.w, 2 * size + 2, vector(m, VECTORS), listed(m) + most(m)
+    row = 0
+    for i in range(size):
+        if w[T + wide * i + wide - 1] <= w[T + wide * row + wide - 1]:
+            row = i
+    if w[T + wide * row + wide - 1] >= -_NOTHING:
+        return True
+    entering = 2 * size
+    for _ in range(50 * (size + 2)):
+        _pivot(w, T, size, row, entering)
+        leaving, m.pivots[basis + row] = m.pivots[basis + row], entering
+        if leaving == 2 * size:
             return True
-        leaving = 0
-        while leaving >= 0:
-            leaving, step = _step(m, W, x, u, chosen, n, j)
-            if step < 0.0:
-                if w[u + j] < -1e-9 * largest:
-                    return False
-                w[may + j] = 0.0  # more contacts than determine each other, but for rounding
-                break
-            _go(m, W, x, u, chosen, n, j, step)
-            if leaving < 0:
-                m.pivots[active + chosen] = j
-                chosen += 1
-            else:
-                w[x + m.pivots[active + leaving]] = 0.0
-                chosen -= 1
-                for r in range(leaving, chosen):
-                    m.pivots[active + r] = m.pivots[active + r + 1]
-            for r in range(chosen):
-                w[u + m.pivots[active + r]] = 0.0
+        entering = leaving + size if leaving < size else leaving - size
+        row = _leaves(m, T, size, entering)
+        if row < 0:
+            for i in range(size):
+                if m.pivots[basis + i] == 2 * size:
+                    return w[T + wide * i + wide - 1] <= _ASTRAY
     return False
 
 
 @njit(**OPTIONS)
-def _step(m, W, x, u, chosen, n, j):
-    """Which of the active leaves first as x of j grows, -1 where u of j comes to zero before, and by how much x does.
-
-    Below zero: neither. Those that are active change, after the room's square, so that their u stay.
-    """
-    w, pivots, most = m.w, m.pivots, m.plan[ACTS] - m.plan[CONTACTS]
-    active, room = m.plan[TOUCHING] + most, W + most * most
-    d = room + most * most
-    for r in range(chosen):
-        i = pivots[active + r]
-        for s in range(chosen):
-            w[room + chosen * r + s] = w[W + n * i + pivots[active + s]]
-        w[d + r] = -w[W + n * i + j]
-    if chosen:
-        dense_lu.factorise(w, room, chosen, pivots, active + most)
-        dense_lu.substitute(w, room, chosen, pivots, active + most, d)
-    curvature = w[W + (n + 1) * j]
-    for r in range(chosen):
-        curvature += w[W + n * j + pivots[active + r]] * w[d + r]
-    leaving, step = -1, -1.0
-    if curvature > _FLAT * w[W + (n + 1) * j]:
-        step = -w[u + j] / curvature
-    for r in range(chosen):
-        i = pivots[active + r]
-        if w[d + r] < 0.0 and (step < 0.0 or w[x + i] < -step * w[d + r]):
-            leaving, step = r, -w[x + i] / w[d + r]
-    return leaving, step
+def _leaves(m, T, size, entering):
+    """The row whose unknown comes to zero first as another one grows; -1: none does."""
+    apart()
+    w, wide, basis, best = m.w, 2 * size + 2, listed(m) + most(m), -1
+    for i in range(size):
+        own = w[T + wide * i + entering]
+        if own <= _FLAT:
+            continue
+        if best < 0:
+            best = i
+            continue
+        for k in range(-1, size):
+            j = wide - 1 if k < 0 else k
+            one, two = w[T + wide * i + j] / own, w[T + wide * best + j] / w[T + wide * best + entering]
+            if abs(one - two) > _TIE * (abs(one) + abs(two) + (1.0 if k < 0 else 0.0)):
+                if one < two:
+                    best = i
+                break
+            if m.pivots[basis + i] == 2 * size:
+                best = i
+            if m.pivots[basis + best] == 2 * size:
+                break
+    return best
 
 
 @njit(**OPTIONS)
-def _go(m, W, x, u, chosen, n, j, step):
-    """Let x of j grow by a step, with those that are active."""
-    w, most = m.w, m.plan[ACTS] - m.plan[CONTACTS]
-    active, d = m.plan[TOUCHING] + most, W + 2 * most * most
-    for r in range(chosen + 1):
-        i = m.pivots[active + r] if r < chosen else j
-        change = step * w[d + r] if r < chosen else step
-        w[x + i] += change
-        for k in range(n):
-            w[u + k] += change * w[W + n * k + i]
+def _pivot(w, T, size, row, column):
+    """Have an unknown take the place of another one."""
+    apart()
+    wide = 2 * size + 2
+    own = T + wide * row
+    by = 1.0 / w[own + column]
+    for j in range(wide):
+        w[own + j] *= by
+    for i in range(size):
+        share = w[T + wide * i + column]
+        if i != row and share != 0.0:
+            for j in range(wide):
+                w[T + wide * i + j] -= share * w[own + j]

@@ -129,7 +129,8 @@ def begin(m, t):
                 w[k + SHIFT] = 8.0 * zero
             aim = _meets(w[k + GAP] + w[k + SHIFT], rate, bent)
             aim += 3.0 * EPS * larger(abs(t), aim)
-            if 16.0 * EPS * abs(t) < aim < w[m.plan[TOUCH] + AIM]:
+            # Nothing moves on from a gap of rounding in the time that it would take.
+            if w[k + GAP] + w[k + SHIFT] > zero and 16.0 * EPS * abs(t) < aim < w[m.plan[TOUCH] + AIM]:
                 w[m.plan[TOUCH] + AIM] = aim
     sticking.begin(m)
     note(m, t, 0)

@@ -31,7 +31,7 @@ from kaneflex.multibody.switching import pass_zero, take_place
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, ALLOWED, APPROACH, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE,
     IMPACTS, IMPACT_SIZE, IMPULSE, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, OPTIONS, PEAK,
-    PIVOTS, PRECISION, RESISTING_MASS, SINCE, SPEEDS, STUCK, TOUCH, WORKS, YIELDING, apart, larger, of_contacts,
+    PIVOTS, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, STUCK, TOUCH, WORKS, YIELDING, apart, larger, of_contacts,
     shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.yielding import along
@@ -167,9 +167,10 @@ def change(m, here, A, wanted):
             return wanted
     if changing and not mend(m, t, A, 0.0, 2):
         return -1.0
-    unsettled = sticking.decide(m, t, A)
-    if unsettled:
-        return -1.0 * unsettled
+    if w[shared + RESTED] == 0.0:  # else once those that rest are held by other coordinates
+        unsettled = sticking.decide(m, t, A)
+        if unsettled:
+            return -1.0 * unsettled
     give(m, t, here)
     return wanted
 

@@ -35,8 +35,9 @@ _SOFT = 1e-9
 """Of what a row yields by itself, the share that it is let yield more."""
 IDLE, STUCK, FLOWS, BENDS = 0.0, 2.0, 3.0, 4.0
 """Modes of a hold beside 1 and -1."""
-ARM, VISCOUS_AT, LAW_AT, OF_AT = 9, 7, 10, 11
-"""Among its law's numbers: the arm, the viscous part, the number of its law, the act that it belongs to."""
+MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 3, 4, 7, 8, 9, 10, 11
+"""Among its law's numbers: both coefficients, the viscous part, the preload, the arm, the number of its law, the act
+that it belongs to."""
 
 
 @njit(**OPTIONS)
@@ -234,7 +235,7 @@ def pressed_by(m, n, r):
     apart()
     plan, w = m.plan, m.w
     j, what = m.acts[plan[DRIVES] + n, NUMBERS_AT], m.acts[plan[DRIVES] + n, WHAT]
-    if r >= plan[KEPT]:
+    if r >= plan[KEPT] or what == ALONG:
         return 1.0
     first, arm, row = m.acts[int(w[j + OF_AT]), ROW_AT], w[j + ARM], plan[plan[ROW_OF] + r]
     one, two, own = w[plan[NOW] + first], w[plan[NOW] + first + 1], w[plan[NOW] + row]

@@ -18,43 +18,38 @@ import math
 
 from numba import njit
 
+from kaneflex.multibody import rigid_friction
 from kaneflex.multibody.acting import acceleration, lean, meet
-from kaneflex.multibody.closed_factors import column, reach
-from kaneflex.multibody.complementarity import complement
+from kaneflex.multibody.complementarity import (
+    ACCELERATIONS, FORCES, IMPULSES, MAY, NEW, OLD, QUIET, RESTED_BEFORE, STICKS, WANTED, complement, listed, vector,
+)  # fmt: skip
 from kaneflex.multibody.contact_numbers import EPS, at, no_force, rigid, tolerance
 from kaneflex.multibody.contacts import LETS_GO, part
+from kaneflex.multibody.impulses import answer, share, weigh
 from kaneflex.multibody.loops import follow, mend, middle
-from kaneflex.multibody.rows import give, works_at
+from kaneflex.multibody.rows import copy, give, works_at
 from kaneflex.multibody.tables import (
-    ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, BODIES, COMPLEMENT, CONTACTS, COORDINATES, COURSE, COURSE_AT, COURSE_OF,
-    CUT_OF, CUT_ROWS, DOF, DUE, FIRST, FLANK, GAP, GAP_RATE, IMPULSE, KEPT, LOADS, LOST_BEFORE, MODAL, NOW, NUMBERS_AT,
-    ON, OPTIONS, PEAK, POWER, PUSH_NOW, RATE, REACTION, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SCHUR, SEC, SECTION,
-    SHAPES, SHUT, SINCE, SPRINGS, TOUCH, TOUCHING, WHAT, WORKS, YIELDING, apart, larger, of_contacts,
+    ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DUE, FLANK, GAP, GAP_RATE,
+    IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, POWER, PUSH_NOW, RATE, REACTIONS,
+    RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH, WHAT, WORKS, apart, larger,
+    of_contacts,
 )  # fmt: skip
 
-OLD, NEW, IMPULSES, FORCES, ACCELERATIONS, WANTED, STICKS, RESTED_BEFORE, MAY, QUIET = range(10)
-"""Vectors over the contacts that touch: rates of their gaps before and after, impulses, forces at rest, accelerations
-of gaps, the problem's b, whether they don't bounce, whether they rested, which may exert something, and a rate that is
-none."""
 _TOGETHER = 100.0
 """Tolerances of a gap within which sides meet at one instant."""
 LEAST_HEIGHT = 16.0
 """Tolerances of a gap that a bounce must be high."""
 NOISE = 1e-12
 """Of speeds and accelerations that add up to nothing."""
-
-
-@njit(**OPTIONS)
-def vector(m, which):
-    """Where one of the vectors is."""
-    n = m.plan[ACTS] - m.plan[CONTACTS]
-    return m.plan[COMPLEMENT] + (2 * n + 1 + which) * n
+_SETTLED = 200
+"""Turns in which impulses of joints and those of the friction that they bring with them settle."""
 
 
 @of_contacts(0.0)
 @njit(**OPTIONS)
 def collide(m, here, A, wanted):
-    """Have rigid sides that touch where everything is bounce or rest; the next step [s], below 0 at a singular state.
+    """Have rigid sides that touch where everything is bounce or rest; the next step [s], -1 at a singular state, -2
+    where nothing agrees with the friction there is.
 
     RESTED says whether others rest than before: then dependent coordinates are to be chosen anew. Of those that rest
     BEGUN_AT is 1.
@@ -67,11 +62,12 @@ def collide(m, here, A, wanted):
     for r in range(kept):
         cuts += plan[plan[ROW_OF] + r] < plan[CUT_ROWS]
     m.pivots[KEPT] = cuts  # whatever rested is free to part
-    done = _collided(m, here, A, count)
+    slips = rigid_friction.gather(m, count)
+    done = _collided(m, here, A, count, slips)
     m.pivots[KEPT] = kept
-    if not done:
-        return -1.0
-    _settle(m, here, count)
+    if done < 0.0:
+        return done
+    _settle(m, here, count, slips)
     if kept > cuts and w[plan[TOUCH] + RESTED] == 0.0 and not (follow(m, t) and mend(m, t, A, 0.0, 2)):
         return -1.0
     give(m, t, here)
@@ -98,7 +94,7 @@ def gather(m, t):
         if parting and rested and w[k + PUSH_NOW] <= no_force(m, c):
             w[k + DUE] = LETS_GO
         if rested or w[k + DUE] != 0.0 or w[k + GAP] <= _TOGETHER * tolerance(m, c, t, rate):
-            m.pivots[plan[TOUCHING] + count] = c
+            m.pivots[listed(m) + count] = c
             w[vector(m, OLD) + count], w[vector(m, RESTED_BEFORE) + count] = rate, rested
             w[vector(m, STICKS) + count] = 0.0
             w[k + BEGUN_AT] = w[plan[NOW] + m.acts[act, ROW_AT]] = 0.0
@@ -117,117 +113,88 @@ def size_of(m, act, rate):
 
 
 @njit(**OPTIONS)
-def _collided(m, here, A, count):
-    """Speeds after the impact, accelerations without contacts, and forces of those that rest; False: singular."""
+def _collided(m, here, A, count, slips):
+    """Speeds after the impact, accelerations without contacts, and forces of those that rest; what to return, see
+    :func:`collide`."""
     apart()
     t = here[0]
     for _ in range(count + 1):
-        if not _jump(m, here, A, count) or not follow(m, t) or not mend(m, t, A, 0.0, 1):
-            return False
-        again = _press(m, t, count)
+        done = _jump(m, here, A, count, slips)
+        if done < 0.0:
+            return done
+        if not follow(m, t):
+            return -1.0
+        rigid_friction.wait(m, t, count, slips)
+        if not mend(m, t, A, 0.0, 1) or (slips and not weigh(m, A, count + slips)):
+            return -1.0
+        again = _press(m, t, count, slips)
         if again <= 0:
-            return again == 0
-    return False
+            return 1.0 if again == 0 else -2.0 if slips else -1.0
+    return -1.0
 
 
 @njit(**OPTIONS)
-def _solve(m, x, u, count):
-    """See :func:`complementarity.complement`."""
-    return complement(m, m.plan[COMPLEMENT], vector(m, WANTED), vector(m, x), vector(m, u), vector(m, MAY), count)
-
-
-@njit(**OPTIONS)
-def _jump(m, here, A, count):
-    """Impulses of the contacts, and all speeds after them; False at a singular state."""
+def _jump(m, here, A, count, slips):
+    """Impulses of the contacts and of what slips beside them, and all speeds after them; what to return, see
+    :func:`collide`."""
     apart()
-    plan, w, n = m.plan, m.w, m.plan[COORDINATES]
-    old, new, wanted = vector(m, OLD), vector(m, NEW), vector(m, WANTED)
+    plan, w, n, rows, W = m.plan, m.w, m.plan[COORDINATES], count + slips, m.plan[COMPLEMENT]
+    old, new, p = vector(m, OLD), vector(m, NEW), vector(m, IMPULSES)
     middle(m)
-    m.pivots[YIELDING] = count
-    if not reach(m, 0.0, A):
-        return False
-    cuts, total, S, W = m.pivots[KEPT], m.pivots[KEPT] + count, plan[SCHUR], plan[COMPLEMENT]
-    for q in range(cuts):  # whose rows are those of a positive definite matrix
-        for i in range(q + 1, total):
-            factor = A[S + total * i + q] / A[S + total * q + q]
-            for j in range(q + 1, total):
-                A[S + total * i + j] -= factor * A[S + total * q + j]
+    rigid_friction.begin(m, count, slips)
+    if not weigh(m, A, rows):
+        return -1.0
     for i in range(count):
-        c = m.pivots[plan[TOUCHING] + i]
-        for j in range(count):
-            w[W + count * i + j] = A[S + total * (cuts + i) + cuts + j]
-        e = 0.0 if w[vector(m, STICKS) + i] != 0.0 else w[m.acts[plan[CONTACTS] + c, NUMBERS_AT] + 6]
-        w[wanted + i] = w[old + i] * (1.0 + e) if w[old + i] < 0.0 else w[old + i]
+        e = w[m.acts[plan[CONTACTS] + m.pivots[listed(m) + i], NUMBERS_AT] + 6]
+        e = 0.0 if w[vector(m, STICKS) + i] != 0.0 else e
+        w[vector(m, WANTED) + i] = w[old + i] * (1.0 + e) if w[old + i] < 0.0 else w[old + i]
         w[vector(m, MAY) + i] = 1.0
-    if not _solve(m, IMPULSES, ACCELERATIONS, count):
-        return False
-    x, p = plan[REACTION], vector(m, IMPULSES)
-    for i in range(count):
+    copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
+    for turn in range(_SETTLED):
+        if not complement(m, IMPULSES, ACCELERATIONS, count, slips):
+            return -2.0 if slips else -1.0
+        answer(m, A, rows, p)
+        if not rigid_friction.joints_ask(m, A, count, slips):
+            break
+        if turn == _SETTLED - 1:
+            return -2.0
+    copy(w, plan[LAST_R], plan[NOW], plan[REACTIONS])
+    for i in range(rows):
         w[new + i] = w[old + i]
-        for j in range(count):
-            w[new + i] += w[W + count * i + j] * w[p + j]
-        A[x + cuts + i] = w[p + i]
-    for q in range(cuts - 1, -1, -1):
-        reaction = 0.0
-        for j in range(q + 1, total):
-            reaction -= A[S + total * q + j] * A[x + j]
-        A[x + q] = reaction / A[S + total * q + q]
+        for j in range(rows):
+            w[new + i] += w[W + rows * i + j] * w[p + j]
     for k in range(n):
         w[plan[RATE] + k] = here[1 + n + k]
-    _share(m, A, total)
-    return True
+    share(m, A)
+    return 1.0
 
 
 @njit(**OPTIONS)
-def _share(m, A, total):
-    """Add to all rates what the rows' impulses at REACTION make of them; at POWER works of the drives that hold on."""
-    apart()
-    plan, w, x = m.plan, m.w, m.plan[REACTION]
-    drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
-    for k in range(plan[WORKS]):
-        w[plan[POWER] + k] = 0.0
-    for r in range(total):
-        of = column(m, r)
-        for b in range(plan[BODIES]):
-            first, course = m.bodies[b, FIRST], m.bodies[b, COURSE_OF]
-            if course >= 0:
-                w[drives + course] += A[of + first] * A[x + r] * w[plan[COURSE] + 3 * course + 1]
-                continue
-            for k in range(first, first + m.bodies[b, DOF]):
-                w[plan[RATE] + k] += A[of + k] * A[x + r]
-        for b in range(plan[BODIES]):
-            for k in range(m.bodies[b, MODAL], m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
-                w[plan[RATE] + k] += A[of + k] * A[x + r]
-        if r < m.pivots[KEPT]:
-            course = m.acts[plan[plan[CUT_OF] + r], COURSE_AT]
-            if course >= 0:
-                w[drives + course] += A[x + r] * w[plan[COURSE] + 3 * course + 1]
-
-
-@njit(**OPTIONS)
-def _press(m, t, count):
+def _press(m, t, count, slips):
     """Forces of the contacts that rest; how many part too slowly to bounce, and are not to part; -1: no such forces."""
     apart()
-    plan, w, W = m.plan, m.w, m.plan[COMPLEMENT]
+    plan, w, W, rows = m.plan, m.w, m.plan[COMPLEMENT], count + slips
     new, p, f, sticks = vector(m, NEW), vector(m, IMPULSES), vector(m, FORCES), vector(m, STICKS)
     for i in range(count):
-        w[vector(m, WANTED) + i] = acceleration(m, plan[CONTACTS] + m.pivots[plan[TOUCHING] + i])
+        w[vector(m, WANTED) + i] = acceleration(m, plan[CONTACTS] + m.pivots[listed(m) + i])
+    rigid_friction.put(m, count, slips)
     slowed = 0
     for turn in range(2):  # by all of them, then by those alone that don't bounce
         for i in range(count):
-            stays = w[at(m, m.pivots[plan[TOUCHING] + i]) + DUE] != LETS_GO
+            stays = w[at(m, m.pivots[listed(m) + i]) + DUE] != LETS_GO
             w[vector(m, MAY) + i] = stays and (turn == 0 or w[sticks + i] != 0.0)
-        if not _solve(m, FORCES, ACCELERATIONS, count):
+        if not complement(m, FORCES, ACCELERATIONS, count, slips):
             return -1
         others = False
         for i in range(count if turn == 0 else 0):
-            c = m.pivots[plan[TOUCHING] + i]
+            c = m.pivots[listed(m) + i]
             act = plan[CONTACTS] + c
-            noise, v, pressing = NOISE * abs(w[vector(m, OLD) + i]), abs(w[new + i]), w[W + (count + 1) * i] * w[f + i]
+            noise, v = NOISE * abs(w[vector(m, OLD) + i]), abs(w[new + i])
+            pressing = abs(w[W + (rows + 1) * i]) * w[f + i]
             if w[vector(m, ACCELERATIONS) + i] <= 10.0 * NOISE * size_of(m, act, 6):  # or others keep it closed
                 pressing = larger(pressing, -w[vector(m, WANTED) + i])
-            for j in range(count):
-                noise += NOISE * abs(w[W + count * i + j]) * w[p + j]
+            for j in range(rows):
+                noise += NOISE * abs(w[W + rows * i + j] * w[p + j])
             low = math.sqrt(2.0 * LEAST_HEIGHT * tolerance(m, c, t, v) * pressing)
             low = larger(low, 32.0 * EPS * abs(t) * pressing)
             w[vector(m, QUIET) + i] = larger(noise, low)  # by the impact of another one it may part as slowly as this
@@ -241,7 +208,7 @@ def _press(m, t, count):
 
 
 @njit(**OPTIONS)
-def _settle(m, here, count):
+def _settle(m, here, count, slips):
     """Note what the contacts that touched do from here on, and keep the impacts that are over."""
     apart()
     plan, w, t, works, W = m.plan, m.w, here[0], works_at(m), m.plan[COMPLEMENT]
@@ -249,12 +216,13 @@ def _settle(m, here, count):
         here[works + k] += w[plan[POWER] + k]
     w[plan[TOUCH] + RESTED] = 0.0
     for i in range(count):
-        c = m.pivots[plan[TOUCHING] + i]
+        c = m.pivots[listed(m) + i]
         k, work = at(m, c), works + plan[WORKS] - plan[ACTS] + plan[CONTACTS] + c
         old, new, p = w[vector(m, OLD) + i], w[vector(m, NEW) + i], w[vector(m, IMPULSES) + i]
         f, rested = w[vector(m, FORCES) + i], w[vector(m, RESTED_BEFORE) + i]
         size = size_of(m, plan[CONTACTS] + c, 6) + abs(w[vector(m, WANTED) + i])
-        nothing = 1e-10 * size / (w[W + (count + 1) * i] + 1e-300)
+        mass = 1.0 / (abs(w[W + (count + slips + 1) * i]) + 1e-300)
+        nothing = 1e-10 * size * mass
         resting = w[vector(m, STICKS) + i] != 0.0 and w[k + DUE] != LETS_GO and abs(new) <= w[vector(m, QUIET) + i]
         held = abs(w[vector(m, ACCELERATIONS) + i]) <= 10.0 * NOISE * size and (rested != 0.0 or old < 0.0 or p > 0.0)
         resting = resting and (f > nothing or held)
@@ -263,7 +231,7 @@ def _settle(m, here, count):
             w[k + IMPULSE] = w[k + PEAK] = 0.0
         w[k + IMPULSE] += p
         here[work] -= 0.5 * p * (old + new)
-        w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, 1.0 / (w[W + (count + 1) * i] + 1e-300)
+        w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, mass
         w[k + GAP_RATE], w[k + DUE] = new, 0.0
         if resting:
             w[k + BEGUN_AT] = 1.0
@@ -271,3 +239,4 @@ def _settle(m, here, count):
             part(m, c, t, here[work])
         if resting != (w[k + SHUT] != 0.0):
             w[plan[TOUCH] + RESTED] = 1.0
+    rigid_friction.settle(m, here, count, slips)

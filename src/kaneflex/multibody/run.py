@@ -290,7 +290,9 @@ class Run:
             self.patient = float(sorted(self.engine.dependent.tolist()) == before)
             return collocation.PAUSED
         if ended == collocation.RESTED:
-            return collocation.PAUSED if self._rest() else collocation.SINGULAR
+            if self._rest():
+                return collocation.PAUSED
+            return collocation.PARADOX if len(self.engine.holds) else collocation.SINGULAR
         return ended
 
     def _rest(self) -> bool:

@@ -15,6 +15,7 @@ from kaneflex.mechanism.planar import GROUND, BodyPoint
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.acts import KINDS, ROWS, Branch, Numbers, key_of, lend, list_acts
 from kaneflex.multibody.blocks import Blocks
+from kaneflex.multibody.complementarity import room_of
 from kaneflex.support.contract import BODY_BLOCK, block_shapes
 
 
@@ -98,7 +99,7 @@ def build_tables(
         at.SCHUR: rows**2, at.PUSH: row, at.REACTION: rows, at.WANTED: 2 * holds,
     })  # fmt: skip
     of_rows = dict.fromkeys((at.LOOP_PIVOTS, at.ROW_OF, at.CUT_OF, at.DEPENDENT), cut_rows + rigid)
-    of_rows |= {at.TOUCHING: 3 * touching + holds, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
+    of_rows |= {at.TOUCHING: 3 * touching + 5 * holds, at.PIVOTS: rows, at.PAIR_PIVOTS: rows}
     plan = np.append(plan, np.zeros(_in_turn(plan, at.PLAN, of_rows) - at.PLAN, np.int64))
     w = np.concatenate(numbers.parts)
     _lay_out(plan, sections, w, [_ground(mechanism, name) for owner, name in index if owner == GROUND])
@@ -132,7 +133,7 @@ def _lengths(
         at.LAST_R: 3 * reactions, at.RESISTING: 3 * n,
         at.STAGE_H: 3 * holds, at.CONTACT: at.CONTACT_SIZE * (holds + touching),
         at.TOUCH: at.SHARED + n * (touching + holds),
-        at.COMPLEMENT: (2 * touching + 11) * int(plan[at.RIGID]),
+        at.COMPLEMENT: room_of(touching, holds) * bool(plan[at.RIGID]),
         at.IMPACTS: 1 + at.IMPACT_SIZE * (at.MOST_IMPACTS + touching) * (touching > 0),
     }  # fmt: skip
 

@@ -58,11 +58,11 @@ def _in_law(scene: Scene, load: str) -> tuple[str, ...]:
 
 def contact_problems(scene: Scene) -> Iterator[Problem]:
     """What is wrong with the contacts of a scene as it moves."""
-    rubs = [*scene.frictions]
+    bends = [name for name, friction in scene.frictions.items() if friction.law == "lugre"]
     rigid = [key_of(name, contact) for name, contact in scene.contacts.items() if contact.law == "newton"]
-    if rubs and rigid:
-        reason = f"with friction at {rubs[0]} impacts by Newton's law are not available in this version"
-        yield Problem(rigid[0], None, reason, "Take a law with a stiffness, or leave friction out")
+    if bends and rigid:
+        reason = f"with bristles at {bends[0]}, law lugre, impacts by Newton's law are not available in this version"
+        yield Problem(rigid[0], None, reason, "Take friction by law stribeck, or a contact with a stiffness")
     seen = set()
     for name, contact in scene.contacts.items():
         key = key_of(name, contact)

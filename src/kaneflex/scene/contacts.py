@@ -28,11 +28,8 @@ _KINDS = {
 }  # fmt: skip
 
 
-def check_friction(friction: Friction | None, law: str) -> None:
+def check_friction(friction: Friction | None) -> None:
     """Raise Fault where a contact can't have a friction."""
-    if friction is not None and law == "newton":
-        reason = "friction of rigid sides that part at once is not available in this version"
-        raise Fault(reason, "Take a law with a stiffness, or leave friction out", below="friction")
     if friction is not None:
         try:
             friction.check_at("contact")
@@ -78,7 +75,7 @@ class Clearance(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Clearance:
-        check_friction(self.friction, self.contact.law)
+        check_friction(self.friction)
         given = the_one_given(self, ("radial", "gap", "angle"))
         own = {"radial": ("radius", "width"), "gap": ("length", "height"), "angle": ("middle",)}
         if given == "angle" and self.friction is not None:
@@ -117,7 +114,7 @@ class Contact(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Contact:
-        check_friction(self.friction, self.contact.law)
+        check_friction(self.friction)
         given = the_one_given(self, tuple(_KINDS))
         line = given == "point_on_line"
         if line and self.normal is None:

@@ -1,0 +1,99 @@
+"""What unit impulses along the rows of rigid sides do to these rows, in the compiled integration, and to everything.
+
+Rows are those of contacts that touch and of holds that may stick or slip beside them. Cuts stay closed, drives held,
+and what bodies were lent is taken back.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.multibody import holds
+from kaneflex.multibody.closed_factors import column, reach
+from kaneflex.multibody.complementarity import listed
+from kaneflex.multibody.tables import (
+    BODIES, COMPLEMENT, COURSE, COURSE_AT, COURSE_OF, CUT_OF, DOF, FIRST, KEPT, LOADS, MODAL, OPTIONS, POWER, RATE,
+    REACTION, SCHUR, SHAPES, SPRINGS, TOUCHING, WORKS, YIELDING, apart,
+)  # fmt: skip
+
+
+@njit(**OPTIONS)
+def weigh(m, A, rows):
+    """Fill W of the problem, at COMPLEMENT, of so many rows; False at a singular state.
+
+    Cuts, and what takes back what is lent, are eliminated from what unit forces of all rows do to them, at SCHUR.
+    """
+    apart()
+    plan, w = m.plan, m.w
+    for i in range(rows):
+        m.pivots[plan[TOUCHING] + i] = m.pivots[listed(m) + i]
+    m.pivots[YIELDING] = rows + holds.stuck_rows(m, rows)
+    if not reach(m, 0.0, A):
+        return False
+    cuts, total, S = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING], plan[SCHUR]
+    for r in range(cuts + rows, total):
+        A[S + (total + 1) * r] += holds.compliance(m, m.pivots[plan[TOUCHING] + r - cuts], 0.0, 0.0)
+    for s in range(total - rows):
+        q = _turn(m, s, rows)
+        if A[S + (total + 1) * q] == 0.0:
+            return False
+        for a in range(s + 1, total):
+            i = _turn(m, a, rows)
+            factor = A[S + total * i + q] / A[S + (total + 1) * q]
+            for b in range(s + 1, total):
+                j = _turn(m, b, rows)
+                A[S + total * i + j] -= factor * A[S + total * q + j]
+    for i in range(rows):
+        for j in range(rows):
+            w[plan[COMPLEMENT] + rows * i + j] = A[S + total * (cuts + i) + cuts + j]
+    return True
+
+
+@njit(**OPTIONS)
+def _turn(m, s, rows):
+    """The row of the factors whose turn is the s-th: cuts, then what takes back what is lent, then the others."""
+    cuts, total = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING]
+    if s < cuts:
+        return s
+    return s + rows if s < total - rows else s - (total - rows - cuts)
+
+
+@njit(**OPTIONS)
+def answer(m, A, rows, x):
+    """What all rows exert, at REACTION, where the problem's rows exert the vector at x."""
+    apart()
+    cuts, total, S, R = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING], m.plan[SCHUR], m.plan[REACTION]
+    for i in range(rows):
+        A[R + cuts + i] = m.w[x + i]
+    for s in range(total - rows - 1, -1, -1):
+        q, reaction = _turn(m, s, rows), 0.0
+        for b in range(s + 1, total):
+            j = _turn(m, b, rows)
+            reaction -= A[S + total * q + j] * A[R + j]
+        A[R + q] = reaction / A[S + (total + 1) * q]
+
+
+@njit(**OPTIONS)
+def share(m, A):
+    """Add to all rates what the rows' impulses at REACTION make of them; at POWER works of the drives that hold on."""
+    apart()
+    plan, w, x = m.plan, m.w, m.plan[REACTION]
+    drives = plan[POWER] + 1 + plan[SPRINGS] - plan[LOADS]
+    for k in range(plan[WORKS]):
+        w[plan[POWER] + k] = 0.0
+    for r in range(m.pivots[KEPT] + m.pivots[YIELDING]):
+        of = column(m, r)
+        for b in range(plan[BODIES]):
+            first, course = m.bodies[b, FIRST], m.bodies[b, COURSE_OF]
+            if course >= 0:
+                w[drives + course] += A[of + first] * A[x + r] * w[plan[COURSE] + 3 * course + 1]
+                continue
+            for k in range(first, first + m.bodies[b, DOF]):
+                w[plan[RATE] + k] += A[of + k] * A[x + r]
+        for b in range(plan[BODIES]):
+            for k in range(m.bodies[b, MODAL], m.bodies[b, MODAL] + m.bodies[b, SHAPES]):
+                w[plan[RATE] + k] += A[of + k] * A[x + r]
+        if r < m.pivots[KEPT]:
+            course = m.acts[plan[plan[CUT_OF] + r], COURSE_AT]
+            if course >= 0:
+                w[drives + course] += A[x + r] * w[plan[COURSE] + 3 * course + 1]

@@ -1,0 +1,263 @@
+"""Friction where rigid sides meet, Newton's law: impulses along a face and in joints, sliding and sticking at rest."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from test_friction import ROD, solved
+
+from kaneflex import SceneError
+from kaneflex.integrate.outcome import Outcome
+
+G = 9.81
+DISC = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[bodies.disc]
+mass = "2 kg"
+inertia = "0.01 kg m^2"
+centre = [0, 0]
+free = {at = [0, "0.6 m"], velocity = [2, 0]}
+[contacts.floor]
+point_on_line = ["disc", "ground"]
+normal = [0, 1]
+radius = "0.1 m"
+contact = {law = "newton", restitution = 0.5}
+friction = {mu = 0.1}
+[sensors]
+x = {position = "disc", component = "x"}
+[solve]
+preset = "coupled"
+duration = "0.4 s"
+steps = 40
+"""
+
+
+@pytest.mark.parametrize("mu", [0.01, 0.1, 0.28, 0.29, 0.35, 2.0])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_a_disc_that_bounces_is_spun_by_its_floor(tmp_path, mu, e):
+    """mu (1 + e) v_n while it slips, else what ends the slip: v_t/(1/m + R^2/J) (Brach 1991, Mechanical Impact
+    Dynamics, ch. 2).
+    """
+    found = solved(tmp_path, DISC, f"floor.friction.mu={mu}", f"floor.contact.restitution={e}")
+    (fallen, *_), v_n = found.impacts, math.sqrt(G)
+    assert fallen.impulse - 2 * G * (0.4 - fallen.begin) * (e == 0) == pytest.approx(2 * (1 + e) * v_n, rel=1e-10)
+    drag = min(mu * 2 * (1 + e) * v_n, 2 / (1 / 2 + 0.1**2 / 0.01))
+    after = np.searchsorted(found.times, fallen.begin + 1e-9)
+    slides = e == 0 and drag < 1.33  # what doesn't bounce goes on sliding
+    more = mu * 2 * G * (found.times[after] - fallen.begin) if slides else 0.0
+    vx, _, omega = found.trajectory.v[after]
+    assert vx == pytest.approx(2 - (drag + more) / 2, rel=1e-9)
+    assert omega == pytest.approx(-(drag + more) * 0.1 / 0.01, rel=1e-9)
+    assert found.trajectory.frictions.lost[after, 0] == pytest.approx(
+        drag * (2 + 2 - drag * 1.5) / 2, rel=1e-9 if not slides else 0.2
+    )
+
+
+BLOCK = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[bodies]
+carriage = {mass = "1 kg"}
+block = {mass = "2 kg"}
+[joints]
+way = {prismatic = ["ground", "carriage"], direction = [1, 0]}
+fall = {prismatic = ["carriage", "block"], direction = [0, 1]}
+[drives]
+way = {free = true, initial_speed = 2}
+fall = {free = true}
+[contacts.floor]
+point_on_line = ["block", "ground"]
+normal = [0, 1]
+contact = {law = "newton", restitution = 0.4}
+friction = {mu = 0.3}
+[sensors]
+x = {position = "way"}
+drag = {friction_force = "floor"}
+push = {contact_force = "floor"}
+[solve]
+preset = "coupled"
+duration = "2 s"
+steps = 100
+"""
+
+
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+def test_a_block_that_is_thrown_on_a_table_stops(tmp_path, integrator):
+    """A mass of 3 that a weight of 2 g brakes: v^2/(2 mu g 2/3), and there it stays."""
+    found = solved(tmp_path, BLOCK, f"solve.integrator={integrator}")
+    slower = 0.3 * G * 2 / 3
+    t = np.minimum(found.times, 2 / slower)
+    assert found.series["x"].values == pytest.approx(2 * t - slower * t**2 / 2, abs=1e-12)
+    assert found.series["x"].values[-1] == pytest.approx(4 / (2 * slower), rel=1e-12)
+    assert found.trajectory.frictions.lost[-1, 0] == pytest.approx(6.0, rel=1e-12)
+    assert abs(found.series["drag"].values[1:]) == pytest.approx(np.where(found.times < 2 / slower, 0.6 * G, 0.0)[1:])
+    assert found.series["push"].values[1:] == pytest.approx(2 * G, rel=1e-12)
+
+
+def test_a_block_that_falls_as_it_slides_stops_by_all_its_impulses(tmp_path):
+    """Bounces or not: while it slides friction has mu times the impulse of the floor."""
+    found = solved(tmp_path, BLOCK, "fall.position=50 mm", "floor.contact.restitution=0.6")
+    names = [name for name, _ in found.model.coupled.coordinates]
+    x, y = (found.trajectory.v[:, names.index(name)] for name in ("carriage.x", "block.y"))
+    sliding = x > 1e-9
+    assert 3 * (x - 2)[sliding] == pytest.approx(-0.3 * 2 * (G * found.times + y)[sliding], abs=1e-9)
+    assert (found.series["x"].values[~sliding] == found.series["x"].values[-1]).all() and len(found.impacts) > 10
+
+
+@pytest.mark.parametrize(("mu", "static"), [(0.49, 0.49), (0.51, 0.51), (0.4, 0.6)])
+def test_a_block_rests_on_an_incline_without_a_creep_or_slides_down(tmp_path, mu, static):
+    """On a slope of 0.5, but for its carriage: it holds to mu_static, moves by mu."""
+    text = BLOCK.replace('[0, "-9.81 m/s^2"]', f"[{G / 3}, {-G}]")
+    text = text.replace("mu = 0.3", f"mu = {mu}, mu_static = {static}")
+    found = solved(tmp_path, text, "way.initial_speed=0 m/s")
+    if static >= 0.5:
+        assert abs(found.series["x"].values).max() < 1e-15 and (found.trajectory.frictions.mode[1:] == 2).all()
+        assert found.series["drag"].values[1:] == pytest.approx(G, rel=1e-12)  # to the left
+    else:
+        down = (G - mu * 2 * G) / 3
+        assert found.series["x"].values == pytest.approx(down * found.times**2 / 2, rel=1e-9)
+
+
+STRUCK = """
+schema = 1
+[bodies]
+block = {mass = "2 kg"}
+ball = {mass = "1 kg", inertia = "0.001 kg m^2", free = {at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]}}
+[joints.guide]
+prismatic = ["ground", "block"]
+direction = [1, 0]
+friction = {mu = 0.5}
+[drives]
+guide = {free = true}
+[contacts.hit]
+circle_on_circle = ["ball", "block"]
+radii = ["0.1 m", "0.1 m"]
+contact = {law = "newton", restitution = 0.6}
+[sensors]
+x = {position = "guide"}
+[solve]
+preset = "coupled"
+duration = "0.1 s"
+steps = 10
+"""
+
+
+@pytest.mark.parametrize("mu", [0.0001, 0.5, 1.2, 1.4, 2.0])
+def test_a_guide_that_is_hit_rubs_by_its_own_impulse_or_jams(tmp_path, mu):
+    """Along 0.8, 0.6: p (c (c - mu s)/M + 1/m) = (1 + e) v; above c/s the block doesn't move."""
+    found = solved(tmp_path, STRUCK, f"guide.friction.mu={mu}")
+    along = max(0.8 - mu * 0.6, 0.0)
+    p = 1.6 * 5 / (0.8 * along / 2 + 1)
+    (impact,) = found.impacts
+    assert (impact.begin, impact.impulse) == (pytest.approx(0.02, rel=1e-9), pytest.approx(p, rel=1e-11))
+    slides = found.times[found.times > 0.02] - impact.begin
+    assert found.series["x"].values[found.times > 0.02] == pytest.approx(p * along / 2 * slides, abs=1e-10)
+    lost = found.trajectory.frictions.lost[-1, 0]
+    assert lost == pytest.approx(mu * p * 0.6 * p * along / 4 if along else 0.0, rel=1e-9)
+
+
+def test_a_pin_that_is_hit_rubs_by_its_own_impulse(tmp_path):
+    """The rod turns by I w = p a - mu r |L|, L = M (l/2) w - p is what the pin has."""
+    text = STRUCK[: STRUCK.index("[joints")].replace(
+        'block = {mass = "2 kg"}', 'rod = {length = "1 m", mass = "3 kg", inertia = "0.25 kg m^2", centre = [0.5, 0]}'
+    ).replace('at = ["-0.24 m", "-0.18 m"], velocity = [4, 3]', 'at = ["0.4 m", "-0.1 m"], velocity = [0, 5]')
+    text += """
+[joints.pin]
+revolute = ["ground", "rod"]
+friction = {mu = 0.5, radius = "0.2 m"}
+[drives]
+pin = {free = true}
+[contacts.hit]
+point_on_line = ["ball", "rod"]
+normal = [0, -1]
+contact = {law = "newton", restitution = 0.6}
+[sensors]
+turn = {position = "pin", component = "angle"}
+""" + STRUCK[STRUCK.index("[solve]") :]
+    found = solved(tmp_path, text)
+    torque, a, inertia, moment = 0.5 * 0.2, 0.4, 1.0, 3 * 0.5
+    per_p = (a - torque) / (inertia - torque * moment)
+    p = 1.6 * 5 / (a * per_p + 1)
+    impact = found.impacts[0]
+    assert (impact.begin, impact.impulse) == (pytest.approx(0.02, rel=1e-9), pytest.approx(p, rel=1e-10))
+    omega = per_p * p
+    share = torque * moment / inertia
+    slower = share / math.sqrt(1 - share**2)  # w' = -mu r |L|/I, L = M (l/2) (w^2, w')
+    since = found.times - impact.begin
+    turned = np.where(since > 0, np.log1p(np.maximum(slower * omega * since, 0)) / slower, 0.0)
+    before = since < 0
+    assert found.series["turn"].values[before] == pytest.approx(0.0, abs=1e-15)
+    assert found.series["turn"].values[~before] == pytest.approx(turned[~before], rel=1e-7)
+
+
+BOX = """
+schema = 1
+gravity = [0, "-9.81 m/s^2"]
+[bodies.box]
+mass = "1 kg"
+inertia = "0.02 kg m^2"
+centre = [0, 0]
+points = {a = [-0.2, -0.1], b = [0.2, -0.1], c = [0.2, 0.1], d = [-0.2, 0.1]}
+free = {at = [0, "0.5 m"], angle = "20 deg", velocity = [2, 0], angular_speed = 3}
+""" + "".join(f"""[contacts.{corner}]
+point_on_line = ["box.{corner}", "ground"]
+normal = [0, 1]
+contact = {{law = "newton", restitution = 0.5}}
+friction = {{mu = 0.5}}
+""" for corner in "abcd") + """
+[sensors]
+x = {position = "box", component = "x"}
+[solve]
+preset = "coupled"
+duration = "3 s"
+steps = 300
+"""
+
+
+def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution(tmp_path):
+    """Two corners land, rock and rest; the books are closed, and nothing that doesn't bounce for ever moves at last."""
+    for mu, e in itertools.product((0.001, 0.3, 1.0, 2.0), (0.0, 0.3, 0.7, 1.0)):
+        keys = f"contact.restitution={e}", f"friction.mu={mu}"
+        found = solved(tmp_path, BOX, *(f"contacts.{corner}.{key}" for corner in "abcd" for key in keys))
+        v, record = found.trajectory.v, found.trajectory.frictions
+        assert np.isfinite(v).all() and found.trajectory.contacts.gap.min() > -1e-12
+        assert (abs(record.force) <= mu * record.pressed * (1 + 1e-9) + 1e-12).all()
+        assert e > 0 or np.diff(found.trajectory.energy.dissipated).min() > -1e-12
+        if e < 1 and mu > 0.1:
+            assert abs(v[-1]).max() < 1e-12 and (record.mode[-1] == 2).sum() == 2
+
+
+RIGID_ROD = ROD.replace("stiffness = 1e7, restitution = 0.5", 'law = "newton", restitution = 0.5')
+
+
+@pytest.mark.parametrize("angle", [60, 120])
+def test_painleves_rod_is_stopped_by_its_first_impact_or_slides(tmp_path, angle):
+    """Pushed before its centre of mass, above mu = 4/3, the least impact has as much impulse as stops its end."""
+    impulses = []
+    for mu in (0.3, 1.0, 1.5, 2.0):
+        found = solved(tmp_path, RIGID_ROD, f"floor.friction.mu={mu}", f"rod.free.angle={angle} deg")
+        assert np.isfinite(found.trajectory.q).all()
+        impulses.append(found.impacts[0].impulse)
+    assert (impulses[2] > 20 * impulses[1]) == (angle == 60)
+
+
+@pytest.mark.parametrize("mu", [1.0, 1.5])
+def test_a_rod_that_slides_and_has_no_force_is_named(tmp_path, mu):
+    """Without an impact: (1/m + c (c - mu s) l^2/4 J) N = g has no N above zero (Painleve 1895)."""
+    named = Outcome.PARADOX if mu > 4 / 3 else Outcome.COMPLETED
+    settings = [f"floor.friction.mu={mu}", 'rod.free.at=[0, "0 m"]', "solve.duration=10 ms", "solve.steps=10"]
+    found = solved(tmp_path, RIGID_ROD, *settings, outcome=named)
+    if named is Outcome.COMPLETED:
+        c, s = 0.5, math.sqrt(0.75)
+        resists = 1 + c * (c - mu * s) * 0.25 / 0.0833333
+        assert found.trajectory.contacts.force[1, 0] == pytest.approx(G / resists, rel=0.05)
+
+
+def test_friction_at_a_rigid_contact_is_checked_as_at_any(tmp_path):
+    with pytest.raises(SceneError, match=r"floor.*friction\.radius.*no meaning at a contact"):
+        solved(tmp_path, DISC.replace("mu = 0.1", "mu = 0.1, radius = 0.1"))
+    bristles = 'law = "lugre", mu = 0.1, bristle_stiffness = "1e6 N/m"'
+    with pytest.raises(SceneError, match=r"contacts\.hit.*bristles at guide, law lugre.*Take friction by law stribeck"):
+        solved(tmp_path, STRUCK.replace("mu = 0.5", bristles))
