@@ -8,6 +8,7 @@ import pytest
 from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
 
 CASES = [("engine",), ("engine", "solve.preset=linear"), ("engine", "solve.modes=2"), ("engine-elastic-crank",)]
 CASES += [("v-engine", "solve.modes=2"), ("spin-up",), ("quick-return",)]
@@ -35,6 +36,19 @@ def test_of_another_speed_the_equations_are_those_before_and_what_loading_alone_
         got, wanted = (getattr(model.reduced, field.name).terms for model in (found, alone))
         assert got.keys() == wanted.keys()
         assert all(np.array_equal(got[monomial], wanted[monomial]) for monomial in got)
+
+
+@pytest.mark.parametrize("case", CASES[:4], ids=" ".join)
+def test_of_another_speed_the_same_system_is_integrated_and_sensors_are_those_of_a_run_alone(case):
+    name, *settings = case
+    before = loaded(name, *settings, "solve.steps=72")
+    system = before.system
+    found = loaded(name, *settings, "solve.steps=72", faster(name), like=before).sharing(before)
+    assert found.system is system and found.monomials == before.monomials
+    assert simulate(before).series  # what its links keep is not to reach into the next run
+    alone = simulate(loaded(name, *settings, "solve.steps=72", faster(name))).series
+    for sensor, series in simulate(found).series.items():
+        np.testing.assert_array_equal(series.values, alone[sensor].values)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """`kaneflex sweep`: which points, every sensor's statistics, failures, going on after an interruption, refusals."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import xarray
 from command_line import cli, refused
 
 from kaneflex.report.summary import sensor_summaries
+from kaneflex.response.time_statistics import statistics, statistics_of_all
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
@@ -373,3 +375,18 @@ def test_what_can_not_be_drawn_is_said(tmp_path, monkeypatch):
     (tmp_path / "study.toml").write_text(HEAD + '[parameters]\n"solve.preset" = ["rigid", "quasistatic"]\n')
     told = cli("sweep", "study.toml", "--plots")
     assert told.exit_code == 0 and "No picture sweep: no parameter of the study is a number that varies" in told.stderr
+
+def test_statistics_of_many_series_are_those_of_each():
+    times = np.linspace(0.0, 2.0, 201)
+    wave = np.sin(7.0 * times) + 0.3
+    series = {"wave": wave, "large": 1e200 * wave, "none": np.full(201, np.nan), "still": np.zeros(201)}
+    series["gaps"] = np.where(abs(times - 1.0) < 0.3, np.nan, wave)
+    found = statistics_of_all(series, times)
+    for name, values in series.items():
+        np.testing.assert_allclose(found[name], statistics(values, times), rtol=1e-14)
+    step = times[1]
+    mean_square = step * (np.sum(wave**2) - (wave[0] ** 2 + wave[-1] ** 2) / 2) / 2.0  # the trapezoidal rule
+    assert found["large"].rms == pytest.approx(1e200 * math.sqrt(mean_square))
+    assert found["wave"].at_max == np.argmax(wave) and found["gaps"].at_min == np.nanargmin(series["gaps"])
+    assert found["gaps"].min == np.nanmin(series["gaps"]) and math.isnan(found["none"].mean)
+    assert found["still"] == (0.0, 0.0, 0.0, 0.0, 0, 0)

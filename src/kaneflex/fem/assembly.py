@@ -208,15 +208,16 @@ def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective:
     total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
     total["F"] = Affine.zero(size, 1)
     for part, L in placed:
-        A, L_T = part.matrices, L.T
-        for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g"):
-            total[key] += L_T @ A[key] @ L
-        total["F"] += L_T @ A["F"]
+        L_T = L.T
+        pushes = {key: L_T @ part.matrices[key] for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g", "F")}
+        total["F"] += pushes.pop("F")
+        for key, push in pushes.items():
+            total[key] += push @ L
         if convective:
             rate = L.rate()
-            total["C_d"] += 2.0 * (L_T @ A["M"] @ rate)
-            total["K_d"] += L_T @ A["C_d"] @ rate + L_T @ A["M"] @ rate.rate()
-            total["K_c"] += L_T @ A["C_s"] @ rate
+            total["C_d"] += 2.0 * (pushes["M"] @ rate)
+            total["K_d"] += pushes["C_d"] @ rate + pushes["M"] @ rate.rate()
+            total["K_c"] += pushes["C_s"] @ rate
     return ElasticEquations(coordinates, **total)
 
 

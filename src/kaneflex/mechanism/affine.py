@@ -52,6 +52,16 @@ def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rows, columns, matrix[rows, columns]
 
 
+def _is_there(matrix: Matrix) -> bool:
+    """Whether an entry is not zero."""
+    return bool(matrix.count_nonzero() if issparse(matrix) else matrix.any())
+
+
+def _add(terms: dict[Monomial, Matrix], monomial: Monomial, matrix: Matrix) -> None:
+    """Add a term to those that there are."""
+    terms[monomial] = terms[monomial] + matrix if monomial in terms else matrix
+
+
 def solve(matrix: Matrix, right: np.ndarray) -> np.ndarray:
     """x of A x = right."""
     if not issparse(matrix):
@@ -93,7 +103,7 @@ class Affine:
     def __add__(self, other: Affine) -> Affine:
         terms = dict(self.terms)
         for monomial, matrix in other.terms.items():
-            terms[monomial] = terms[monomial] + matrix if monomial in terms else matrix
+            _add(terms, monomial, matrix)
         return Affine(self.shape, terms)
 
     def __mul__(self, factor: float) -> Affine:
@@ -106,9 +116,8 @@ class Affine:
         for left, a in self.terms.items():
             for right, b in other.terms.items():
                 ab = a @ b
-                if ab.count_nonzero() if issparse(ab) else ab.any():
-                    monomial = tuple(sorted(left + right))
-                    terms[monomial] = terms[monomial] + ab if monomial in terms else ab
+                if _is_there(ab):
+                    _add(terms, tuple(sorted(left + right)), ab)
         return Affine((self.shape[0], other.shape[1]), {monomial: kept(ab) for monomial, ab in terms.items()})
 
     @property
@@ -117,13 +126,13 @@ class Affine:
 
     def rate(self) -> Affine:
         """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon of each body; constants stay constant."""
-        total = Affine.zero(*self.shape)
+        terms: dict[Monomial, Matrix] = {}
         for monomial, matrix in self.terms.items():
             for k, name in enumerate(monomial):
                 rest = monomial[:k] + monomial[k + 1 :]
                 factor, names = _rate_of(name)
-                total += Affine.term(rest + names, factor * matrix)
-        return total
+                _add(terms, tuple(sorted(rest + names)), factor * matrix)
+        return Affine(self.shape, terms)
 
     def only(self, keep: Callable[[Monomial], bool]) -> Affine:
         """The terms whose monomial is kept."""
@@ -131,13 +140,13 @@ class Affine:
 
     def fixed(self, constants: Mapping[str, float]) -> Affine:
         """The same with its constant scalars at their values; what is then zero by structure is left out."""
-        total = Affine.zero(*self.shape)
+        terms: dict[Monomial, Matrix] = {}
         for monomial, matrix in self.terms.items():
             factor = math.prod(constants[name] for name in monomial if name in constants)
-            if factor and entries(matrix)[2].size:
-                rest = [name for name in monomial if name not in constants]
-                total += Affine.term(rest, matrix if factor == 1.0 else factor * matrix)
-        return total
+            if factor and _is_there(matrix):
+                rest = tuple(name for name in monomial if name not in constants)
+                _add(terms, rest, matrix if factor == 1.0 else factor * matrix)
+        return Affine(self.shape, terms)
 
     def congruent(self, basis: np.ndarray | csr_array) -> Affine:
         """B^T A B for a constant basis B, term by term."""

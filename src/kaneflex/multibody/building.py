@@ -26,7 +26,7 @@ from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Affine, Matrix, entries
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody.model import FROM_EQUATIONS, REACHED, Model, keep_terms
+from kaneflex.multibody.model import REACHED, Model, keep_terms
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -51,9 +51,7 @@ def build_model(
     reference, warnings = _reference(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
         mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
-        found = replace(like, **mine, energy=None, warnings=(), seconds={})
-        vars(found).update({name: vars(like)[name] for name in FROM_EQUATIONS if name in vars(like)})
-        return found
+        return replace(like, **mine, energy=None, warnings=(), seconds={})
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         none = _no_equations()
         return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 REACHED = {"rad": 1e-3, "m": 1e-5}
 """Largest distance of the first drive, by its unit, from the coordinate that was asked for."""
-FROM_EQUATIONS = ("kept", "kept_parts", "monomials", "_products", "system")
-"""What a model computes when it is asked for, from its equations and options alone: models that share them share it."""
+_FROM_EQUATIONS = ("kept", "kept_parts", "monomials", "_products", "system")
+"""What a model computes when it is asked for, from its equations and options alone."""
 JOINT_FORCES = ("force_x", "force_y", "normal", "moment", "drive")
 """Scalars JOINT.NAME of the motion: what a joint exerts on its second body, and its drive's torque or force."""
 
@@ -224,6 +224,12 @@ class Model:
         forces = {name: unit for name, unit, *_ in self.module.SCALARS if exerted.fullmatch(name)}
         found = self.kept_parts | {"positions": place_of_points(points), "inverse_dynamics": scalars_of(tuple(forces))}
         return Kernels(bind(self.motion, found), self.reduced.coordinates, tuple(points), forces)
+
+    def sharing(self, like: Model) -> Model:
+        """The model, with what was computed of another one that has the same equations and options, if it has them."""
+        if self.reduced is like.reduced:
+            vars(self).update({name: vars(like)[name] for name in _FROM_EQUATIONS if name in vars(like)})
+        return self
 
     @cached_property
     def kept(self) -> dict[str, Affine]:

@@ -151,7 +151,7 @@ def _shortening(model: Model, found: Deformation) -> Rates:
     for name, node in model.interfaces.displaced:
         if name == link.name:
             s[:, held.index(link.part.place[node][0])] = found.foreshortening(float(link.nodes[node]))
-    return tuple(s)
+    return s[0], s[1], s[2]
 
 
 def _closing(model: Model, rigid: RigidMotion, joined: _Joined, shortening: Mapping[str, Rates]) -> Rates:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -21,37 +20,32 @@ class Statistics(NamedTuple):
 
 
 def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
-    """Of values at times [s], both (n_times,), of which there is at least one."""
-    indices = np.arange(len(values))
-    there = np.isfinite(values)  # where it has no value a warning says so
-    if not there.all() and there.any():
-        indices, values, times = indices[there], values[there], times[there]
-    lowest, highest = int(np.argmin(values)), int(np.argmax(values))
-    least, most = float(values[lowest]), float(values[highest])
-    largest = max(abs(least), abs(most)) or 1.0
-    # scaled, because the values of an unstable run may be too large to be squared
-    square, mean = mean_over_time(np.array([(values / largest) ** 2, values]), times)
-    rms = largest * math.sqrt(square)
-    return Statistics(least, most, rms, float(mean), int(indices[lowest]), int(indices[highest]))
+    """Of values at times [s], both (n_times,), of which there is at least one; of those that are finite, if any is."""
+    return statistics_of_all({"values": values}, times)["values"]
 
 
 def statistics_of_all(series: Mapping[str, np.ndarray], times: np.ndarray) -> dict[str, Statistics]:
-    """:func:`statistics` of every series, of those that have a value at all times in one go."""
-    whole = {name: values for name, values in series.items() if np.isfinite(values).all()}
-    found = {name: statistics(values, times) for name, values in series.items() if name not in whole}
-    if whole:
-        block = np.array(list(whole.values()))
-        lowest, highest = block.argmin(axis=1), block.argmax(axis=1)
-        rows = np.arange(len(block))
-        least, most = block[rows, lowest], block[rows, highest]
-        largest = np.maximum(abs(least), abs(most))
-        largest[largest == 0.0] = 1.0
-        rms = largest * np.sqrt(mean_over_time((block / largest[:, None]) ** 2, times))
-        columns = (least, most, rms, mean_over_time(block, times), lowest, highest)
-        found |= {
-            name: Statistics(*row) for name, *row in zip(whole, *(column.tolist() for column in columns), strict=True)
-        }
-    return found
+    """:func:`statistics` of every series, in one go of those that have a value at all times."""
+    found, whole = {}, {}
+    for name, values in series.items():
+        there = np.isfinite(values)  # where it has no value a warning says so
+        if there.all() or not there.any():
+            whole[name] = values
+            continue
+        own, indices = statistics(values[there], times[there]), np.flatnonzero(there)
+        found[name] = own._replace(at_min=int(indices[own.at_min]), at_max=int(indices[own.at_max]))
+    if not whole:
+        return found
+    block = np.array(list(whole.values()))
+    lowest, highest, rows = block.argmin(axis=1), block.argmax(axis=1), np.arange(len(block))
+    least, most = block[rows, lowest], block[rows, highest]
+    largest = np.maximum(abs(least), abs(most))
+    largest[largest == 0.0] = 1.0
+    # scaled, because the values of an unstable run may be too large to be squared
+    rms = largest * np.sqrt(mean_over_time((block / largest[:, None]) ** 2, times))
+    columns = (least, most, rms, mean_over_time(block, times), lowest, highest)
+    each = zip(*(column.tolist() for column in columns), strict=True)
+    return found | {name: Statistics(*row) for name, row in zip(whole, each, strict=True)}
 
 
 def mean_over_time(values: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -29,11 +29,12 @@ def structure(scene: Scene) -> dict[str, Any]:
     """
     tables = {"springs": _spring, "contacts": _contact}
     acting = {key: {name: of(scene, name) for name in getattr(scene, key)} for key, of in tables.items()}
+    closing = scene.loop_joints()
     observed = {"observed": list(scene.observed)} if scene.observed else {}
     return {key: table for key, table in acting.items() if table} | observed | {
         "bodies": {name: _body(scene, name) for name in scene.bodies},
         "points": _points(scene),
-        "joints": {name: _joint(scene, name) for name in scene.joints},
+        "joints": {name: _joint(scene, name) | {"closes_loop": name in closing} for name in scene.joints},
         "masses": {name: _mass(scene, name) for name in scene.masses},
         "drives": {name: _drive(scene, name) for name in scene.drives},
         "loads": {name: _load(scene, name) for name in scene.loads},
@@ -96,7 +97,7 @@ def _joint(scene: Scene, name: str) -> dict[str, Any]:
         entry["direction"] = _direction(joint.direction)
     if joint.relative_angle:
         entry["relative_angle"] = ANY
-    return entry | {"closes_loop": name in scene.loop_joints()}
+    return entry
 
 
 def _mass(scene: Scene, name: str) -> dict[str, Any]:

@@ -45,7 +45,8 @@ class Variants:
 
     def load(self, settings: Settings) -> Model:
         """The model of the scene with these settings; raises what ``load`` and ``with_settings`` raise."""
-        self._last = load(with_settings(self.scene, settings), like=self._last)
+        model, last = load(with_settings(self.scene, settings), like=self._last), self._last
+        self._last = model if last is None else model.sharing(last)
         return self._last
 
 
