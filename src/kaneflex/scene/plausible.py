@@ -20,9 +20,9 @@ def implausible(scene: Scene) -> tuple[str, ...]:
 
 def _long_links(scene: Scene) -> list[str]:
     """Warnings of links longer than 10 m whose length is written without a unit: plain numbers are in SI."""
-    found = []
+    found, raw = [], scene.raw
     for name, body in scene.bodies.items():
-        given = given_value(scene.raw, ("bodies", name, "length"))
+        given = given_value(raw, ("bodies", name, "length"))
         if isinstance(given, int | float) and body.length is not None and body.length > _LONG:
             found.append(
                 f"bodies.{name}.length = {given:g} is {given:g} m, since a plain number is in SI: write '{given:g} mm' "
