@@ -97,18 +97,21 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
 
 
 def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> str:
-    """One jitted function: parameters and scalars read once, then the assignments, then the stores."""
+    """One jitted function: parameters and scalars read once, then the assignments, which store what is asked for, then
+    the other stores."""
     printer = NumbaPrinter(identifiers)
     program = kernel.program
     used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set())
     text = printer.doprint
     body = [f"{text(symbol)} = {source}" for symbol, source in kernel.reads if symbol in used]
-    body += [f"{text(symbol)} = {_bare(text(expression))}" for symbol, expression in program.assignments]
     # Arrays arrive zeroed, mostly: an entry that is zero by structure is not stored. Equal entries share a statement.
     stored: dict[sm.Expr, list[str]] = {}
     for slot, expression in program.outputs:
         if expression != 0 or kernel.zeros:
             stored.setdefault(expression, []).append(slot)
+    for symbol, expression in program.assignments:
+        slots = [] if kernel.returns else stored.pop(symbol, [])
+        body.append(" = ".join([text(symbol), *slots, _bare(text(expression))]))
     if kernel.returns:
         body.append(f"return {', '.join(_bare(text(expression)) for _, expression in program.outputs)}")
     else:

@@ -10,12 +10,19 @@ from functools import cache
 
 from sympy import Expr, ImmutableMatrix, Poly, Rational, S, Symbol, diff, symbols
 
-from kaneflex.support.contract import ELEMENT_PARAMETERS, ROTARY_PARAMETERS, SHEAR_PARAMETERS, VARYING_PARAMETERS
+from kaneflex.support.contract import (
+    ELEMENT_PARAMETERS,
+    ROTARY_PARAMETERS,
+    SHEAR_PARAMETERS,
+    VARYING_PARAMETERS,
+    VARYING_ROTARY_PARAMETERS,
+)
 
 rho_A, E_A, E_I, length, x_0 = symbols([name for name, *_ in ELEMENT_PARAMETERS], positive=True)
 (rho_I,) = symbols([name for name, *_ in ROTARY_PARAMETERS], positive=True)
 (phi_s,) = symbols([name for name, *_ in SHEAR_PARAMETERS], positive=True)
-rho_A_rise, E_A_rise, E_I_rise, rho_I_rise, m_0, S_0 = symbols([name for name, *_ in VARYING_PARAMETERS], real=True)
+rho_A_rise, E_A_rise, E_I_rise, m_0, S_0 = symbols([name for name, *_ in VARYING_PARAMETERS], real=True)
+(rho_I_rise,) = symbols([name for name, *_ in VARYING_ROTARY_PARAMETERS], real=True)
 _ALL = (rho_A, E_A, E_I, length, x_0, rho_I, phi_s, rho_A_rise, E_A_rise, E_I_rise, rho_I_rise, m_0, S_0)
 PARAMETERS = {symbol.name: symbol for symbol in _ALL}
 """Every element parameter's symbol by its name in the contract."""

@@ -20,7 +20,7 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2a46df06e0e89155
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -99,22 +99,18 @@ def K_s(p, out):
     length = p[3]
     E_I_rise = p[7]
     w0 = 1.0/length
-    w1 = E_A*w0
-    w2 = 12.0*E_I/(length*length*length)
+    w1 = out[0, 0] = out[3, 3] = E_A*w0
+    w2 = out[1, 1] = out[4, 4] = 12.0*E_I/(length*length*length)
     w3 = 1.0/(length*length)
     w4 = 6.0*E_I*w3
     w5 = E_I_rise*w3
-    w6 = w4 - w5
-    w7 = w4 + w5
+    w6 = out[1, 2] = out[2, 1] = w4 - w5
+    w7 = out[1, 5] = out[5, 1] = w4 + w5
     w8 = E_I*w0
     w9 = 4.0*w8
     w10 = E_I_rise*w0
-    out[0, 0] = out[3, 3] = w1
     out[0, 3] = out[3, 0] = -w1
-    out[1, 1] = out[4, 4] = w2
-    out[1, 2] = out[2, 1] = w6
     out[1, 4] = out[4, 1] = -w2
-    out[1, 5] = out[5, 1] = w7
     out[2, 2] = -w10 + w9
     out[2, 4] = out[4, 2] = -w6
     out[2, 5] = out[5, 2] = 2.0*w8
@@ -150,7 +146,7 @@ def K_d(p, s, out):
     w15 = 0.15*w1
     w16 = 0.008333333333333333*w3
     w17 = w15 + w16
-    w18 = 0.03333333333333333*epsilon*w9
+    w18 = out[0, 5] = out[2, 3] = 0.03333333333333333*epsilon*w9
     w19 = 0.37142857142857144*w1
     w20 = 0.1*w3
     w21 = 0.05238095238095238*w9
@@ -168,7 +164,6 @@ def K_d(p, s, out):
     out[0, 2] = -epsilon*w13
     out[0, 3] = out[3, 0] = -0.16666666666666666*w14
     out[0, 4] = -epsilon*w17
-    out[0, 5] = out[2, 3] = w18
     out[1, 0] = epsilon*w7
     out[1, 1] = w0*(-w19 + w20)
     out[1, 2] = out[2, 1] = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
@@ -273,14 +268,13 @@ def C(p, s, out):
     w10 = 0.3*w0
     w11 = 0.016666666666666666*w2
     w12 = w10 + w11
-    w13 = 0.06666666666666667*omega*w6
+    w13 = out[0, 5] = out[2, 3] = 0.06666666666666667*omega*w6
     w14 = w10 - w11
     w15 = w1 + w3
     w16 = w7 + w8
     out[0, 1] = -omega*w4
     out[0, 2] = -omega*w9
     out[0, 4] = -omega*w12
-    out[0, 5] = out[2, 3] = w13
     out[1, 0] = omega*w4
     out[1, 3] = omega*w14
     out[2, 0] = omega*w9

@@ -21,7 +21,7 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS, K_s, K_g, C  # digest 2a46df06e0e89155
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS, K_s, K_g, C  # digest dca48c753b65846d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -61,18 +61,16 @@ def M(p, out):
     w1 = 1.2*rho_I/length
     w2 = 0.1*rho_I
     w3 = (length*length)*rho_A
-    w4 = w2 + 0.05238095238095238*w3
-    w5 = -w2 + 0.030952380952380953*w3
+    w4 = out[1, 2] = out[2, 1] = w2 + 0.05238095238095238*w3
+    w5 = out[2, 4] = out[4, 2] = -w2 + 0.030952380952380953*w3
     w6 = length*rho_I
     w7 = (length*length*length)*rho_A
     out[0, 0] = out[3, 3] = 0.3333333333333333*w0
     out[0, 3] = out[3, 0] = 0.16666666666666666*w0
     out[1, 1] = out[4, 4] = 0.37142857142857144*w0 + w1
-    out[1, 2] = out[2, 1] = w4
     out[1, 4] = out[4, 1] = 0.12857142857142856*w0 - w1
     out[1, 5] = out[5, 1] = -w5
     out[2, 2] = out[5, 5] = 0.13333333333333333*w6 + 0.009523809523809525*w7
-    out[2, 4] = out[4, 2] = w5
     out[2, 5] = out[5, 2] = -0.03333333333333333*w6 - 0.007142857142857143*w7
     out[4, 5] = out[5, 4] = -w4
 
@@ -92,34 +90,28 @@ def K_d(p, s, out):
     w1 = length*rho_A
     w2 = w0*w1
     w3 = epsilon*w1
-    w4 = 0.35*w3
+    w4 = out[1, 0] = out[4, 3] = 0.35*w3
     w5 = (length*length)*rho_A
     w6 = epsilon*w5
-    w7 = 0.05*w6
-    w8 = 0.15*w3
-    w9 = 0.03333333333333333*w6
+    w7 = out[2, 0] = out[3, 5] = 0.05*w6
+    w8 = out[1, 3] = out[4, 0] = 0.15*w3
+    w9 = out[0, 5] = out[2, 3] = 0.03333333333333333*w6
     w10 = w0*w5
-    w11 = 0.05238095238095238*w10
-    w12 = 0.030952380952380953*w10
+    w11 = out[4, 5] = out[5, 4] = 0.05238095238095238*w10
+    w12 = out[1, 5] = out[5, 1] = 0.030952380952380953*w10
     w13 = (length*length*length)*rho_A*w0
     out[0, 0] = out[3, 3] = -0.3333333333333333*w2
     out[0, 1] = out[3, 4] = -w4
     out[0, 2] = out[5, 3] = -w7
     out[0, 3] = out[3, 0] = -0.16666666666666666*w2
     out[0, 4] = out[3, 1] = -w8
-    out[0, 5] = out[2, 3] = w9
-    out[1, 0] = out[4, 3] = w4
     out[1, 1] = out[4, 4] = -0.37142857142857144*w2
     out[1, 2] = out[2, 1] = -w11
-    out[1, 3] = out[4, 0] = w8
     out[1, 4] = out[4, 1] = -0.12857142857142856*w2
-    out[1, 5] = out[5, 1] = w12
-    out[2, 0] = out[3, 5] = w7
     out[2, 2] = out[5, 5] = -0.009523809523809525*w13
     out[2, 4] = out[4, 2] = -w12
     out[2, 5] = out[5, 2] = 0.007142857142857143*w13
     out[3, 2] = out[5, 0] = -w9
-    out[4, 5] = out[5, 4] = w11
 
 
 @njit(**OPTIONS)

@@ -21,7 +21,8 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2a46df06e0e89155
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
+from kaneflex.generated.beam_euler_bernoulli_varying import K_s, K_g, C  # digest 00c46b4d3ca01258
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -33,13 +34,13 @@ ELEMENT_PARAMETERS = (
     ('E_I', 'N m^2', 'bending stiffness'),
     ('length', 'm', 'length of the element'),
     ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('rho_I', 'kg m', 'rotary inertia per length'),
     ('rho_A_rise', 'kg/m', 'growth of rho_A over the element, of which rho_A is then the mean'),
     ('E_A_rise', 'N', 'growth of E_A over the element'),
     ('E_I_rise', 'N m^2', 'growth of E_I over the element'),
-    ('rho_I_rise', 'kg m', 'growth of rho_I over the element'),
     ('m_0', 'kg', 'mass of the link before the element'),
     ('S_0', 'kg m', "first moment of that mass about the link's origin"),
+    ('rho_I', 'kg m', 'rotary inertia per length'),
+    ('rho_I_rise', 'kg m', 'growth of rho_I over the element'),
 )
 
 # kernel -> operations written out, operations with shared subexpressions
@@ -62,9 +63,9 @@ def M(p, out):
     p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
     rho_A = p[0]
     length = p[3]
-    rho_I = p[5]
-    rho_A_rise = p[6]
-    rho_I_rise = p[9]
+    rho_A_rise = p[5]
+    rho_I = p[10]
+    rho_I_rise = p[11]
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = length*rho_A_rise
@@ -103,39 +104,6 @@ def M(p, out):
 
 
 @njit(**OPTIONS)
-def K_s(p, out):
-    """Elastic stiffness: E A / l and E I / l^3 blocks, 6 x 6 [SI].
-
-    p: ELEMENT_PARAMETERS of one element. out: zeros; structural zeros are not stored."""
-    E_A = p[1]
-    E_I = p[2]
-    length = p[3]
-    E_I_rise = p[8]
-    w0 = 1.0/length
-    w1 = E_A*w0
-    w2 = 12.0*E_I/(length*length*length)
-    w3 = 1.0/(length*length)
-    w4 = 6.0*E_I*w3
-    w5 = E_I_rise*w3
-    w6 = w4 - w5
-    w7 = w4 + w5
-    w8 = E_I*w0
-    w9 = 4.0*w8
-    w10 = E_I_rise*w0
-    out[0, 0] = out[3, 3] = w1
-    out[0, 3] = out[3, 0] = -w1
-    out[1, 1] = out[4, 4] = w2
-    out[1, 2] = out[2, 1] = w6
-    out[1, 4] = out[4, 1] = -w2
-    out[1, 5] = out[5, 1] = w7
-    out[2, 2] = -w10 + w9
-    out[2, 4] = out[4, 2] = -w6
-    out[2, 5] = out[5, 2] = 2.0*w8
-    out[4, 5] = out[5, 4] = -w7
-    out[5, 5] = w10 + w9
-
-
-@njit(**OPTIONS)
 def K_d(p, s, out):
     """Dynamic stiffness K_d = -omega^2 M + epsilon G, 6 x 6 [SI].
 
@@ -144,7 +112,7 @@ def K_d(p, s, out):
     p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
     rho_A = p[0]
     length = p[3]
-    rho_A_rise = p[6]
+    rho_A_rise = p[5]
     omega = s[0]
     epsilon = s[1]
     w0 = omega*omega
@@ -165,7 +133,7 @@ def K_d(p, s, out):
     w15 = 0.15*w1
     w16 = 0.008333333333333333*w3
     w17 = w15 + w16
-    w18 = 0.03333333333333333*epsilon*w9
+    w18 = out[0, 5] = out[2, 3] = 0.03333333333333333*epsilon*w9
     w19 = 0.37142857142857144*w1
     w20 = 0.1*w3
     w21 = 0.05238095238095238*w9
@@ -183,7 +151,6 @@ def K_d(p, s, out):
     out[0, 2] = -epsilon*w13
     out[0, 3] = out[3, 0] = -0.16666666666666666*w14
     out[0, 4] = -epsilon*w17
-    out[0, 5] = out[2, 3] = w18
     out[1, 0] = epsilon*w7
     out[1, 1] = w0*(-w19 + w20)
     out[1, 2] = out[2, 1] = w0*(0.009523809523809525*rho_A_rise*w8 - w21)
@@ -208,107 +175,6 @@ def K_d(p, s, out):
 
 
 @njit(**OPTIONS)
-def K_g(p, s, out):
-    """Geometric stiffness K_g = int P(X) H'^T H' dx, 6 x 6 [SI].
-
-    p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    x_0 = p[4]
-    rho_A_rise = p[6]
-    m_0 = p[10]
-    S_0 = p[11]
-    omega = s[0]
-    a_x = s[2]
-    P_0 = s[4]
-    w0 = 1.2/length
-    w1 = P_0*w0
-    w2 = 0.6*rho_A
-    w3 = m_0*w0 - 0.12857142857142856*rho_A_rise + w2
-    w4 = omega*omega
-    w5 = length*rho_A
-    w6 = 0.014285714285714285*length*rho_A_rise
-    w7 = -w6
-    w8 = S_0*w0 - 0.12857142857142856*rho_A_rise*x_0 + w2*x_0 + 0.17142857142857143*w5 + w7
-    w9 = 0.1*P_0
-    w10 = 0.1*m_0
-    w11 = 0.1*w5
-    w12 = w10 + w11 + w7
-    w13 = 0.1*S_0
-    w14 = w6*x_0
-    w15 = length*length
-    w16 = rho_A*w15
-    w17 = -0.0011904761904761906*rho_A_rise*w15
-    w18 = w11*x_0 + w13 - w14 + 0.03571428571428571*w16 + w17
-    w19 = -w10 + w6
-    w20 = rho_A_rise*w15
-    w21 = -w13 + w14 + 0.014285714285714285*w16 + 0.004761904761904762*w20
-    w22 = 0.13333333333333333*length
-    w23 = P_0*w22
-    w24 = 0.03333333333333333*w16
-    w25 = m_0*w22 - 0.007142857142857143*w20
-    w26 = length*length*length
-    w27 = rho_A*w26
-    w28 = S_0*w22 - 0.007142857142857143*rho_A_rise*w15*x_0
-    w29 = -w9
-    w30 = 0.03333333333333333*length
-    w31 = 0.016666666666666666*w16
-    w32 = rho_A_rise*w26
-    w33 = 0.1*w16
-    out[1, 1] = out[4, 4] = a_x*w3 + w1 - w4*w8
-    out[1, 2] = out[2, 1] = a_x*w12 - w18*w4 + w9
-    out[1, 4] = out[4, 1] = -a_x*w3 - w1 + w4*w8
-    out[1, 5] = out[5, 1] = -a_x*w19 + w21*w4 + w9
-    out[2, 2] = a_x*(w24 + w25) + w23 + w4*(0.0003968253968253968*rho_A_rise*w26 - w24*x_0 - 0.009523809523809525*w27 - w28)
-    out[2, 4] = out[4, 2] = -a_x*w12 + w18*w4 + w29
-    out[2, 5] = out[5, 2] = -P_0*w30 + a_x*(-m_0*w30 - w17 - w31) + w4*(S_0*w30 - 0.0011904761904761906*w20*x_0 + 0.007142857142857143*w27 + w31*x_0 + 0.0007936507936507937*w32)
-    out[4, 5] = out[5, 4] = a_x*w19 - w21*w4 + w29
-    out[5, 5] = a_x*(w25 + w33) + w23 + w4*(-0.04285714285714286*w27 - w28 - 0.004365079365079365*w32 - w33*x_0)
-
-
-@njit(**OPTIONS)
-def C(p, s, out):
-    """Gyroscopic matrix C_d = 2 omega G; the runtime adds material damping, 6 x 6 [SI].
-
-    p: ELEMENT_PARAMETERS of one element. s: LINK_SCALARS. out: zeros; structural zeros are not stored."""
-    rho_A = p[0]
-    length = p[3]
-    rho_A_rise = p[6]
-    omega = s[0]
-    w0 = length*rho_A
-    w1 = 0.7*w0
-    w2 = length*rho_A_rise
-    w3 = 0.18333333333333332*w2
-    w4 = w1 - w3
-    w5 = length*length
-    w6 = rho_A*w5
-    w7 = 0.1*w6
-    w8 = 0.016666666666666666*rho_A_rise*w5
-    w9 = w7 - w8
-    w10 = 0.3*w0
-    w11 = 0.016666666666666666*w2
-    w12 = w10 + w11
-    w13 = 0.06666666666666667*omega*w6
-    w14 = w10 - w11
-    w15 = w1 + w3
-    w16 = w7 + w8
-    out[0, 1] = -omega*w4
-    out[0, 2] = -omega*w9
-    out[0, 4] = -omega*w12
-    out[0, 5] = out[2, 3] = w13
-    out[1, 0] = omega*w4
-    out[1, 3] = omega*w14
-    out[2, 0] = omega*w9
-    out[3, 1] = -omega*w14
-    out[3, 2] = out[5, 0] = -w13
-    out[3, 4] = -omega*w15
-    out[3, 5] = omega*w16
-    out[4, 0] = omega*w12
-    out[4, 3] = omega*w15
-    out[5, 3] = -omega*w16
-
-
-@njit(**OPTIONS)
 def F(p, s, out):
     """Inertia and weight F_d = -int rho A N^T (a - g + epsilon S r - omega^2 r) dx [SI].
 
@@ -318,9 +184,9 @@ def F(p, s, out):
     rho_A = p[0]
     length = p[3]
     x_0 = p[4]
-    rho_I = p[5]
-    rho_A_rise = p[6]
-    rho_I_rise = p[9]
+    rho_A_rise = p[5]
+    rho_I = p[10]
+    rho_I_rise = p[11]
     omega = s[0]
     epsilon = s[1]
     a_x = s[2]

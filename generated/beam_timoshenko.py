@@ -21,7 +21,7 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2a46df06e0e89155
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -61,7 +61,7 @@ def M(p, out):
     rho_I = p[5]
     phi_s = p[6]
     w0 = length*rho_A
-    w1 = 0.3333333333333333*w0
+    w1 = out[0, 0] = out[3, 3] = 0.3333333333333333*w0
     w2 = phi_s + 1.0
     w3 = 1.0/w2
     w4 = w0*w3
@@ -72,20 +72,17 @@ def M(p, out):
     w9 = 0.041666666666666664*w8
     w10 = 0.5*rho_I*w3
     w11 = phi_s*w3*w9 - w10 + 0.008333333333333333*w3*w8 + 0.002380952380952381*w5*w8 + 0.6*w6
-    w12 = w11 + w9
-    w13 = w11 - w9
+    w12 = out[1, 2] = out[2, 1] = w11 + w9
+    w13 = out[1, 5] = out[5, 1] = w11 - w9
     w14 = length*rho_I
     w15 = (length*length*length)*rho_A
     w16 = 0.008333333333333333*w15
     w17 = phi_s*w15
     w18 = 0.006944444444444444*w17
     w19 = -length*w10 + 0.3*length*w6 + 0.0011904761904761906*w15*w5 + 0.020833333333333332*w17*w3
-    out[0, 0] = out[3, 3] = w1
     out[0, 3] = out[3, 0] = 0.16666666666666666*w0
     out[1, 1] = out[4, 4] = w1 + w7
-    out[1, 2] = out[2, 1] = w12
     out[1, 4] = out[4, 1] = 0.16666666666666666*length*rho_A - w7
-    out[1, 5] = out[5, 1] = w13
     out[2, 2] = out[5, 5] = 0.3333333333333333*w14 + w16 + w18 + w19
     out[2, 4] = out[4, 2] = -w13
     out[2, 5] = out[5, 2] = 0.16666666666666666*w14 - w16 - w18 + w19
@@ -102,16 +99,13 @@ def K_s(p, out):
     length = p[3]
     phi_s = p[6]
     w0 = 1.0/length
-    w1 = E_A*w0
+    w1 = out[0, 0] = out[3, 3] = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
     w3 = E_I*w2
-    w4 = 12.0*w3/(length*length*length)
-    w5 = 6.0*w3/(length*length)
+    w4 = out[1, 1] = out[4, 4] = 12.0*w3/(length*length*length)
+    w5 = out[1, 2] = out[1, 5] = out[2, 1] = out[5, 1] = 6.0*w3/(length*length)
     w6 = E_I*w0
-    out[0, 0] = out[3, 3] = w1
     out[0, 3] = out[3, 0] = -w1
-    out[1, 1] = out[4, 4] = w4
-    out[1, 2] = out[1, 5] = out[2, 1] = out[5, 1] = w5
     out[1, 4] = out[4, 1] = -w4
     out[2, 2] = out[5, 5] = 3.0*w2*w6 + w6
     out[2, 4] = out[4, 2] = out[4, 5] = out[5, 4] = -w5

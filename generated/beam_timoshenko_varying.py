@@ -21,7 +21,7 @@ the same kernels with a check before each call that names the argument.
 
 from numba import njit
 
-from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 2a46df06e0e89155
+from kaneflex.generated.beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest dca48c753b65846d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -33,14 +33,14 @@ ELEMENT_PARAMETERS = (
     ('E_I', 'N m^2', 'bending stiffness'),
     ('length', 'm', 'length of the element'),
     ('x_0', 'm', "distance of the element's first node from the link's origin"),
-    ('rho_I', 'kg m', 'rotary inertia per length'),
-    ('phi_s', '1', 'flexibility in shear against bending, 12 E I / (kappa G A length^2)'),
     ('rho_A_rise', 'kg/m', 'growth of rho_A over the element, of which rho_A is then the mean'),
     ('E_A_rise', 'N', 'growth of E_A over the element'),
     ('E_I_rise', 'N m^2', 'growth of E_I over the element'),
-    ('rho_I_rise', 'kg m', 'growth of rho_I over the element'),
     ('m_0', 'kg', 'mass of the link before the element'),
     ('S_0', 'kg m', "first moment of that mass about the link's origin"),
+    ('rho_I', 'kg m', 'rotary inertia per length'),
+    ('rho_I_rise', 'kg m', 'growth of rho_I over the element'),
+    ('phi_s', '1', 'flexibility in shear against bending, 12 E I / (kappa G A length^2)'),
 )
 
 # kernel -> operations written out, operations with shared subexpressions
@@ -65,16 +65,16 @@ def M(p, out):
     rho_A = p[0]
     E_I = p[2]
     length = p[3]
-    rho_I = p[5]
-    phi_s = p[6]
-    rho_A_rise = p[7]
-    E_I_rise = p[9]
-    rho_I_rise = p[10]
+    rho_A_rise = p[5]
+    E_I_rise = p[7]
+    rho_I = p[10]
+    rho_I_rise = p[11]
+    phi_s = p[12]
     w0 = length*rho_A
     w1 = 0.3333333333333333*w0
     w2 = 0.08333333333333333*length
     w3 = rho_A_rise*w2
-    w4 = w1 - w3
+    w4 = out[0, 0] = w1 - w3
     w5 = phi_s + 1.0
     w6 = 1.0/w5
     w7 = rho_A_rise*w6
@@ -144,8 +144,7 @@ def M(p, out):
     w71 = 0.0005787037037037037*w68
     w72 = -rho_A_rise*w47*w66 + rho_I_rise*w67 - w24*w68*w8 - w31*w67 + w48*w66 + w52*w69 + 0.008333333333333333*w54 + 3.306878306878307e-05*w55*w68 - 6.613756613756614e-05*w6*w70 - w60*w71 + w61 + w63*w69 + w65*w71 + 3.306878306878307e-05*w70
     w73 = 0.3*w52 + 0.0011904761904761906*w55 + 0.3333333333333333*w63 - w64 + 0.020833333333333332*w65 + w72
-    w74 = w1 + w3
-    out[0, 0] = w4
+    w74 = out[3, 3] = w1 + w3
     out[0, 3] = out[3, 0] = 0.16666666666666666*w0
     out[1, 1] = w13 + w4 - w9
     out[1, 2] = out[2, 1] = -w17 + w29 + w42
@@ -154,7 +153,6 @@ def M(p, out):
     out[2, 2] = -w46 - w49 + w50 - w51 - w53 - w56 + w57 + w59 - w62 + w73
     out[2, 4] = out[4, 2] = -w42 - w43 - w44
     out[2, 5] = out[5, 2] = 0.3*length*rho_I*w10 + 0.16666666666666666*length*rho_I + 0.020833333333333332*phi_s*rho_A*w47*w6 + 0.0011904761904761906*rho_A*w10*w47 - w64 - w72
-    out[3, 3] = w74
     out[4, 4] = w13 + w74 + w9
     out[4, 5] = out[5, 4] = -w17 - w29 - w45
     out[5, 5] = w46 + w49 - w50 + w51 + w53 + w56 - w57 - w59 + w62 + w73
@@ -168,30 +166,26 @@ def K_s(p, out):
     E_A = p[1]
     E_I = p[2]
     length = p[3]
-    phi_s = p[6]
-    E_I_rise = p[9]
+    E_I_rise = p[7]
+    phi_s = p[12]
     w0 = 1.0/length
-    w1 = E_A*w0
+    w1 = out[0, 0] = out[3, 3] = E_A*w0
     w2 = 1.0/(phi_s + 1.0)
     w3 = E_I*w2
-    w4 = 12.0*w3/(length*length*length)
+    w4 = out[1, 1] = out[4, 4] = 12.0*w3/(length*length*length)
     w5 = 1.0/(length*length)
     w6 = 6.0*w3*w5
     w7 = E_I_rise*w2
     w8 = w5*w7
-    w9 = w6 - w8
-    w10 = w6 + w8
+    w9 = out[1, 2] = out[2, 1] = w6 - w8
+    w10 = out[1, 5] = out[5, 1] = w6 + w8
     w11 = w0*w7
     w12 = E_I*w0
     w13 = 0.08333333333333333*(E_I_rise*E_I_rise)*w0/E_I
     w14 = w12 + w13*w2 - w13
     w15 = 3.0*w12*w2 + w14
-    out[0, 0] = out[3, 3] = w1
     out[0, 3] = out[3, 0] = -w1
-    out[1, 1] = out[4, 4] = w4
-    out[1, 2] = out[2, 1] = w9
     out[1, 4] = out[4, 1] = -w4
-    out[1, 5] = out[5, 1] = w10
     out[2, 2] = -w11 + w15
     out[2, 4] = out[4, 2] = -w9
     out[2, 5] = out[5, 2] = 3.0*E_I*w0*w2 - w14
@@ -209,9 +203,9 @@ def K_d(p, s, out):
     rho_A = p[0]
     E_I = p[2]
     length = p[3]
-    phi_s = p[6]
-    rho_A_rise = p[7]
-    E_I_rise = p[9]
+    rho_A_rise = p[5]
+    E_I_rise = p[7]
+    phi_s = p[12]
     omega = s[0]
     epsilon = s[1]
     w0 = omega*omega
@@ -329,11 +323,11 @@ def K_g(p, s, out):
     E_I = p[2]
     length = p[3]
     x_0 = p[4]
-    phi_s = p[6]
-    rho_A_rise = p[7]
-    E_I_rise = p[9]
-    m_0 = p[11]
-    S_0 = p[12]
+    rho_A_rise = p[5]
+    E_I_rise = p[7]
+    m_0 = p[8]
+    S_0 = p[9]
+    phi_s = p[12]
     omega = s[0]
     a_x = s[2]
     P_0 = s[4]
@@ -496,9 +490,9 @@ def C(p, s, out):
     rho_A = p[0]
     E_I = p[2]
     length = p[3]
-    phi_s = p[6]
-    rho_A_rise = p[7]
-    E_I_rise = p[9]
+    rho_A_rise = p[5]
+    E_I_rise = p[7]
+    phi_s = p[12]
     omega = s[0]
     w0 = length*rho_A
     w1 = 0.6666666666666666*w0
@@ -565,11 +559,11 @@ def F(p, s, out):
     E_I = p[2]
     length = p[3]
     x_0 = p[4]
-    rho_I = p[5]
-    phi_s = p[6]
-    rho_A_rise = p[7]
-    E_I_rise = p[9]
-    rho_I_rise = p[10]
+    rho_A_rise = p[5]
+    E_I_rise = p[7]
+    rho_I = p[10]
+    rho_I_rise = p[11]
+    phi_s = p[12]
     omega = s[0]
     epsilon = s[1]
     a_x = s[2]

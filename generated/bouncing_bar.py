@@ -129,31 +129,20 @@ def motion(t, p, s):
     hinge_acceleration_table = p[5]
     gravity_y = p[15]
     w0 = bar_centre_x*bar_mass
-    hinge_coordinate = table(t, p, int(hinge_angle_table))
-    sin_hinge = math.sin(hinge_coordinate)
+    hinge_coordinate = s[5] = table(t, p, int(hinge_angle_table))
+    sin_hinge = s[7] = math.sin(hinge_coordinate)
     w1 = sin_hinge*w0
-    hinge_rate = table(t, p, int(hinge_speed_table))
+    hinge_rate = s[0] = s[8] = table(t, p, int(hinge_speed_table))
     w2 = hinge_rate*hinge_rate
     w3 = bar_mass*gravity_y
-    hinge_acceleration = table(t, p, int(hinge_acceleration_table))
-    cos_hinge = math.cos(hinge_coordinate)
-    hinge_force_x = -cos_hinge*w0*w2 - hinge_acceleration*w1
-    hinge_force_y = bar_centre_x*bar_mass*cos_hinge*hinge_acceleration - w1*w2 - w3
-    hinge_drive = -bar_centre_x*cos_hinge*w3 + hinge_acceleration*((bar_centre_x*bar_centre_x)*bar_mass + bar_inertia)
-    bar_link_a_x = -gravity_y*sin_hinge
-    bar_link_a_y = -cos_hinge*gravity_y
-    bar_link_P_0 = -cos_hinge*hinge_force_x - hinge_force_y*sin_hinge
-    s[0] = s[8] = hinge_rate
-    s[1] = s[9] = hinge_acceleration
-    s[2] = bar_link_a_x
-    s[3] = bar_link_a_y
-    s[4] = bar_link_P_0
-    s[5] = hinge_coordinate
-    s[6] = cos_hinge
-    s[7] = sin_hinge
-    s[10] = hinge_force_x
-    s[11] = hinge_force_y
-    s[12] = hinge_drive
+    hinge_acceleration = s[1] = s[9] = table(t, p, int(hinge_acceleration_table))
+    cos_hinge = s[6] = math.cos(hinge_coordinate)
+    hinge_force_x = s[10] = -cos_hinge*w0*w2 - hinge_acceleration*w1
+    hinge_force_y = s[11] = bar_centre_x*bar_mass*cos_hinge*hinge_acceleration - w1*w2 - w3
+    hinge_drive = s[12] = -bar_centre_x*cos_hinge*w3 + hinge_acceleration*((bar_centre_x*bar_centre_x)*bar_mass + bar_inertia)
+    bar_link_a_x = s[2] = -gravity_y*sin_hinge
+    bar_link_a_y = s[3] = -cos_hinge*gravity_y
+    bar_link_P_0 = s[4] = -cos_hinge*hinge_force_x - hinge_force_y*sin_hinge
 
 
 @njit(**OPTIONS)
@@ -169,8 +158,7 @@ def inverse(t, y, p, out):
     gravity_y = p[15]
     w3 = bar_mass*gravity_y
     cos_hinge = math.cos(hinge_angle_)
-    hinge_drive = -bar_centre_x*cos_hinge*w3 + hinge_acceleration_*((bar_centre_x*bar_centre_x)*bar_mass + bar_inertia)
-    out[0] = hinge_drive
+    hinge_drive = out[0] = -bar_centre_x*cos_hinge*w3 + hinge_acceleration_*((bar_centre_x*bar_centre_x)*bar_mass + bar_inertia)
 
 
 @njit(**OPTIONS)

@@ -120,9 +120,9 @@ def point_line(w, a, b, p, c, out, k):
     w1 = -y_2
     w2 = math.cos(theta_1)
     w3 = math.sin(theta_1)
-    n_x = direction_x*w2 - direction_y*w3
+    n_x = out[k + 2] = direction_x*w2 - direction_y*w3
     w4 = n_x*radius
-    n_y = direction_x*w3 + direction_y*w2
+    n_y = out[k + 3] = direction_x*w3 + direction_y*w2
     w5 = n_y*radius
     d_x = -w0 - x_1
     d_y = -w1 - y_1
@@ -130,8 +130,6 @@ def point_line(w, a, b, p, c, out, k):
     d_y_rate = -v_y_1 + v_y_2
     out[k] = d_x*n_x + d_y*n_y - reach
     out[k + 1] = -d_x*n_y*omega_1 + d_x_rate*n_x + d_y*n_x*omega_1 + d_y_rate*n_y
-    out[k + 2] = n_x
-    out[k + 3] = n_y
     out[k + 4] = -w0 - w4
     out[k + 5] = -w1 - w5
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w4) - n_y*(-d_y + w5)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
@@ -163,16 +161,14 @@ def circle_circle(w, a, b, p, c, out, k):
     d_x = -w0 - x_1
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
     w2 = 1.0/length
-    n_x = d_x*w2
+    n_x = out[k + 2] = d_x*w2
     w3 = n_x*radius
-    n_y = d_y*w2
+    n_y = out[k + 3] = d_y*w2
     w4 = n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = length - reach
     out[k + 1] = w2*(d_x*d_x_rate + d_y*d_y_rate)
-    out[k + 2] = n_x
-    out[k + 3] = n_y
     out[k + 4] = -w0 - w3
     out[k + 5] = -w1 - w4
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
@@ -204,16 +200,14 @@ def circle_in_circle(w, a, b, p, c, out, k):
     d_x = -w0 - x_1
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
     w2 = 1.0/length
-    n_x = -d_x*w2
+    n_x = out[k + 2] = -d_x*w2
     w3 = n_x*radius
-    n_y = -d_y*w2
+    n_y = out[k + 3] = -d_y*w2
     w4 = n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
     out[k] = -length + reach
     out[k + 1] = -w2*(d_x*d_x_rate + d_y*d_y_rate)
-    out[k + 2] = n_x
-    out[k + 3] = n_y
     out[k + 4] = -w0 - w3
     out[k + 5] = -w1 - w4
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
@@ -369,30 +363,24 @@ def point_line_along(w, a, b, p, c, out, k):
     w2 = direction_x*w1
     w3 = math.cos(theta_1)
     w4 = direction_y*w3
-    w5 = w2 + w4
+    w5 = out[k + 3] = w2 + w4
     w6 = y_1 - y_2
     w7 = direction_x*w3
     w8 = direction_y*w1
-    w9 = w7 - w8
+    w9 = out[k + 7] = w7 - w8
     w10 = -v_x_1 + v_x_2
     w11 = -v_y_1 + v_y_2
-    w12 = -radius*(w5*w5) - radius*(w9*w9)
+    w12 = out[k + 8] = -radius*(w5*w5) - radius*(w9*w9)
     w13 = radius*w5
     w14 = w13 + w6
     w15 = radius*w9
     w16 = -w0 - w15
-    w17 = w14*w5 - w16*w9
-    w18 = -w9
-    w19 = -w5
+    w17 = out[k + 5] = w14*w5 - w16*w9
+    w18 = out[k + 4] = -w9
+    w19 = out[k + 6] = -w5
     out[k] = -radius*(-theta_1 + theta_2) + w0*w5 - w6*w9
     out[k + 1] = omega_1*w17 + omega_2*w12 - w10*w5 + w11*w9
     out[k + 2] = a_x_1*w5 + a_x_2*w19 + a_y_1*w18 + a_y_2*w9 + epsilon_1*w17 + epsilon_2*w12 - omega_1*v_x_1*w18 - omega_1*v_x_2*w9 - omega_1*v_y_1*w19 - omega_1*v_y_2*w5 + omega_1*(-omega_1*(-w14*w9 - w15*w19 - w15*w5 + w16*w19) + omega_2*(-w13*(2.0*w7 - 2.0*w8) - w15*(-2.0*w2 - 2.0*w4)) - w10*w9 + w11*w19)
-    out[k + 3] = w5
-    out[k + 4] = w18
-    out[k + 5] = w17
-    out[k + 6] = w19
-    out[k + 7] = w9
-    out[k + 8] = w12
 
 
 @njit(**OPTIONS)
@@ -430,16 +418,16 @@ def circle_circle_along(w, a, b, p, c, out, k):
     w9 = w2*w8
     w10 = -v_y_1 + v_y_2
     w11 = radius/w7
-    w12 = -w11*w5 - w11*w6
+    w12 = out[k + 8] = -w11*w5 - w11*w6
     w13 = radius*w8
     w14 = -w13*w4 - w3
     w15 = w14*w8
     w16 = w0 + w1*w13
     w17 = w16*w8
     w18 = -w1*w17 + w15*w4
-    w19 = w1*w8
-    w20 = w4*w8
-    w21 = -w18
+    w19 = out[k + 3] = w1*w8
+    w20 = out[k + 7] = w4*w8
+    w21 = out[k + 5] = -w18
     w22 = w7**(-1.5)
     w23 = w22*w6
     w24 = w22*w4
@@ -462,12 +450,8 @@ def circle_circle_along(w, a, b, p, c, out, k):
     out[k] = 0.0
     out[k + 1] = -omega_1*w18 + omega_2*w12 - w1*w9 + w10*w4*w8
     out[k + 2] = a_x_1*w19 - a_x_2*w19 - a_y_1*w20 + a_y_2*w20 + epsilon_1*w21 + epsilon_2*w12 + v_x_1*(-omega_1*(w14*w22*w5 - w15 - w16*w25 - w30*w4 + w4*w8*(-radius*w22*w5 - w31)) + omega_2*(-w11*w33 - w35*w5 - w35*w6) + w10*w22*w5 - w2*w25 - w32) + v_x_2*(-omega_1*(w14*w36 + w15 - w16*w38 + w20*(-radius*w36 - w39) - w3*w30) + omega_2*(-w11*w34 - w29*w33 - w30*w33) + w10*w36 - w2*w38 + w32) + v_y_1*(-omega_1*(w1*w14*w22*w4 - w1*w29 - w16*w23 + w17 - w19*(radius*w23 + w31)) + omega_2*(-w11*w26 - w27*w29 - w27*w30) + w10*w25 - w2*w23 + w9) + v_y_2*(-omega_1*(w0*w14*w22*w4 - w0*w29 - w16*w40 - w17 - w19*(radius*w40 + w39)) + omega_2*(-w11*w27 - w26*w29 - w26*w30) + w0*w10*w22*w4 - w2*w40 - w9)
-    out[k + 3] = w19
     out[k + 4] = -w20
-    out[k + 5] = w21
     out[k + 6] = -w19
-    out[k + 7] = w20
-    out[k + 8] = w12
 
 
 @njit(**OPTIONS)
@@ -505,14 +489,14 @@ def circle_in_circle_along(w, a, b, p, c, out, k):
     w9 = w2*w8
     w10 = -v_x_1 + v_x_2
     w11 = radius/w7
-    w12 = -w11*w3 - w11*w6
+    w12 = out[k + 8] = -w11*w3 - w11*w6
     w13 = radius*w8
     w14 = w1*w13 - x_1 + x_2
     w15 = w14*w8
     w16 = -w13*w5 + y_1 - y_2
-    w17 = w1*w15 - w16*w5*w8
-    w18 = w5*w8
-    w19 = w1*w8
+    w17 = out[k + 5] = w1*w15 - w16*w5*w8
+    w18 = out[k + 6] = w5*w8
+    w19 = out[k + 4] = w1*w8
     w20 = w7**(-1.5)
     w21 = w20*w3
     w22 = w1*w20
@@ -535,11 +519,7 @@ def circle_in_circle_along(w, a, b, p, c, out, k):
     out[k + 1] = omega_1*w17 + omega_2*w12 - w1*w9 + w10*w5*w8
     out[k + 2] = -a_x_1*w18 + a_x_2*w18 + a_y_1*w19 - a_y_2*w19 + epsilon_1*w17 + epsilon_2*w12 + v_x_1*(-omega_1*(w1*w16*w20*w5 - w1*w28 - w14*w21 + w15 - w19*(radius*w20*w3 - w29)) + omega_2*(-w11*w24 - w27*w3 - w27*w6) + w10*w23 - w2*w21 + w9) + v_x_2*(-omega_1*(w0*w16*w20*w5 - w0*w28 - w14*w35 - w15 - w19*(radius*w35 + w29)) + omega_2*(-w11*w25 - w24*w28 - w24*w33) + w0*w10*w20*w5 - w2*w35 - w9) + v_y_1*(-omega_1*(-w14*w23 + w16*w20*w6 - w33*w5 - w34 + w5*w8*(-radius*w20*w6 + w29)) + omega_2*(-w11*w31 - w28*w32 - w32*w33) + w10*w20*w6 - w2*w23 - w30) + v_y_2*(-omega_1*(-w14*w37 + w16*w36 + w18*(-radius*w36 - w29) - w33*w4 + w34) + omega_2*(-w11*w32 - w28*w31 - w31*w33) + w10*w36 - w2*w37 + w30)
     out[k + 3] = -w18
-    out[k + 4] = w19
-    out[k + 5] = w17
-    out[k + 6] = w18
     out[k + 7] = -w19
-    out[k + 8] = w12
 
 
 @njit(**OPTIONS)

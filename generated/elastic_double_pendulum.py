@@ -159,79 +159,51 @@ def motion(t, p, s):
     elbow_speed_table = p[11]
     elbow_acceleration_table = p[12]
     gravity_y = p[13]
-    pivot_coordinate = table(t, p, int(pivot_angle_table))
-    cos_pivot = math.cos(pivot_coordinate)
+    pivot_coordinate = s[10] = table(t, p, int(pivot_angle_table))
+    cos_pivot = s[12] = math.cos(pivot_coordinate)
     w0 = upper_length*cos_pivot
-    sin_pivot = math.sin(pivot_coordinate)
+    sin_pivot = s[13] = math.sin(pivot_coordinate)
     w1 = upper_length*sin_pivot
-    pivot_rate = table(t, p, int(pivot_speed_table))
+    pivot_rate = s[0] = s[14] = table(t, p, int(pivot_speed_table))
     w2 = pivot_rate*pivot_rate
     w3 = lower_centre_x*lower_mass
-    elbow_coordinate = table(t, p, int(elbow_angle_table))
+    elbow_coordinate = s[11] = table(t, p, int(elbow_angle_table))
     sin_elbow = math.sin(elbow_coordinate)
     cos_elbow = math.cos(elbow_coordinate)
-    s_lower = cos_pivot*sin_elbow + cos_elbow*sin_pivot
+    s_lower = s[19] = cos_pivot*sin_elbow + cos_elbow*sin_pivot
     w4 = s_lower*w3
     elbow_rate = table(t, p, int(elbow_speed_table))
-    omega_lower = pivot_rate + elbow_rate
+    omega_lower = s[5] = s[22] = pivot_rate + elbow_rate
     w5 = omega_lower*omega_lower
-    c_lower = cos_pivot*cos_elbow - sin_pivot*sin_elbow
+    c_lower = s[18] = cos_pivot*cos_elbow - sin_pivot*sin_elbow
     w6 = c_lower*w3
     w7 = upper_centre_x*upper_mass
     w8 = sin_pivot*w7
     w9 = cos_pivot*w7
     w10 = lower_mass*gravity_y
     w11 = upper_mass*gravity_y
-    pivot_acceleration = table(t, p, int(pivot_acceleration_table))
-    a_y_lower = pivot_acceleration*w0 - w1*w2
+    pivot_acceleration = s[1] = s[15] = table(t, p, int(pivot_acceleration_table))
+    a_y_lower = s[24] = pivot_acceleration*w0 - w1*w2
     w12 = a_y_lower - gravity_y
     elbow_acceleration = table(t, p, int(elbow_acceleration_table))
-    x_lower = w0
-    y_lower = w1
-    v_x_lower = -pivot_rate*w1
-    v_y_lower = pivot_rate*w0
-    a_x_lower = -pivot_acceleration*w1 - w0*w2
-    epsilon_lower = pivot_acceleration + elbow_acceleration
-    elbow_force_x = a_x_lower*lower_mass - epsilon_lower*w4 - w5*w6
-    pivot_force_x = -pivot_acceleration*w8 + elbow_force_x - w2*w9
-    elbow_force_y = a_y_lower*lower_mass + epsilon_lower*w6 - w10 - w4*w5
-    pivot_force_y = pivot_acceleration*w9 + elbow_force_y - w11 - w2*w8
-    elbow_drive = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w10 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
-    pivot_drive = -upper_centre_x*cos_pivot*w11 + pivot_acceleration*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w1 + elbow_force_y*w0
-    upper_link_a_x = -gravity_y*sin_pivot
-    upper_link_a_y = -cos_pivot*gravity_y
-    upper_link_P_0 = -cos_pivot*pivot_force_x - pivot_force_y*sin_pivot
-    lower_link_a_x = a_x_lower*c_lower + s_lower*w12
-    lower_link_a_y = -a_x_lower*s_lower + c_lower*w12
-    lower_link_P_0 = -c_lower*elbow_force_x - elbow_force_y*s_lower
-    s[0] = s[14] = pivot_rate
-    s[1] = s[15] = pivot_acceleration
-    s[2] = upper_link_a_x
-    s[3] = upper_link_a_y
-    s[4] = upper_link_P_0
-    s[5] = s[22] = omega_lower
-    s[6] = s[25] = epsilon_lower
-    s[7] = lower_link_a_x
-    s[8] = lower_link_a_y
-    s[9] = lower_link_P_0
-    s[10] = pivot_coordinate
-    s[11] = elbow_coordinate
-    s[12] = cos_pivot
-    s[13] = sin_pivot
-    s[16] = x_lower
-    s[17] = y_lower
-    s[18] = c_lower
-    s[19] = s_lower
-    s[20] = v_x_lower
-    s[21] = v_y_lower
-    s[23] = a_x_lower
-    s[24] = a_y_lower
-    s[26] = pivot_force_x
-    s[27] = pivot_force_y
-    s[28] = elbow_force_x
-    s[29] = elbow_force_y
-    s[30] = pivot_drive
-    s[31] = elbow_drive
+    x_lower = s[16] = w0
+    y_lower = s[17] = w1
+    v_x_lower = s[20] = -pivot_rate*w1
+    v_y_lower = s[21] = pivot_rate*w0
+    a_x_lower = s[23] = -pivot_acceleration*w1 - w0*w2
+    epsilon_lower = s[6] = s[25] = pivot_acceleration + elbow_acceleration
+    elbow_force_x = s[28] = a_x_lower*lower_mass - epsilon_lower*w4 - w5*w6
+    pivot_force_x = s[26] = -pivot_acceleration*w8 + elbow_force_x - w2*w9
+    elbow_force_y = s[29] = a_y_lower*lower_mass + epsilon_lower*w6 - w10 - w4*w5
+    pivot_force_y = s[27] = pivot_acceleration*w9 + elbow_force_y - w11 - w2*w8
+    elbow_drive = s[31] = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w10 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
+    pivot_drive = s[30] = -upper_centre_x*cos_pivot*w11 + pivot_acceleration*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w1 + elbow_force_y*w0
+    upper_link_a_x = s[2] = -gravity_y*sin_pivot
+    upper_link_a_y = s[3] = -cos_pivot*gravity_y
+    upper_link_P_0 = s[4] = -cos_pivot*pivot_force_x - pivot_force_y*sin_pivot
+    lower_link_a_x = s[7] = a_x_lower*c_lower + s_lower*w12
+    lower_link_a_y = s[8] = -a_x_lower*s_lower + c_lower*w12
+    lower_link_P_0 = s[9] = -c_lower*elbow_force_x - elbow_force_y*s_lower
 
 
 @njit(**OPTIONS)
@@ -274,10 +246,8 @@ def inverse(t, y, p, out):
     epsilon_lower = pivot_acceleration_ + elbow_acceleration_
     elbow_force_x = a_x_lower*lower_mass - epsilon_lower*w4 - w5*w6
     elbow_force_y = a_y_lower*lower_mass + epsilon_lower*w6 - w10 - w4*w5
-    elbow_drive = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w10 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
-    pivot_drive = -upper_centre_x*cos_pivot*w11 + pivot_acceleration_*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w1 + elbow_force_y*w0
-    out[0] = pivot_drive
-    out[1] = elbow_drive
+    elbow_drive = out[1] = -a_x_lower*lower_centre_x*lower_mass*s_lower + a_y_lower*lower_centre_x*lower_mass*c_lower - lower_centre_x*c_lower*w10 + epsilon_lower*((lower_centre_x*lower_centre_x)*lower_mass + lower_inertia)
+    pivot_drive = out[0] = -upper_centre_x*cos_pivot*w11 + pivot_acceleration_*((upper_centre_x*upper_centre_x)*upper_mass + upper_inertia) + elbow_drive - elbow_force_x*w1 + elbow_force_y*w0
 
 
 @njit(**OPTIONS)

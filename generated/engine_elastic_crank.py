@@ -172,83 +172,53 @@ def motion(t, p, s):
     main_angle = p[11]
     gas_offset = p[12]
     gas_table = p[13]
-    main_coordinate = main_angle + main_speed*t
-    sin_main = math.sin(main_coordinate)
+    main_coordinate = s[10] = main_angle + main_speed*t
+    sin_main = s[12] = math.sin(main_coordinate)
     w0 = crank_length*sin_main
     w1 = rod_length*rod_length
     w2 = 1.0/rod_length
-    cos_main = math.cos(main_coordinate)
+    cos_main = s[11] = math.cos(main_coordinate)
     w3 = crank_length*cos_main
     gamma_rod = -w0
-    closure_bore = -(gamma_rod*gamma_rod)/w1 + 1.0
+    closure_bore = s[37] = -(gamma_rod*gamma_rod)/w1 + 1.0
     w_rod = bore_branch*math.sqrt(closure_bore*w1)
-    c_rod = w2*w_rod
+    c_rod = s[16] = w2*w_rod
     w4 = w2/c_rod
-    s_rod = gamma_rod*w2
+    s_rod = s[17] = gamma_rod*w2
     w5 = rod_length*s_rod
     w6 = main_speed*main_speed
-    v_y_rod = main_speed*w3
-    omega_rod = -v_y_rod*w4
+    v_y_rod = s[19] = main_speed*w3
+    omega_rod = s[5] = s[20] = -v_y_rod*w4
     w7 = omega_rod*omega_rod
     w8 = c_rod*w7
-    a_x_rod = -w3*w6
+    a_x_rod = s[21] = -w3*w6
     w9 = a_x_rod*rod_mass
     w10 = rod_centre_x*rod_mass
-    a_y_rod = -w0*w6
-    epsilon_rod = -w4*(a_y_rod - w5*w7)
+    a_y_rod = s[22] = -w0*w6
+    epsilon_rod = s[6] = s[23] = -w4*(a_y_rod - w5*w7)
     w11 = epsilon_rod*w10
     w12 = crank_centre_x*crank_mass*w6
-    x_rod = w3
-    y_rod = w0
-    x_piston = w3 + w_rod
-    y_piston = gamma_rod + w0
-    v_x_rod = -main_speed*w0
-    v_x_piston = -omega_rod*w5 + v_x_rod
-    a_x_piston = a_x_rod - rod_length*w8 - epsilon_rod*w5
-    gas = table(main_coordinate - gas_offset, p, int(gas_table))
-    wrist_force_x = a_x_piston*piston_mass + gas
-    pin_force_x = wrist_force_x - s_rod*w11 - w10*w8 + w9
-    main_force_x = -cos_main*w12 + pin_force_x
-    wrist_force_y = -w4*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w9 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w5)
-    pin_force_y = a_y_rod*rod_mass + c_rod*w11 + wrist_force_y - s_rod*w10*w7
-    main_force_y = pin_force_y - sin_main*w12
-    main_drive = -pin_force_x*w0 + pin_force_y*w3
-    crank_link_P_0 = -cos_main*main_force_x - main_force_y*sin_main
-    rod_link_a_x = a_x_rod*c_rod + a_y_rod*s_rod
-    rod_link_a_y = -a_x_rod*s_rod + a_y_rod*c_rod
-    rod_link_P_0 = -c_rod*pin_force_x - pin_force_y*s_rod
+    x_rod = s[14] = w3
+    y_rod = s[15] = w0
+    x_piston = s[24] = w3 + w_rod
+    y_piston = s[25] = gamma_rod + w0
+    v_x_rod = s[18] = -main_speed*w0
+    v_x_piston = s[26] = -omega_rod*w5 + v_x_rod
+    a_x_piston = s[27] = a_x_rod - rod_length*w8 - epsilon_rod*w5
+    gas = s[36] = table(main_coordinate - gas_offset, p, int(gas_table))
+    wrist_force_x = s[32] = a_x_piston*piston_mass + gas
+    pin_force_x = s[30] = wrist_force_x - s_rod*w11 - w10*w8 + w9
+    main_force_x = s[28] = -cos_main*w12 + pin_force_x
+    wrist_force_y = s[33] = -w4*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w9 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w5)
+    pin_force_y = s[31] = a_y_rod*rod_mass + c_rod*w11 + wrist_force_y - s_rod*w10*w7
+    main_force_y = s[29] = pin_force_y - sin_main*w12
+    main_drive = s[35] = -pin_force_x*w0 + pin_force_y*w3
+    crank_link_P_0 = s[4] = -cos_main*main_force_x - main_force_y*sin_main
+    rod_link_a_x = s[7] = a_x_rod*c_rod + a_y_rod*s_rod
+    rod_link_a_y = s[8] = -a_x_rod*s_rod + a_y_rod*c_rod
+    rod_link_P_0 = s[9] = -c_rod*pin_force_x - pin_force_y*s_rod
     s[0] = s[13] = main_speed
-    s[4] = crank_link_P_0
-    s[5] = s[20] = omega_rod
-    s[6] = s[23] = epsilon_rod
-    s[7] = rod_link_a_x
-    s[8] = rod_link_a_y
-    s[9] = rod_link_P_0
-    s[10] = main_coordinate
-    s[11] = cos_main
-    s[12] = sin_main
-    s[14] = x_rod
-    s[15] = y_rod
-    s[16] = c_rod
-    s[17] = s_rod
-    s[18] = v_x_rod
-    s[19] = v_y_rod
-    s[21] = a_x_rod
-    s[22] = a_y_rod
-    s[24] = x_piston
-    s[25] = y_piston
-    s[26] = v_x_piston
-    s[27] = a_x_piston
-    s[28] = main_force_x
-    s[29] = main_force_y
-    s[30] = pin_force_x
-    s[31] = pin_force_y
-    s[32] = wrist_force_x
-    s[33] = wrist_force_y
     s[34] = -wrist_force_y
-    s[35] = main_drive
-    s[36] = gas
-    s[37] = closure_bore
 
 
 @njit(**OPTIONS)

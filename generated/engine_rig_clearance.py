@@ -206,33 +206,33 @@ def motion(t, p, s):
     wrist_speed_table = p[17]
     wrist_acceleration_table = p[18]
     gravity_x = p[52]
-    main_coordinate = main_angle + main_speed*t
-    cos_main = math.cos(main_coordinate)
+    main_coordinate = s[5] = main_angle + main_speed*t
+    cos_main = s[8] = math.cos(main_coordinate)
     w0 = crank_length*cos_main
-    sin_main = math.sin(main_coordinate)
+    sin_main = s[9] = math.sin(main_coordinate)
     w1 = crank_length*sin_main
-    pin_coordinate = table(t, p, int(pin_angle_table))
+    pin_coordinate = s[6] = table(t, p, int(pin_angle_table))
     sin_pin = math.sin(pin_coordinate)
     cos_pin = math.cos(pin_coordinate)
-    c_rod = cos_main*cos_pin - sin_main*sin_pin
+    c_rod = s[13] = cos_main*cos_pin - sin_main*sin_pin
     w2 = rod_length*c_rod
-    s_rod = cos_main*sin_pin + cos_pin*sin_main
+    s_rod = s[14] = cos_main*sin_pin + cos_pin*sin_main
     w3 = rod_length*s_rod
     w4 = main_speed*main_speed
     pin_rate = table(t, p, int(pin_speed_table))
-    omega_rod = main_speed + pin_rate
+    omega_rod = s[0] = s[17] = main_speed + pin_rate
     w5 = omega_rod*omega_rod
     w6 = piston_mass*gravity_x
     w7 = piston_centre_x*piston_mass
-    wrist_coordinate = table(t, p, int(wrist_angle_table))
+    wrist_coordinate = s[7] = table(t, p, int(wrist_angle_table))
     sin_wrist = math.sin(wrist_coordinate)
     cos_wrist = math.cos(wrist_coordinate)
-    s_piston = c_rod*sin_wrist + cos_wrist*s_rod
+    s_piston = s[24] = c_rod*sin_wrist + cos_wrist*s_rod
     w8 = s_piston*w7
     wrist_rate = table(t, p, int(wrist_speed_table))
-    omega_piston = wrist_rate + omega_rod
+    omega_piston = s[27] = wrist_rate + omega_rod
     w9 = omega_piston*omega_piston
-    c_piston = c_rod*cos_wrist - s_rod*sin_wrist
+    c_piston = s[23] = c_rod*cos_wrist - s_rod*sin_wrist
     w10 = c_piston*w7
     w11 = rod_mass*gravity_x
     w12 = rod_centre_x*rod_mass
@@ -240,76 +240,39 @@ def motion(t, p, s):
     w14 = c_rod*w12
     w15 = crank_mass*gravity_x
     w16 = crank_centre_x*crank_mass*w4
-    pin_acceleration = table(t, p, int(pin_acceleration_table))
-    a_y_rod = -w1*w4
-    a_y_piston = a_y_rod + pin_acceleration*w2 - w3*w5
+    pin_acceleration = s[1] = s[20] = table(t, p, int(pin_acceleration_table))
+    a_y_rod = s[19] = -w1*w4
+    a_y_piston = s[29] = a_y_rod + pin_acceleration*w2 - w3*w5
     w17 = a_y_piston*piston_mass
     w18 = a_y_rod*rod_mass
     w19 = piston_centre_x*s_piston
     w20 = rod_centre_x*s_rod
-    a_x_rod = -w0*w4
+    a_x_rod = s[18] = -w0*w4
     w21 = a_x_rod - gravity_x
     wrist_acceleration = table(t, p, int(wrist_acceleration_table))
-    x_rod = w0
-    y_rod = w1
-    x_piston = w2 + x_rod
-    y_piston = w3 + y_rod
-    v_x_rod = -main_speed*w1
-    v_y_rod = main_speed*w0
-    v_x_piston = -omega_rod*w3 + v_x_rod
-    v_y_piston = omega_rod*w2 + v_y_rod
-    a_x_piston = a_x_rod - pin_acceleration*w3 - w2*w5
-    epsilon_piston = pin_acceleration + wrist_acceleration
-    wrist_force_x = a_x_piston*piston_mass - epsilon_piston*w8 - w10*w9 - w6
-    pin_force_x = a_x_rod*rod_mass - pin_acceleration*w13 + wrist_force_x - w11 - w14*w5
-    main_force_x = -cos_main*w16 + pin_force_x - w15
-    wrist_force_y = epsilon_piston*w10 + w17 - w8*w9
-    pin_force_y = pin_acceleration*w14 + wrist_force_y - w13*w5 + w18
-    main_force_y = pin_force_y - sin_main*w16
-    wrist_drive = -a_x_piston*piston_mass*w19 + piston_centre_x*c_piston*w17 + epsilon_piston*((piston_centre_x*piston_centre_x)*piston_mass + piston_inertia) + w19*w6
-    pin_drive = -a_x_rod*rod_mass*w20 + rod_centre_x*c_rod*w18 + pin_acceleration*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + wrist_drive - wrist_force_x*w3 + wrist_force_y*w2 + w11*w20
-    main_drive = crank_centre_x*sin_main*w15 + pin_drive - pin_force_x*w1 + pin_force_y*w0
-    rod_link_a_x = a_y_rod*s_rod + c_rod*w21
-    rod_link_a_y = a_y_rod*c_rod - s_rod*w21
-    rod_link_P_0 = -c_rod*pin_force_x - pin_force_y*s_rod
-    s[0] = s[17] = omega_rod
-    s[1] = s[20] = pin_acceleration
-    s[2] = rod_link_a_x
-    s[3] = rod_link_a_y
-    s[4] = rod_link_P_0
-    s[5] = main_coordinate
-    s[6] = pin_coordinate
-    s[7] = wrist_coordinate
-    s[8] = cos_main
-    s[9] = sin_main
+    x_rod = s[11] = w0
+    y_rod = s[12] = w1
+    x_piston = s[21] = w2 + x_rod
+    y_piston = s[22] = w3 + y_rod
+    v_x_rod = s[15] = -main_speed*w1
+    v_y_rod = s[16] = main_speed*w0
+    v_x_piston = s[25] = -omega_rod*w3 + v_x_rod
+    v_y_piston = s[26] = omega_rod*w2 + v_y_rod
+    a_x_piston = s[28] = a_x_rod - pin_acceleration*w3 - w2*w5
+    epsilon_piston = s[30] = pin_acceleration + wrist_acceleration
+    wrist_force_x = s[35] = a_x_piston*piston_mass - epsilon_piston*w8 - w10*w9 - w6
+    pin_force_x = s[33] = a_x_rod*rod_mass - pin_acceleration*w13 + wrist_force_x - w11 - w14*w5
+    main_force_x = s[31] = -cos_main*w16 + pin_force_x - w15
+    wrist_force_y = s[36] = epsilon_piston*w10 + w17 - w8*w9
+    pin_force_y = s[34] = pin_acceleration*w14 + wrist_force_y - w13*w5 + w18
+    main_force_y = s[32] = pin_force_y - sin_main*w16
+    wrist_drive = s[39] = -a_x_piston*piston_mass*w19 + piston_centre_x*c_piston*w17 + epsilon_piston*((piston_centre_x*piston_centre_x)*piston_mass + piston_inertia) + w19*w6
+    pin_drive = s[38] = -a_x_rod*rod_mass*w20 + rod_centre_x*c_rod*w18 + pin_acceleration*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + wrist_drive - wrist_force_x*w3 + wrist_force_y*w2 + w11*w20
+    main_drive = s[37] = crank_centre_x*sin_main*w15 + pin_drive - pin_force_x*w1 + pin_force_y*w0
+    rod_link_a_x = s[2] = a_y_rod*s_rod + c_rod*w21
+    rod_link_a_y = s[3] = a_y_rod*c_rod - s_rod*w21
+    rod_link_P_0 = s[4] = -c_rod*pin_force_x - pin_force_y*s_rod
     s[10] = main_speed
-    s[11] = x_rod
-    s[12] = y_rod
-    s[13] = c_rod
-    s[14] = s_rod
-    s[15] = v_x_rod
-    s[16] = v_y_rod
-    s[18] = a_x_rod
-    s[19] = a_y_rod
-    s[21] = x_piston
-    s[22] = y_piston
-    s[23] = c_piston
-    s[24] = s_piston
-    s[25] = v_x_piston
-    s[26] = v_y_piston
-    s[27] = omega_piston
-    s[28] = a_x_piston
-    s[29] = a_y_piston
-    s[30] = epsilon_piston
-    s[31] = main_force_x
-    s[32] = main_force_y
-    s[33] = pin_force_x
-    s[34] = pin_force_y
-    s[35] = wrist_force_x
-    s[36] = wrist_force_y
-    s[37] = main_drive
-    s[38] = pin_drive
-    s[39] = wrist_drive
 
 
 @njit(**OPTIONS)
@@ -370,10 +333,8 @@ def inverse(t, y, p, out):
     epsilon_piston = pin_acceleration_ + wrist_acceleration_
     wrist_force_x = a_x_piston*piston_mass - epsilon_piston*w8 - w10*w9 - w6
     wrist_force_y = epsilon_piston*w10 + w17 - w8*w9
-    wrist_drive = -a_x_piston*piston_mass*w19 + piston_centre_x*c_piston*w17 + epsilon_piston*((piston_centre_x*piston_centre_x)*piston_mass + piston_inertia) + w19*w6
-    pin_drive = -a_x_rod*rod_mass*w20 + rod_centre_x*c_rod*w18 + pin_acceleration_*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + wrist_drive - wrist_force_x*w3 + wrist_force_y*w2 + w11*w20
-    out[0] = pin_drive
-    out[1] = wrist_drive
+    wrist_drive = out[1] = -a_x_piston*piston_mass*w19 + piston_centre_x*c_piston*w17 + epsilon_piston*((piston_centre_x*piston_centre_x)*piston_mass + piston_inertia) + w19*w6
+    pin_drive = out[0] = -a_x_rod*rod_mass*w20 + rod_centre_x*c_rod*w18 + pin_acceleration_*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + wrist_drive - wrist_force_x*w3 + wrist_force_y*w2 + w11*w20
 
 
 @njit(**OPTIONS)

@@ -71,8 +71,7 @@ def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     main_speed = p[0]
     main_angle = p[1]
-    main_coordinate = main_angle + main_speed*t
-    out[k + 0] = main_coordinate
+    main_coordinate = out[k + 0] = main_angle + main_speed*t
     out[k + 1] = main_speed
     out[k + 2] = 0.0
 

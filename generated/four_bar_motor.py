@@ -169,10 +169,10 @@ def motion(t, p, s):
     main_angle_table = p[15]
     main_speed_table = p[16]
     main_acceleration_table = p[17]
-    main_coordinate = table(t, p, int(main_angle_table))
-    cos_main = math.cos(main_coordinate)
+    main_coordinate = s[5] = table(t, p, int(main_angle_table))
+    cos_main = s[6] = math.cos(main_coordinate)
     w0 = crank_length*cos_main
-    sin_main = math.sin(main_coordinate)
+    sin_main = s[7] = math.sin(main_coordinate)
     w1 = crank_length*sin_main
     d_coupler_y = -w1
     d_coupler_x = ground_right_x - w0
@@ -182,41 +182,41 @@ def motion(t, p, s):
     w4 = 1.0/coupler_length
     w5 = 1.0/follower_length
     share_coupler = 0.5*w2*(-(follower_length*follower_length) + square_coupler + w3)
-    closure_rocker = -(share_coupler*share_coupler)*square_coupler/w3 + 1.0
+    closure_rocker = s[35] = -(share_coupler*share_coupler)*square_coupler/w3 + 1.0
     height_coupler = rocker_branch*math.sqrt(closure_rocker*w2*w3)
     span_coupler_x = d_coupler_x*share_coupler - d_coupler_y*height_coupler
-    c_coupler = span_coupler_x*w4
+    c_coupler = s[12] = span_coupler_x*w4
     w6 = coupler_length*c_coupler
     span_coupler_y = d_coupler_x*height_coupler + d_coupler_y*share_coupler
-    s_follower = w5*(-d_coupler_y + span_coupler_y)
+    s_follower = s[22] = w5*(-d_coupler_y + span_coupler_y)
     w7 = follower_length*s_follower
-    s_coupler = span_coupler_y*w4
+    s_coupler = s[13] = span_coupler_y*w4
     w8 = coupler_length*s_coupler
-    c_follower = w5*(-d_coupler_x + span_coupler_x)
+    c_follower = s[21] = w5*(-d_coupler_x + span_coupler_x)
     w9 = follower_length*c_follower
     w10 = 1.0/(w6*w7 - w8*w9)
-    main_rate = table(t, p, int(main_speed_table))
+    main_rate = s[8] = table(t, p, int(main_speed_table))
     w11 = main_rate*main_rate
-    v_y_coupler = main_rate*w0
-    v_x_coupler = -main_rate*w1
+    v_y_coupler = s[15] = main_rate*w0
+    v_x_coupler = s[14] = -main_rate*w1
     inverse_det_omega_follower = w10
-    omega_follower = inverse_det_omega_follower*(-v_x_coupler*w6 - v_y_coupler*w8)
+    omega_follower = s[23] = inverse_det_omega_follower*(-v_x_coupler*w6 - v_y_coupler*w8)
     w12 = omega_follower*omega_follower
-    omega_coupler = inverse_det_omega_follower*(-v_x_coupler*w9 - v_y_coupler*w7)
+    omega_coupler = s[0] = s[16] = inverse_det_omega_follower*(-v_x_coupler*w9 - v_y_coupler*w7)
     w13 = omega_coupler*omega_coupler
-    main_acceleration = table(t, p, int(main_acceleration_table))
-    a_x_coupler = -main_acceleration*w1 - w0*w11
+    main_acceleration = s[9] = table(t, p, int(main_acceleration_table))
+    a_x_coupler = s[17] = -main_acceleration*w1 - w0*w11
     w14 = a_x_coupler + w12*w9 - w13*w6
-    a_y_coupler = main_acceleration*w0 - w1*w11
+    a_y_coupler = s[18] = main_acceleration*w0 - w1*w11
     w15 = a_y_coupler + w12*w7 - w13*w8
     inverse_det_epsilon_follower = w10
-    epsilon_follower = inverse_det_epsilon_follower*(-w14*w6 - w15*w8)
+    epsilon_follower = s[24] = inverse_det_epsilon_follower*(-w14*w6 - w15*w8)
     w16 = epsilon_follower*((follower_centre_x*follower_centre_x)*follower_mass + follower_inertia)
     w17 = a_y_coupler*coupler_mass
     w18 = coupler_centre_x*c_coupler
     w19 = a_x_coupler*coupler_mass
     w20 = coupler_centre_x*s_coupler
-    epsilon_coupler = inverse_det_epsilon_follower*(-w14*w9 - w15*w7)
+    epsilon_coupler = s[1] = s[19] = inverse_det_epsilon_follower*(-w14*w9 - w15*w7)
     w21 = epsilon_coupler*((coupler_centre_x*coupler_centre_x)*coupler_mass + coupler_inertia) + w17*w18 - w19*w20
     w22 = coupler_mass*w20
     w23 = coupler_mass*w18
@@ -225,56 +225,23 @@ def motion(t, p, s):
     w26 = cos_main*w24
     w27 = follower_centre_x*follower_mass
     w28 = s_follower*w27
-    x_coupler = w0
-    y_coupler = w1
-    motor = 0.6 - 0.01909859317102744*main_rate
+    x_coupler = s[10] = w0
+    y_coupler = s[11] = w1
+    motor = s[34] = 0.6 - 0.01909859317102744*main_rate
     inverse_det_second_force_y = w10
-    second_force_y = inverse_det_second_force_y*(-w16*w8 - w21*w7)
-    second_force_x = inverse_det_second_force_y*(-follower_length*c_follower*w21 - w16*w6)
-    first_force_x = -epsilon_coupler*w22 + second_force_x - w13*w23 + w19
-    main_force_x = -main_acceleration*w25 + first_force_x - w11*w26
-    first_force_y = epsilon_coupler*w23 + second_force_y - w13*w22 + w17
-    main_force_y = main_acceleration*w26 + first_force_y - w11*w25
-    main_drive = main_acceleration*((crank_centre_x*crank_centre_x)*crank_mass + crank_inertia + flywheel_inertia) - first_force_x*w1 + first_force_y*w0 - motor
-    rocker_force_x = -c_follower*w12*w27 - epsilon_follower*w28 - second_force_x
-    rocker_force_y = follower_centre_x*follower_mass*c_follower*epsilon_follower - second_force_y - w12*w28
-    coupler_link_a_x = a_x_coupler*c_coupler + a_y_coupler*s_coupler
-    coupler_link_a_y = -a_x_coupler*s_coupler + a_y_coupler*c_coupler
-    coupler_link_P_0 = -c_coupler*first_force_x - first_force_y*s_coupler
-    s[0] = s[16] = omega_coupler
-    s[1] = s[19] = epsilon_coupler
-    s[2] = coupler_link_a_x
-    s[3] = coupler_link_a_y
-    s[4] = coupler_link_P_0
-    s[5] = main_coordinate
-    s[6] = cos_main
-    s[7] = sin_main
-    s[8] = main_rate
-    s[9] = main_acceleration
-    s[10] = x_coupler
-    s[11] = y_coupler
-    s[12] = c_coupler
-    s[13] = s_coupler
-    s[14] = v_x_coupler
-    s[15] = v_y_coupler
-    s[17] = a_x_coupler
-    s[18] = a_y_coupler
+    second_force_y = s[30] = inverse_det_second_force_y*(-w16*w8 - w21*w7)
+    second_force_x = s[29] = inverse_det_second_force_y*(-follower_length*c_follower*w21 - w16*w6)
+    first_force_x = s[27] = -epsilon_coupler*w22 + second_force_x - w13*w23 + w19
+    main_force_x = s[25] = -main_acceleration*w25 + first_force_x - w11*w26
+    first_force_y = s[28] = epsilon_coupler*w23 + second_force_y - w13*w22 + w17
+    main_force_y = s[26] = main_acceleration*w26 + first_force_y - w11*w25
+    main_drive = s[33] = main_acceleration*((crank_centre_x*crank_centre_x)*crank_mass + crank_inertia + flywheel_inertia) - first_force_x*w1 + first_force_y*w0 - motor
+    rocker_force_x = s[31] = -c_follower*w12*w27 - epsilon_follower*w28 - second_force_x
+    rocker_force_y = s[32] = follower_centre_x*follower_mass*c_follower*epsilon_follower - second_force_y - w12*w28
+    coupler_link_a_x = s[2] = a_x_coupler*c_coupler + a_y_coupler*s_coupler
+    coupler_link_a_y = s[3] = -a_x_coupler*s_coupler + a_y_coupler*c_coupler
+    coupler_link_P_0 = s[4] = -c_coupler*first_force_x - first_force_y*s_coupler
     s[20] = ground_right_x
-    s[21] = c_follower
-    s[22] = s_follower
-    s[23] = omega_follower
-    s[24] = epsilon_follower
-    s[25] = main_force_x
-    s[26] = main_force_y
-    s[27] = first_force_x
-    s[28] = first_force_y
-    s[29] = second_force_x
-    s[30] = second_force_y
-    s[31] = rocker_force_x
-    s[32] = rocker_force_y
-    s[33] = main_drive
-    s[34] = motor
-    s[35] = closure_rocker
 
 
 @njit(**OPTIONS)
@@ -354,8 +321,7 @@ def inverse(t, y, p, out):
     second_force_x = inverse_det_second_force_y*(-follower_length*c_follower*w21 - w16*w6)
     first_force_x = -epsilon_coupler*w22 + second_force_x - w13*w23 + w19
     first_force_y = epsilon_coupler*w23 + second_force_y - w13*w22 + w17
-    main_drive = main_acceleration_*((crank_centre_x*crank_centre_x)*crank_mass + crank_inertia + flywheel_inertia) - first_force_x*w1 + first_force_y*w0 - motor
-    out[0] = main_drive
+    main_drive = out[0] = main_acceleration_*((crank_centre_x*crank_centre_x)*crank_mass + crank_inertia + flywheel_inertia) - first_force_x*w1 + first_force_y*w0 - motor
 
 
 @njit(**OPTIONS)

@@ -213,32 +213,23 @@ def motion(t, p, s):
     left_pose_x = p[21]
     left_pose_y = p[22]
     left_pose_angle = p[23]
-    blow = 10000.0*math.exp(-(66.66666666666667*t - 3.333333333333334)**2.0)
-    c_bottom = math.cos(bottom_pose_angle)
-    s_bottom = math.sin(bottom_pose_angle)
-    c_right = math.cos(right_pose_angle)
-    s_right = math.sin(right_pose_angle)
-    c_top = math.cos(top_pose_angle)
-    s_top = math.sin(top_pose_angle)
-    c_left = math.cos(left_pose_angle)
-    s_left = math.sin(left_pose_angle)
-    s[20] = blow
+    blow = s[20] = 10000.0*math.exp(-(66.66666666666667*t - 3.333333333333334)**2.0)
+    c_bottom = s[23] = math.cos(bottom_pose_angle)
+    s_bottom = s[24] = math.sin(bottom_pose_angle)
+    c_right = s[27] = math.cos(right_pose_angle)
+    s_right = s[28] = math.sin(right_pose_angle)
+    c_top = s[31] = math.cos(top_pose_angle)
+    s_top = s[32] = math.sin(top_pose_angle)
+    c_left = s[35] = math.cos(left_pose_angle)
+    s_left = s[36] = math.sin(left_pose_angle)
     s[21] = bottom_pose_x
     s[22] = bottom_pose_y
-    s[23] = c_bottom
-    s[24] = s_bottom
     s[25] = right_pose_x
     s[26] = right_pose_y
-    s[27] = c_right
-    s[28] = s_right
     s[29] = top_pose_x
     s[30] = top_pose_y
-    s[31] = c_top
-    s[32] = s_top
     s[33] = left_pose_x
     s[34] = left_pose_y
-    s[35] = c_left
-    s[36] = s_left
 
 
 @njit(**OPTIONS)

@@ -79,21 +79,15 @@ def revolute(sec, i, j, d_x, d_y, angle, out, k):
     v_y_2 = sec[9 * j + 4]
     a_x_2 = sec[9 * j + 6]
     a_y_2 = sec[9 * j + 7]
-    gap_x = -x_1 + x_2
-    gap_y = -y_1 + y_2
-    gap_x_rate = -v_x_1 + v_x_2
-    gap_y_rate = -v_y_1 + v_y_2
-    gap_x_second_rate = -a_x_1 + a_x_2
-    gap_y_second_rate = -a_y_1 + a_y_2
-    out[k] = gap_x
-    out[k + 1] = gap_x_rate
-    out[k + 2] = gap_x_second_rate
+    gap_x = out[k] = -x_1 + x_2
+    gap_y = out[k + 9] = -y_1 + y_2
+    gap_x_rate = out[k + 1] = -v_x_1 + v_x_2
+    gap_y_rate = out[k + 10] = -v_y_1 + v_y_2
+    gap_x_second_rate = out[k + 2] = -a_x_1 + a_x_2
+    gap_y_second_rate = out[k + 11] = -a_y_1 + a_y_2
     out[k + 3] = out[k + 13] = -1.0
     out[k + 4] = out[k + 5] = out[k + 7] = out[k + 8] = out[k + 12] = out[k + 14] = out[k + 15] = out[k + 17] = 0.0
     out[k + 6] = out[k + 16] = 1.0
-    out[k + 9] = gap_y
-    out[k + 10] = gap_y_rate
-    out[k + 11] = gap_y_second_rate
 
 
 @njit(**OPTIONS)
@@ -119,27 +113,19 @@ def weld(sec, i, j, d_x, d_y, angle, out, k):
     a_x_2 = sec[9 * j + 6]
     a_y_2 = sec[9 * j + 7]
     epsilon_2 = sec[9 * j + 8]
-    gap_x = -x_1 + x_2
-    gap_y = -y_1 + y_2
+    gap_x = out[k] = -x_1 + x_2
+    gap_y = out[k + 9] = -y_1 + y_2
     phi = -theta_1 + theta_2
-    gap_x_rate = -v_x_1 + v_x_2
-    gap_y_rate = -v_y_1 + v_y_2
-    phi_rate = -omega_1 + omega_2
-    gap_x_second_rate = -a_x_1 + a_x_2
-    gap_y_second_rate = -a_y_1 + a_y_2
-    phi_second_rate = -epsilon_1 + epsilon_2
-    out[k] = gap_x
-    out[k + 1] = gap_x_rate
-    out[k + 2] = gap_x_second_rate
+    gap_x_rate = out[k + 1] = -v_x_1 + v_x_2
+    gap_y_rate = out[k + 10] = -v_y_1 + v_y_2
+    phi_rate = out[k + 19] = -omega_1 + omega_2
+    gap_x_second_rate = out[k + 2] = -a_x_1 + a_x_2
+    gap_y_second_rate = out[k + 11] = -a_y_1 + a_y_2
+    phi_second_rate = out[k + 20] = -epsilon_1 + epsilon_2
     out[k + 3] = out[k + 13] = out[k + 23] = -1.0
     out[k + 4] = out[k + 5] = out[k + 7] = out[k + 8] = out[k + 12] = out[k + 14] = out[k + 15] = out[k + 17] = out[k + 21] = out[k + 22] = out[k + 24] = out[k + 25] = 0.0
     out[k + 6] = out[k + 16] = out[k + 26] = 1.0
-    out[k + 9] = gap_y
-    out[k + 10] = gap_y_rate
-    out[k + 11] = gap_y_second_rate
     out[k + 18] = -angle + phi
-    out[k + 19] = phi_rate
-    out[k + 20] = phi_second_rate
 
 
 @njit(**OPTIONS)
@@ -167,33 +153,28 @@ def prismatic(sec, i, j, d_x, d_y, angle, out, k):
     epsilon_2 = sec[9 * j + 8]
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
-    t_x = d_x*w0 - d_y*w1
+    t_x = out[k + 7] = d_x*w0 - d_y*w1
     gap_x = -x_1 + x_2
     w2 = gap_x*t_x
-    t_y = d_x*w1 + d_y*w0
+    t_y = out[k + 3] = d_x*w1 + d_y*w0
     gap_y = -y_1 + y_2
     w3 = gap_y*t_y
     w4 = omega_1*t_y
-    w5 = -w2 - w3
+    w5 = out[k + 5] = -w2 - w3
     phi = -theta_1 + theta_2
     gap_x_rate = -v_x_1 + v_x_2
     gap_y_rate = -v_y_1 + v_y_2
-    phi_rate = -omega_1 + omega_2
+    phi_rate = out[k + 10] = -omega_1 + omega_2
     gap_x_second_rate = -a_x_1 + a_x_2
     gap_y_second_rate = -a_y_1 + a_y_2
-    phi_second_rate = -epsilon_1 + epsilon_2
+    phi_second_rate = out[k + 11] = -epsilon_1 + epsilon_2
     out[k] = -gap_x*t_y + gap_y*t_x
     out[k + 1] = -gap_x_rate*t_y + gap_y_rate*t_x - omega_1*w2 - omega_1*w3
     out[k + 2] = epsilon_1*w5 - gap_x_rate*omega_1*t_x - gap_x_second_rate*t_y - gap_y_rate*w4 + gap_y_second_rate*t_x + omega_1*t_x*(-gap_x_rate - gap_y*omega_1) - w4*(-gap_x*omega_1 + gap_y_rate)
-    out[k + 3] = t_y
     out[k + 4] = -t_x
-    out[k + 5] = w5
     out[k + 6] = -t_y
-    out[k + 7] = t_x
     out[k + 8] = out[k + 12] = out[k + 13] = out[k + 15] = out[k + 16] = 0.0
     out[k + 9] = -angle + phi
-    out[k + 10] = phi_rate
-    out[k + 11] = phi_second_rate
     out[k + 14] = -1.0
     out[k + 17] = 1.0
 
@@ -209,12 +190,9 @@ def turn(sec, i, j, d_x, d_y, angle, out, k):
     theta_2 = sec[9 * j + 2]
     omega_2 = sec[9 * j + 5]
     epsilon_2 = sec[9 * j + 8]
-    phi = -theta_1 + theta_2
-    phi_rate = -omega_1 + omega_2
-    phi_second_rate = -epsilon_1 + epsilon_2
-    out[k] = phi
-    out[k + 1] = phi_rate
-    out[k + 2] = phi_second_rate
+    phi = out[k] = -theta_1 + theta_2
+    phi_rate = out[k + 1] = -omega_1 + omega_2
+    phi_second_rate = out[k + 2] = -epsilon_1 + epsilon_2
     out[k + 3] = out[k + 4] = out[k + 6] = out[k + 7] = 0.0
     out[k + 5] = -1.0
     out[k + 8] = 1.0
@@ -242,14 +220,14 @@ def slide(sec, i, j, d_x, d_y, angle, out, k):
     a_y_2 = sec[9 * j + 7]
     w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
-    t_y = d_x*w1 + d_y*w0
+    t_y = out[k + 7] = d_x*w1 + d_y*w0
     gap_x = -x_1 + x_2
     w2 = gap_x*t_y
-    t_x = d_x*w0 - d_y*w1
+    t_x = out[k + 6] = d_x*w0 - d_y*w1
     w3 = omega_1*t_x
     w4 = omega_1*t_y
     gap_y = -y_1 + y_2
-    w5 = gap_y*t_x - w2
+    w5 = out[k + 5] = gap_y*t_x - w2
     gap_x_rate = -v_x_1 + v_x_2
     gap_y_rate = -v_y_1 + v_y_2
     gap_x_second_rate = -a_x_1 + a_x_2
@@ -259,9 +237,6 @@ def slide(sec, i, j, d_x, d_y, angle, out, k):
     out[k + 2] = epsilon_1*w5 - gap_x_rate*w4 + gap_x_second_rate*t_x + gap_y_rate*w3 + gap_y_second_rate*t_y + w3*(-gap_x*omega_1 + gap_y_rate) - w4*(gap_x_rate + gap_y*omega_1)
     out[k + 3] = -t_x
     out[k + 4] = -t_y
-    out[k + 5] = w5
-    out[k + 6] = t_x
-    out[k + 7] = t_y
     out[k + 8] = 0.0
 
 
@@ -280,16 +255,14 @@ def pull_directed(sec, i, j, k, c, L_0, out, n):
     v_y_2 = sec[9 * j + 4]
     gap_y = -y_1 + y_2
     gap_x = -x_1 + x_2
-    length = math.sqrt((gap_x*gap_x) + (gap_y*gap_y))
+    length = out[n] = math.sqrt((gap_x*gap_x) + (gap_y*gap_y))
     w0 = 1.0/length
     w1 = -L_0 + length
     gap_y_rate = -v_y_1 + v_y_2
     gap_x_rate = -v_x_1 + v_x_2
     rate = w0*(gap_x*gap_x_rate + gap_y*gap_y_rate)
-    tension = c*rate + k*w1
+    tension = out[n + 1] = c*rate + k*w1
     w2 = tension*w0
-    out[n] = length
-    out[n + 1] = tension
     out[n + 2] = -gap_x*w2
     out[n + 3] = -gap_y*w2
     out[n + 4] = 0.5*k*(w1*w1)
@@ -307,10 +280,8 @@ def pull_regular(sec, i, j, k, out, n):
     y_2 = sec[9 * j + 1]
     gap_x = -x_1 + x_2
     gap_y = -y_1 + y_2
-    length = math.sqrt((gap_x*gap_x) + (gap_y*gap_y))
-    tension = k*length
-    out[n] = length
-    out[n + 1] = tension
+    length = out[n] = math.sqrt((gap_x*gap_x) + (gap_y*gap_y))
+    tension = out[n + 1] = k*length
     out[n + 2] = -gap_x*k
     out[n + 3] = -gap_y*k
     out[n + 4] = 0.5*k*(length*length)
@@ -326,10 +297,9 @@ def twist(sec, i, j, k, c, phi_0, out, n):
     omega_1 = sec[9 * i + 5]
     theta_2 = sec[9 * j + 2]
     omega_2 = sec[9 * j + 5]
-    phi = -theta_1 + theta_2
+    phi = out[n] = -theta_1 + theta_2
     w0 = phi - phi_0
     phi_rate = -omega_1 + omega_2
-    out[n] = phi
     out[n + 1] = c*phi_rate + k*w0
     out[n + 2] = out[n + 3] = 0.0
     out[n + 4] = 0.5*k*(w0*w0)

@@ -140,26 +140,18 @@ def motion(t, p, s):
     clock_speed = p[9]
     clock_angle = p[10]
     pull_value = p[11]
-    clock_coordinate = clock_angle + clock_speed*t
+    clock_coordinate = s[5] = clock_angle + clock_speed*t
     w0 = math.cos(clock_coordinate)
-    cos_clock = w0
-    sin_clock = math.sin(clock_coordinate)
-    w_bar = far_branch*math.sqrt((bar_length*bar_length))
-    c_bar = w_bar/bar_length
-    pulse = -2.0*w0
-    far_force_x = -pull_value - pulse
-    bar_link_P_0 = -c_bar*far_force_x
-    s[4] = bar_link_P_0
-    s[5] = clock_coordinate
+    cos_clock = s[7] = w0
+    sin_clock = s[8] = math.sin(clock_coordinate)
+    w_bar = s[11] = far_branch*math.sqrt((bar_length*bar_length))
+    c_bar = s[10] = w_bar/bar_length
+    pulse = s[15] = -2.0*w0
+    far_force_x = s[12] = s[13] = -pull_value - pulse
+    bar_link_P_0 = s[4] = -c_bar*far_force_x
     s[6] = ground_aside_x
-    s[7] = cos_clock
-    s[8] = sin_clock
     s[9] = clock_speed
-    s[10] = c_bar
-    s[11] = w_bar
-    s[12] = s[13] = far_force_x
     s[14] = pull_value
-    s[15] = pulse
 
 
 @njit(**OPTIONS)

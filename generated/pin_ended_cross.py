@@ -218,32 +218,23 @@ def motion(t, p, s):
     arm_4_pose_x = p[21]
     arm_4_pose_y = p[22]
     arm_4_pose_angle = p[23]
-    push = 1000.0*math.sin(22.0*math.pi*t)
-    c_arm_1 = math.cos(arm_1_pose_angle)
-    s_arm_1 = math.sin(arm_1_pose_angle)
-    c_arm_2 = math.cos(arm_2_pose_angle)
-    s_arm_2 = math.sin(arm_2_pose_angle)
-    c_arm_3 = math.cos(arm_3_pose_angle)
-    s_arm_3 = math.sin(arm_3_pose_angle)
-    c_arm_4 = math.cos(arm_4_pose_angle)
-    s_arm_4 = math.sin(arm_4_pose_angle)
-    s[20] = push
+    push = s[20] = 1000.0*math.sin(22.0*math.pi*t)
+    c_arm_1 = s[23] = math.cos(arm_1_pose_angle)
+    s_arm_1 = s[24] = math.sin(arm_1_pose_angle)
+    c_arm_2 = s[27] = math.cos(arm_2_pose_angle)
+    s_arm_2 = s[28] = math.sin(arm_2_pose_angle)
+    c_arm_3 = s[31] = math.cos(arm_3_pose_angle)
+    s_arm_3 = s[32] = math.sin(arm_3_pose_angle)
+    c_arm_4 = s[35] = math.cos(arm_4_pose_angle)
+    s_arm_4 = s[36] = math.sin(arm_4_pose_angle)
     s[21] = arm_1_pose_x
     s[22] = arm_1_pose_y
-    s[23] = c_arm_1
-    s[24] = s_arm_1
     s[25] = arm_2_pose_x
     s[26] = arm_2_pose_y
-    s[27] = c_arm_2
-    s[28] = s_arm_2
     s[29] = arm_3_pose_x
     s[30] = arm_3_pose_y
-    s[31] = c_arm_3
-    s[32] = s_arm_3
     s[33] = arm_4_pose_x
     s[34] = arm_4_pose_y
-    s[35] = c_arm_4
-    s[36] = s_arm_4
 
 
 @njit(**OPTIONS)

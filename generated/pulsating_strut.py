@@ -146,38 +146,25 @@ def motion(t, p, s):
     clock_angle = p[10]
     mean_value = p[11]
     gravity_y = p[12]
-    clock_coordinate = clock_angle + clock_speed*t
+    clock_coordinate = s[5] = clock_angle + clock_speed*t
     w0 = math.cos(clock_coordinate)
     w1 = 1.0/strut_length
     w2 = strut_mass*gravity_y
-    cos_clock = w0
-    sin_clock = math.sin(clock_coordinate)
-    w_strut = far_branch*math.sqrt((strut_length*strut_length))
-    c_strut = w1*w_strut
-    pulse = 518.0*w0
-    clock_force_y = -rotor_mass*gravity_y
-    far_force_x = mean_value + pulse
-    far_force_y = strut_centre_x*w1*w2
-    near_force_y = far_force_y - w2
-    guide_normal = -block_mass*gravity_y - far_force_y
-    strut_link_a_y = -c_strut*gravity_y
-    strut_link_P_0 = -c_strut*far_force_x
-    s[3] = strut_link_a_y
-    s[4] = strut_link_P_0
-    s[5] = clock_coordinate
+    cos_clock = s[7] = w0
+    sin_clock = s[8] = math.sin(clock_coordinate)
+    w_strut = s[11] = far_branch*math.sqrt((strut_length*strut_length))
+    c_strut = s[10] = w1*w_strut
+    pulse = s[19] = 518.0*w0
+    clock_force_y = s[12] = -rotor_mass*gravity_y
+    far_force_x = s[13] = s[16] = mean_value + pulse
+    far_force_y = s[17] = strut_centre_x*w1*w2
+    near_force_y = s[14] = far_force_y - w2
+    guide_normal = s[15] = -block_mass*gravity_y - far_force_y
+    strut_link_a_y = s[3] = -c_strut*gravity_y
+    strut_link_P_0 = s[4] = -c_strut*far_force_x
     s[6] = ground_aside_x
-    s[7] = cos_clock
-    s[8] = sin_clock
     s[9] = clock_speed
-    s[10] = c_strut
-    s[11] = w_strut
-    s[12] = clock_force_y
-    s[13] = s[16] = far_force_x
-    s[14] = near_force_y
-    s[15] = guide_normal
-    s[17] = far_force_y
     s[18] = mean_value
-    s[19] = pulse
 
 
 @njit(**OPTIONS)

@@ -113,21 +113,14 @@ def motion(t, p, s):
     blade_length = p[5]
     push_value = p[6]
     w0 = blade_centre_x*blade_mass*(shaft_speed*shaft_speed)
-    shaft_coordinate = shaft_angle + shaft_speed*t
-    cos_shaft = math.cos(shaft_coordinate)
-    sin_shaft = math.sin(shaft_coordinate)
-    shaft_force_x = -cos_shaft*w0
-    shaft_force_y = -push_value - sin_shaft*w0
-    shaft_drive = -blade_length*cos_shaft*push_value
-    blade_link_P_0 = -cos_shaft*shaft_force_x - shaft_force_y*sin_shaft
+    shaft_coordinate = s[5] = shaft_angle + shaft_speed*t
+    cos_shaft = s[6] = math.cos(shaft_coordinate)
+    sin_shaft = s[7] = math.sin(shaft_coordinate)
+    shaft_force_x = s[9] = -cos_shaft*w0
+    shaft_force_y = s[10] = -push_value - sin_shaft*w0
+    shaft_drive = s[11] = -blade_length*cos_shaft*push_value
+    blade_link_P_0 = s[4] = -cos_shaft*shaft_force_x - shaft_force_y*sin_shaft
     s[0] = s[8] = shaft_speed
-    s[4] = blade_link_P_0
-    s[5] = shaft_coordinate
-    s[6] = cos_shaft
-    s[7] = sin_shaft
-    s[9] = shaft_force_x
-    s[10] = shaft_force_y
-    s[11] = shaft_drive
     s[12] = push_value
 
 

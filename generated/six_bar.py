@@ -246,7 +246,7 @@ def motion(t, p, s):
     right_rocker_seed_c = p[36]
     right_rocker_seed_s = p[37]
     right_knee_side = p[38]
-    main_coordinate = main_angle + main_speed*t
+    main_coordinate = s[10] = main_angle + main_speed*t
     seed_rod_s = table(main_coordinate, p, int(rod_seed_s))
     seed_rod_c = table(main_coordinate, p, int(rod_seed_c))
     size_rod = math.sqrt((seed_rod_c*seed_rod_c) + (seed_rod_s*seed_rod_s))
@@ -265,7 +265,7 @@ def motion(t, p, s):
     w3 = 1.0/size_right_rocker
     c_left_rocker_0 = seed_left_rocker_c*w2
     w4 = -left_rocker_length*c_left_rocker_0
-    cos_main = math.cos(main_coordinate)
+    cos_main = s[11] = math.cos(main_coordinate)
     w5 = crank_length*cos_main
     w6 = -ground_left_x
     w7 = w5 + w6
@@ -284,7 +284,7 @@ def motion(t, p, s):
     w16 = w14 + w15
     s_left_rocker_0 = seed_left_rocker_s*w2
     w17 = left_rocker_length*s_left_rocker_0
-    sin_main = math.sin(main_coordinate)
+    sin_main = s[12] = math.sin(main_coordinate)
     w18 = -crank_length*sin_main + ground_left_y
     c_right_rocker_0 = seed_right_rocker_c*w3
     w19 = -right_rocker_length*c_right_rocker_0
@@ -390,37 +390,37 @@ def motion(t, p, s):
     change_rod_1 = inverse_det_change_left_rocker_1*(slope_right_knee_0_2_1*(slope_right_knee_1_1_1*w56 - w59) + w51*w60 - w54*w56)
     ds_rod_1 = math.sin(change_rod_1)
     dc_rod_1 = math.cos(change_rod_1)
-    s_rod_2 = c_rod_1*ds_rod_1 + dc_rod_1*s_rod_1
+    s_rod_2 = s[17] = c_rod_1*ds_rod_1 + dc_rod_1*s_rod_1
     w64 = rod_length*s_rod_2
     w65 = -w64
     change_platform_1 = inverse_det_change_left_rocker_1*(slope_right_knee_0_2_1*w58 - w52*w57 + w53*w60)
     ds_platform_1 = math.sin(change_platform_1)
     dc_platform_1 = math.cos(change_platform_1)
-    s_platform_2 = c_platform_1*ds_platform_1 + dc_platform_1*s_platform_1
+    s_platform_2 = s[27] = c_platform_1*ds_platform_1 + dc_platform_1*s_platform_1
     w66 = platform_knee_x*s_platform_2
-    c_platform_2 = c_platform_1*dc_platform_1 - ds_platform_1*s_platform_1
+    c_platform_2 = s[26] = c_platform_1*dc_platform_1 - ds_platform_1*s_platform_1
     w67 = platform_knee_y*c_platform_2
     w68 = w66 + w67
     change_left_rocker_1 = inverse_det_change_left_rocker_1*(-gap_right_knee_0_1*w55 - slope_right_knee_0_0_1*(-slope_right_knee_1_1_1*w57 - w59) - slope_right_knee_0_1_1*w58)
     ds_left_rocker_1 = math.sin(change_left_rocker_1)
     dc_left_rocker_1 = math.cos(change_left_rocker_1)
-    s_left_rocker_2 = c_left_rocker_1*ds_left_rocker_1 + dc_left_rocker_1*s_left_rocker_1
+    s_left_rocker_2 = s[37] = c_left_rocker_1*ds_left_rocker_1 + dc_left_rocker_1*s_left_rocker_1
     w69 = left_rocker_length*s_left_rocker_2
-    c_rod_2 = c_rod_1*dc_rod_1 - ds_rod_1*s_rod_1
+    c_rod_2 = s[16] = c_rod_1*dc_rod_1 - ds_rod_1*s_rod_1
     w70 = rod_length*c_rod_2
     w71 = platform_knee_x*c_platform_2
     w72 = -platform_knee_y*s_platform_2 + w71
     w73 = -w72
-    c_left_rocker_2 = c_left_rocker_1*dc_left_rocker_1 - ds_left_rocker_1*s_left_rocker_1
+    c_left_rocker_2 = s[36] = c_left_rocker_1*dc_left_rocker_1 - ds_left_rocker_1*s_left_rocker_1
     w74 = left_rocker_length*c_left_rocker_2
     w75 = -w74
     change_right_rocker_1 = inverse_det_change_left_rocker_1*(-gap_right_knee_2_1*(slope_right_knee_3_0_1*w63 - slope_right_knee_3_1_1*w61) - slope_right_knee_2_0_1*(-gap_right_knee_3_1*w63 - slope_right_knee_3_1_1*w62) - slope_right_knee_2_1_1*(gap_right_knee_3_1*w61 + slope_right_knee_3_0_1*w62))
     ds_right_rocker_1 = math.sin(change_right_rocker_1)
     dc_right_rocker_1 = math.cos(change_right_rocker_1)
-    s_right_rocker_2 = c_right_rocker_1*ds_right_rocker_1 + dc_right_rocker_1*s_right_rocker_1
+    s_right_rocker_2 = s[42] = c_right_rocker_1*ds_right_rocker_1 + dc_right_rocker_1*s_right_rocker_1
     w76 = right_rocker_length*s_right_rocker_2
     w77 = platform_knee_y*s_platform_2
-    c_right_rocker_2 = c_right_rocker_1*dc_right_rocker_1 - ds_right_rocker_1*s_right_rocker_1
+    c_right_rocker_2 = s[41] = c_right_rocker_1*dc_right_rocker_1 - ds_right_rocker_1*s_right_rocker_1
     w78 = right_rocker_length*c_right_rocker_2
     w79 = -w78
     slope_right_knee_3_3_ = w79
@@ -453,8 +453,8 @@ def motion(t, p, s):
     w101 = -w100
     w102 = -w101*w70 + w64*w98
     w103 = 1.0/(w102*w69 + w64*w97 - w92)
-    v_y_rod = main_speed*w5
-    v_x_rod = -main_speed*w24
+    v_y_rod = s[19] = main_speed*w5
+    v_x_rod = s[18] = -main_speed*w24
     w104 = v_x_rod*w70 + v_y_rod*w64
     w105 = -w104
     w106 = w74*w89
@@ -464,14 +464,14 @@ def motion(t, p, s):
     w109 = w69*w85
     w110 = w74*w87
     w111 = main_speed*main_speed
-    omega_left_rocker = w108
+    omega_left_rocker = s[38] = w108
     w112 = omega_left_rocker*omega_left_rocker
     w113 = w112*w74
-    omega_platform = inverse_det_v_x_platform*(left_rocker_length*right_rocker_length*c_right_rocker_2*s_left_rocker_2*w104 - w104*w91)
+    omega_platform = s[30] = inverse_det_v_x_platform*(left_rocker_length*right_rocker_length*c_right_rocker_2*s_left_rocker_2*w104 - w104*w91)
     w114 = omega_platform*omega_platform
-    omega_rod = inverse_det_v_x_platform*(v_x_rod*w97 + v_y_rod*w107 + w69*(v_x_rod*w98 + v_y_rod*w101))
+    omega_rod = s[0] = s[20] = inverse_det_v_x_platform*(v_x_rod*w97 + v_y_rod*w107 + w69*(v_x_rod*w98 + v_y_rod*w101))
     w115 = omega_rod*omega_rod
-    a_x_rod = -w111*w5
+    a_x_rod = s[21] = -w111*w5
     w116 = a_x_rod + w114*w71 - w114*w77 - w115*w70
     w117 = w70*w95
     w118 = w68*w70
@@ -481,7 +481,7 @@ def motion(t, p, s):
     w122 = w112*w69
     w123 = w122*(w118*w76 + w121*w64)
     w124 = w114*w85
-    omega_right_rocker = inverse_det_v_x_platform*(w104*w109 - w104*w110)
+    omega_right_rocker = s[5] = s[43] = inverse_det_v_x_platform*(w104*w109 - w104*w110)
     w125 = omega_right_rocker*omega_right_rocker
     w126 = w125*w78
     w127 = w124 - w126
@@ -490,7 +490,7 @@ def motion(t, p, s):
     w130 = w127*w78 + w129
     w131 = -w130
     w132 = w118*w131
-    a_y_rod = -w111*w24
+    a_y_rod = s[22] = -w111*w24
     w133 = a_y_rod + w114*w66 + w114*w67 - w115*w64
     w134 = w131*w72 + w133*w95
     w135 = w134*w64
@@ -519,31 +519,31 @@ def motion(t, p, s):
     w158 = rod_mass*gravity_y
     w159 = rod_centre_x*c_rod_2
     inverse_det_a_x_platform = w103
-    epsilon_rod = inverse_det_a_x_platform*(w113*w97 + w136*(w138*w72 - w96) + w68*(w138*w141 + w140 - w74*(-w130 - w142)) + w69*(w121*w122 + w134))
+    epsilon_rod = s[1] = s[23] = inverse_det_a_x_platform*(w113*w97 + w136*(w138*w72 - w96) + w68*(w138*w141 + w140 - w74*(-w130 - w142)) + w69*(w121*w122 + w134))
     w160 = -a_y_rod*rod_centre_x*rod_mass*c_rod_2 - epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) + w156*w157 + w158*w159
     w161 = -w160
     w162 = -w95
     w163 = left_rocker_mass*gravity_y
     w164 = left_rocker_centre_x*c_left_rocker_2
     w165 = w163*w164
-    epsilon_left_rocker = inverse_det_a_x_platform*(w123 - w143)
+    epsilon_left_rocker = s[39] = inverse_det_a_x_platform*(w123 - w143)
     w166 = epsilon_left_rocker*((left_rocker_centre_x*left_rocker_centre_x)*left_rocker_mass + left_rocker_inertia)
     w167 = w165 - w166
     w168 = -w167
-    a_y_platform = inverse_det_a_x_platform*(-w122*(-w137*w144 - w70*(w145*w69 + w146)) - w143*w74)
+    a_y_platform = s[32] = inverse_det_a_x_platform*(-w122*(-w137*w144 - w70*(w145*w69 + w146)) - w143*w74)
     w169 = a_y_platform*platform_mass
     w170 = platform_mass*gravity_y
     w171 = platform_centre_x*platform_mass
     w172 = c_platform_2*w171
     w173 = s_platform_2*w171
-    epsilon_platform = inverse_det_a_x_platform*(rod_length*c_rod_2*w136*w138 + left_rocker_length*s_left_rocker_2*(-w122*w151 - w70*(w129 - w152)) - w148*w151 - w64*(w133*w138 - w140 - w74*(w129 + w142 - w152)))
+    epsilon_platform = s[33] = inverse_det_a_x_platform*(rod_length*c_rod_2*w136*w138 + left_rocker_length*s_left_rocker_2*(-w122*w151 - w70*(w129 - w152)) - w148*w151 - w64*(w133*w138 - w140 - w74*(w129 + w142 - w152)))
     w174 = epsilon_platform*w172 - w114*w173 + w169 - w170
     w175 = right_rocker_mass*gravity_y
     w176 = right_rocker_centre_x*c_right_rocker_2
-    epsilon_right_rocker = inverse_det_a_x_platform*(w127*(w118*w74 + w64*(-w72*w74 + w74*w85)) + w147*w148 + w69*(w122*w147 - w128*(-w144 - w150) + w85*(-w141*w64 - w70*(-w116 + w124 - w126))) + w87*(w136*w70*w74 + w64*(w128*w74 - w133*w74)))
+    epsilon_right_rocker = s[6] = s[44] = inverse_det_a_x_platform*(w127*(w118*w74 + w64*(-w72*w74 + w74*w85)) + w147*w148 + w69*(w122*w147 - w128*(-w144 - w150) + w85*(-w141*w64 - w70*(-w116 + w124 - w126))) + w87*(w136*w70*w74 + w64*(w128*w74 - w133*w74)))
     w177 = -epsilon_right_rocker*((right_rocker_centre_x*right_rocker_centre_x)*right_rocker_mass + right_rocker_inertia) + w175*w176
     w178 = -w177
-    a_x_platform = inverse_det_a_x_platform*(left_rocker_length*s_left_rocker_2*(-w116*w117 - w123 + w132 - w135) - w113*(rod_length*s_rod_2*w97 - w92))
+    a_x_platform = s[31] = inverse_det_a_x_platform*(left_rocker_length*s_left_rocker_2*(-w116*w117 - w123 + w132 - w135) - w113*(rod_length*s_rod_2*w97 - w92))
     w179 = a_x_platform*platform_centre_x*platform_mass*s_platform_2
     w180 = platform_centre_x*c_platform_2
     w181 = w170*w180
@@ -579,98 +579,44 @@ def motion(t, p, s):
     slope_right_knee_1_0_ = w70
     slope_right_knee_1_1_ = w73
     slope_right_knee_1_2_ = w75
-    closure_right_knee = right_knee_side*(-slope_right_knee_0_0_*slope_right_knee_1_2_*w81 + slope_right_knee_0_1_*slope_right_knee_1_2_*w80 + slope_right_knee_0_2_*(slope_right_knee_1_0_*w81 - slope_right_knee_1_1_*w80))
+    closure_right_knee = s[60] = right_knee_side*(-slope_right_knee_0_0_*slope_right_knee_1_2_*w81 + slope_right_knee_0_1_*slope_right_knee_1_2_*w80 + slope_right_knee_0_2_*(slope_right_knee_1_0_*w81 - slope_right_knee_1_1_*w80))
     left_right_knee_0 = w6 + w75 + w84
     left_right_knee_1 = -w18 - w65 - w68 - w69
     left_right_knee_2 = w20 + w79 + w83 + w86
     left_right_knee_3 = -w76 + w87 + w88
-    gap_right_knee = math.sqrt((left_right_knee_0*left_right_knee_0) + (left_right_knee_1*left_right_knee_1) + (left_right_knee_2*left_right_knee_2) + (left_right_knee_3*left_right_knee_3))
-    x_rod = w5
-    y_rod = w24
-    x_platform = w84
-    y_platform = w88
-    v_x_platform = inverse_det_v_x_platform*w69*(w105*w93 - w105*w94)
-    v_y_platform = w108*w74
+    gap_right_knee = s[61] = math.sqrt((left_right_knee_0*left_right_knee_0) + (left_right_knee_1*left_right_knee_1) + (left_right_knee_2*left_right_knee_2) + (left_right_knee_3*left_right_knee_3))
+    x_rod = s[14] = w5
+    y_rod = s[15] = w24
+    x_platform = s[24] = w84
+    y_platform = s[25] = w88
+    v_x_platform = s[28] = inverse_det_v_x_platform*w69*(w105*w93 - w105*w94)
+    v_y_platform = s[29] = w108*w74
     inverse_det_head_force_y = 1.0/(-w154*w64 - w155*w70)
-    head_force_y = inverse_det_head_force_y*(w155*w161 - w64*(platform_length*left_rocker_length*c_platform_2*s_left_rocker_2*w178 + left_rocker_length*c_left_rocker_2*(w174*w95 - w186) - w162*w168 - w189))
-    left_knee_force_x = inverse_det_head_force_y*(w167*(-w144*w78 - w70*(w145 + w95)) - w74*(w160*w190 - w64*(w121*w187 - w177*w86 + w193) - w70*(w100*w191 + w149*w178 + w76*(w184 + w188*w89))))
-    right_knee_force_y = inverse_det_head_force_y*(w177*(w150*w69 + w64*(w110 + w153)) + w76*(w161*w194 - w64*(left_rocker_length*c_left_rocker_2*w185 - w153*w188 - w73*(-w174*w74 - w196)) - w70*(-w185*w69 - w195 + w197*w68)))
-    head_force_x = inverse_det_head_force_y*(w154*w160 - w70*(-w109*w177 + w162*w167 - w189 - w74*(w186 + w191*w95)))
-    left_knee_force_y = inverse_det_head_force_y*(w168*(-w120*w64 - w76*w90) - w69*(w160*w190 + w64*(w121*w188 - w178*w86 - w193) - w70*(w100*w191 - w149*w177 - w76*(w187*w89 + w192))))
-    right_knee_force_x = inverse_det_head_force_y*(w178*(-w64*w74*w86 - w70*(-w106 - w109)) + w78*(w161*w194 + w64*(left_rocker_length*c_left_rocker_2*w184 - w153*w187 - w73*(-w167 - w191*w74)) - w70*(left_rocker_length*s_left_rocker_2*w184 - w195 - w197*w89)))
-    pin_force_x = -epsilon_rod*w198 + head_force_x - w115*w199 + w156
-    main_force_x = pin_force_x - w200*w201
-    pin_force_y = a_y_rod*rod_mass + epsilon_rod*w199 + head_force_y - w115*w198 - w158
-    main_force_y = -crank_centre_x*sin_main*w201 + pin_force_y - w202
-    main_drive = crank_length*cos_main*pin_force_y - pin_force_x*w24 - w200*w202
-    left_force_x = -epsilon_left_rocker*w203 + left_knee_force_x - w112*w204
-    left_force_y = epsilon_left_rocker*w204 + left_knee_force_y - w112*w203 - w163
-    right_force_x = -epsilon_right_rocker*w205 + right_knee_force_x - w125*w206
-    right_force_y = epsilon_right_rocker*w206 + right_knee_force_y - w125*w205 - w175
-    rod_link_a_x = a_x_rod*c_rod_2 + s_rod_2*w207
-    rod_link_a_y = -a_x_rod*s_rod_2 + c_rod_2*w207
-    rod_link_P_0 = -c_rod_2*pin_force_x - pin_force_y*s_rod_2
-    right_rocker_link_a_x = -gravity_y*s_right_rocker_2
-    right_rocker_link_a_y = -c_right_rocker_2*gravity_y
-    right_rocker_link_P_0 = -c_right_rocker_2*right_force_x - right_force_y*s_right_rocker_2
-    s[0] = s[20] = omega_rod
-    s[1] = s[23] = epsilon_rod
-    s[2] = rod_link_a_x
-    s[3] = rod_link_a_y
-    s[4] = rod_link_P_0
-    s[5] = s[43] = omega_right_rocker
-    s[6] = s[44] = epsilon_right_rocker
-    s[7] = right_rocker_link_a_x
-    s[8] = right_rocker_link_a_y
-    s[9] = right_rocker_link_P_0
-    s[10] = main_coordinate
-    s[11] = cos_main
-    s[12] = sin_main
+    head_force_y = s[50] = inverse_det_head_force_y*(w155*w161 - w64*(platform_length*left_rocker_length*c_platform_2*s_left_rocker_2*w178 + left_rocker_length*c_left_rocker_2*(w174*w95 - w186) - w162*w168 - w189))
+    left_knee_force_x = s[53] = inverse_det_head_force_y*(w167*(-w144*w78 - w70*(w145 + w95)) - w74*(w160*w190 - w64*(w121*w187 - w177*w86 + w193) - w70*(w100*w191 + w149*w178 + w76*(w184 + w188*w89))))
+    right_knee_force_y = s[58] = inverse_det_head_force_y*(w177*(w150*w69 + w64*(w110 + w153)) + w76*(w161*w194 - w64*(left_rocker_length*c_left_rocker_2*w185 - w153*w188 - w73*(-w174*w74 - w196)) - w70*(-w185*w69 - w195 + w197*w68)))
+    head_force_x = s[49] = inverse_det_head_force_y*(w154*w160 - w70*(-w109*w177 + w162*w167 - w189 - w74*(w186 + w191*w95)))
+    left_knee_force_y = s[54] = inverse_det_head_force_y*(w168*(-w120*w64 - w76*w90) - w69*(w160*w190 + w64*(w121*w188 - w178*w86 - w193) - w70*(w100*w191 - w149*w177 - w76*(w187*w89 + w192))))
+    right_knee_force_x = s[57] = inverse_det_head_force_y*(w178*(-w64*w74*w86 - w70*(-w106 - w109)) + w78*(w161*w194 + w64*(left_rocker_length*c_left_rocker_2*w184 - w153*w187 - w73*(-w167 - w191*w74)) - w70*(left_rocker_length*s_left_rocker_2*w184 - w195 - w197*w89)))
+    pin_force_x = s[47] = -epsilon_rod*w198 + head_force_x - w115*w199 + w156
+    main_force_x = s[45] = pin_force_x - w200*w201
+    pin_force_y = s[48] = a_y_rod*rod_mass + epsilon_rod*w199 + head_force_y - w115*w198 - w158
+    main_force_y = s[46] = -crank_centre_x*sin_main*w201 + pin_force_y - w202
+    main_drive = s[59] = crank_length*cos_main*pin_force_y - pin_force_x*w24 - w200*w202
+    left_force_x = s[51] = -epsilon_left_rocker*w203 + left_knee_force_x - w112*w204
+    left_force_y = s[52] = epsilon_left_rocker*w204 + left_knee_force_y - w112*w203 - w163
+    right_force_x = s[55] = -epsilon_right_rocker*w205 + right_knee_force_x - w125*w206
+    right_force_y = s[56] = epsilon_right_rocker*w206 + right_knee_force_y - w125*w205 - w175
+    rod_link_a_x = s[2] = a_x_rod*c_rod_2 + s_rod_2*w207
+    rod_link_a_y = s[3] = -a_x_rod*s_rod_2 + c_rod_2*w207
+    rod_link_P_0 = s[4] = -c_rod_2*pin_force_x - pin_force_y*s_rod_2
+    right_rocker_link_a_x = s[7] = -gravity_y*s_right_rocker_2
+    right_rocker_link_a_y = s[8] = -c_right_rocker_2*gravity_y
+    right_rocker_link_P_0 = s[9] = -c_right_rocker_2*right_force_x - right_force_y*s_right_rocker_2
     s[13] = main_speed
-    s[14] = x_rod
-    s[15] = y_rod
-    s[16] = c_rod_2
-    s[17] = s_rod_2
-    s[18] = v_x_rod
-    s[19] = v_y_rod
-    s[21] = a_x_rod
-    s[22] = a_y_rod
-    s[24] = x_platform
-    s[25] = y_platform
-    s[26] = c_platform_2
-    s[27] = s_platform_2
-    s[28] = v_x_platform
-    s[29] = v_y_platform
-    s[30] = omega_platform
-    s[31] = a_x_platform
-    s[32] = a_y_platform
-    s[33] = epsilon_platform
     s[34] = ground_left_x
     s[35] = ground_left_y
-    s[36] = c_left_rocker_2
-    s[37] = s_left_rocker_2
-    s[38] = omega_left_rocker
-    s[39] = epsilon_left_rocker
     s[40] = ground_right_x
-    s[41] = c_right_rocker_2
-    s[42] = s_right_rocker_2
-    s[45] = main_force_x
-    s[46] = main_force_y
-    s[47] = pin_force_x
-    s[48] = pin_force_y
-    s[49] = head_force_x
-    s[50] = head_force_y
-    s[51] = left_force_x
-    s[52] = left_force_y
-    s[53] = left_knee_force_x
-    s[54] = left_knee_force_y
-    s[55] = right_force_x
-    s[56] = right_force_y
-    s[57] = right_knee_force_x
-    s[58] = right_knee_force_y
-    s[59] = main_drive
-    s[60] = closure_right_knee
-    s[61] = gap_right_knee
 
 
 @njit(**OPTIONS)

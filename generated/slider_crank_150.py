@@ -146,74 +146,48 @@ def motion(t, p, s):
     guide_branch = p[7]
     main_speed = p[8]
     main_angle = p[9]
-    main_coordinate = main_angle + main_speed*t
-    sin_main = math.sin(main_coordinate)
+    main_coordinate = s[5] = main_angle + main_speed*t
+    sin_main = s[7] = math.sin(main_coordinate)
     w0 = crank_length*sin_main
     w1 = rod_length*rod_length
     w2 = 1.0/rod_length
-    cos_main = math.cos(main_coordinate)
+    cos_main = s[6] = math.cos(main_coordinate)
     w3 = crank_length*cos_main
     gamma_rod = -w0
-    closure_guide = -(gamma_rod*gamma_rod)/w1 + 1.0
+    closure_guide = s[31] = -(gamma_rod*gamma_rod)/w1 + 1.0
     w_rod = guide_branch*math.sqrt(closure_guide*w1)
-    c_rod = w2*w_rod
+    c_rod = s[11] = w2*w_rod
     w4 = w2/c_rod
-    s_rod = gamma_rod*w2
+    s_rod = s[12] = gamma_rod*w2
     w5 = rod_length*s_rod
     w6 = main_speed*main_speed
-    v_y_rod = main_speed*w3
-    omega_rod = -v_y_rod*w4
+    v_y_rod = s[14] = main_speed*w3
+    omega_rod = s[0] = s[15] = -v_y_rod*w4
     w7 = omega_rod*omega_rod
     w8 = c_rod*w7
-    a_x_rod = -w3*w6
+    a_x_rod = s[16] = -w3*w6
     w9 = a_x_rod*rod_mass
     w10 = rod_centre_x*rod_mass
-    a_y_rod = -w0*w6
-    epsilon_rod = -w4*(a_y_rod - w5*w7)
+    a_y_rod = s[17] = -w0*w6
+    epsilon_rod = s[1] = s[18] = -w4*(a_y_rod - w5*w7)
     w11 = epsilon_rod*w10
-    x_rod = w3
-    y_rod = w0
-    x_slider = w3 + w_rod
-    y_slider = gamma_rod + w0
-    v_x_rod = -main_speed*w0
-    v_x_slider = -omega_rod*w5 + v_x_rod
-    a_x_slider = a_x_rod - rod_length*w8 - epsilon_rod*w5
-    wrist_force_x = a_x_slider*slider_mass
-    pin_force_x = wrist_force_x - s_rod*w11 - w10*w8 + w9
-    wrist_force_y = -w4*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w9 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w5)
-    pin_force_y = a_y_rod*rod_mass + c_rod*w11 + wrist_force_y - s_rod*w10*w7
-    main_drive = -pin_force_x*w0 + pin_force_y*w3
-    rod_link_a_x = a_x_rod*c_rod + a_y_rod*s_rod
-    rod_link_a_y = -a_x_rod*s_rod + a_y_rod*c_rod
-    rod_link_P_0 = -c_rod*pin_force_x - pin_force_y*s_rod
-    s[0] = s[15] = omega_rod
-    s[1] = s[18] = epsilon_rod
-    s[2] = rod_link_a_x
-    s[3] = rod_link_a_y
-    s[4] = rod_link_P_0
-    s[5] = main_coordinate
-    s[6] = cos_main
-    s[7] = sin_main
+    x_rod = s[9] = w3
+    y_rod = s[10] = w0
+    x_slider = s[19] = w3 + w_rod
+    y_slider = s[20] = gamma_rod + w0
+    v_x_rod = s[13] = -main_speed*w0
+    v_x_slider = s[21] = -omega_rod*w5 + v_x_rod
+    a_x_slider = s[22] = a_x_rod - rod_length*w8 - epsilon_rod*w5
+    wrist_force_x = s[27] = a_x_slider*slider_mass
+    pin_force_x = s[23] = s[25] = wrist_force_x - s_rod*w11 - w10*w8 + w9
+    wrist_force_y = s[28] = -w4*(a_y_rod*rod_centre_x*rod_mass*c_rod - rod_centre_x*s_rod*w9 + epsilon_rod*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia) - wrist_force_x*w5)
+    pin_force_y = s[24] = s[26] = a_y_rod*rod_mass + c_rod*w11 + wrist_force_y - s_rod*w10*w7
+    main_drive = s[30] = -pin_force_x*w0 + pin_force_y*w3
+    rod_link_a_x = s[2] = a_x_rod*c_rod + a_y_rod*s_rod
+    rod_link_a_y = s[3] = -a_x_rod*s_rod + a_y_rod*c_rod
+    rod_link_P_0 = s[4] = -c_rod*pin_force_x - pin_force_y*s_rod
     s[8] = main_speed
-    s[9] = x_rod
-    s[10] = y_rod
-    s[11] = c_rod
-    s[12] = s_rod
-    s[13] = v_x_rod
-    s[14] = v_y_rod
-    s[16] = a_x_rod
-    s[17] = a_y_rod
-    s[19] = x_slider
-    s[20] = y_slider
-    s[21] = v_x_slider
-    s[22] = a_x_slider
-    s[23] = s[25] = pin_force_x
-    s[24] = s[26] = pin_force_y
-    s[27] = wrist_force_x
-    s[28] = wrist_force_y
     s[29] = -wrist_force_y
-    s[30] = main_drive
-    s[31] = closure_guide
 
 
 @njit(**OPTIONS)

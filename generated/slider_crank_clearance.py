@@ -172,73 +172,46 @@ def motion(t, p, s):
     bore_angle_table = p[13]
     bore_speed_table = p[14]
     bore_acceleration_table = p[15]
-    main_coordinate = main_angle + main_speed*t
-    cos_main = math.cos(main_coordinate)
+    main_coordinate = s[5] = main_angle + main_speed*t
+    cos_main = s[8] = math.cos(main_coordinate)
     w0 = crank_length*cos_main
-    sin_main = math.sin(main_coordinate)
+    sin_main = s[9] = math.sin(main_coordinate)
     w1 = crank_length*sin_main
     w2 = main_speed*main_speed
     w3 = rod_centre_x*rod_mass
-    pin_coordinate = table(t, p, int(pin_angle_table))
+    pin_coordinate = s[6] = table(t, p, int(pin_angle_table))
     sin_pin = math.sin(pin_coordinate)
     cos_pin = math.cos(pin_coordinate)
-    s_rod = cos_main*sin_pin + cos_pin*sin_main
+    s_rod = s[14] = cos_main*sin_pin + cos_pin*sin_main
     w4 = s_rod*w3
     pin_rate = table(t, p, int(pin_speed_table))
-    omega_rod = main_speed + pin_rate
+    omega_rod = s[0] = s[17] = main_speed + pin_rate
     w5 = omega_rod*omega_rod
-    c_rod = cos_main*cos_pin - sin_main*sin_pin
+    c_rod = s[13] = cos_main*cos_pin - sin_main*sin_pin
     w6 = c_rod*w3
     w7 = crank_centre_x*crank_mass*w2
-    a_y_rod = -w1*w2
+    a_y_rod = s[19] = -w1*w2
     w8 = a_y_rod*rod_mass
-    pin_acceleration = table(t, p, int(pin_acceleration_table))
-    bore_coordinate = table(t, p, int(bore_angle_table))
-    bore_rate = table(t, p, int(bore_speed_table))
-    bore_acceleration = table(t, p, int(bore_acceleration_table))
-    x_rod = w0
-    y_rod = w1
-    v_x_rod = -main_speed*w1
-    v_y_rod = main_speed*w0
-    a_x_rod = -w0*w2
-    pin_force_x = a_x_rod*rod_mass - pin_acceleration*w4 - w5*w6
-    main_force_x = -cos_main*w7 + pin_force_x
-    pin_force_y = pin_acceleration*w6 - w4*w5 + w8
-    main_force_y = pin_force_y - sin_main*w7
-    pin_drive = -a_x_rod*rod_centre_x*rod_mass*s_rod + rod_centre_x*c_rod*w8 + pin_acceleration*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia)
-    main_drive = pin_drive - pin_force_x*w1 + pin_force_y*w0
-    bore_drive = piston_mass*bore_acceleration
-    rod_link_a_x = a_x_rod*c_rod + a_y_rod*s_rod
-    rod_link_a_y = -a_x_rod*s_rod + a_y_rod*c_rod
-    rod_link_P_0 = -c_rod*pin_force_x - pin_force_y*s_rod
-    s[0] = s[17] = omega_rod
-    s[1] = s[20] = pin_acceleration
-    s[2] = rod_link_a_x
-    s[3] = rod_link_a_y
-    s[4] = rod_link_P_0
-    s[5] = main_coordinate
-    s[6] = pin_coordinate
-    s[7] = s[21] = bore_coordinate
-    s[8] = cos_main
-    s[9] = sin_main
+    pin_acceleration = s[1] = s[20] = table(t, p, int(pin_acceleration_table))
+    bore_coordinate = s[7] = s[21] = table(t, p, int(bore_angle_table))
+    bore_rate = s[22] = table(t, p, int(bore_speed_table))
+    bore_acceleration = s[23] = table(t, p, int(bore_acceleration_table))
+    x_rod = s[11] = w0
+    y_rod = s[12] = w1
+    v_x_rod = s[15] = -main_speed*w1
+    v_y_rod = s[16] = main_speed*w0
+    a_x_rod = s[18] = -w0*w2
+    pin_force_x = s[26] = a_x_rod*rod_mass - pin_acceleration*w4 - w5*w6
+    main_force_x = s[24] = -cos_main*w7 + pin_force_x
+    pin_force_y = s[27] = pin_acceleration*w6 - w4*w5 + w8
+    main_force_y = s[25] = pin_force_y - sin_main*w7
+    pin_drive = s[29] = -a_x_rod*rod_centre_x*rod_mass*s_rod + rod_centre_x*c_rod*w8 + pin_acceleration*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia)
+    main_drive = s[28] = pin_drive - pin_force_x*w1 + pin_force_y*w0
+    bore_drive = s[30] = piston_mass*bore_acceleration
+    rod_link_a_x = s[2] = a_x_rod*c_rod + a_y_rod*s_rod
+    rod_link_a_y = s[3] = -a_x_rod*s_rod + a_y_rod*c_rod
+    rod_link_P_0 = s[4] = -c_rod*pin_force_x - pin_force_y*s_rod
     s[10] = main_speed
-    s[11] = x_rod
-    s[12] = y_rod
-    s[13] = c_rod
-    s[14] = s_rod
-    s[15] = v_x_rod
-    s[16] = v_y_rod
-    s[18] = a_x_rod
-    s[19] = a_y_rod
-    s[22] = bore_rate
-    s[23] = bore_acceleration
-    s[24] = main_force_x
-    s[25] = main_force_y
-    s[26] = pin_force_x
-    s[27] = pin_force_y
-    s[28] = main_drive
-    s[29] = pin_drive
-    s[30] = bore_drive
 
 
 @njit(**OPTIONS)
@@ -269,10 +242,8 @@ def inverse(t, y, p, out):
     a_y_rod = -w1*w2
     w8 = a_y_rod*rod_mass
     a_x_rod = -w0*w2
-    pin_drive = -a_x_rod*rod_centre_x*rod_mass*s_rod + rod_centre_x*c_rod*w8 + pin_acceleration_*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia)
-    bore_drive = piston_mass*bore_acceleration_
-    out[0] = pin_drive
-    out[1] = bore_drive
+    pin_drive = out[0] = -a_x_rod*rod_centre_x*rod_mass*s_rod + rod_centre_x*c_rod*w8 + pin_acceleration_*((rod_centre_x*rod_centre_x)*rod_mass + rod_inertia)
+    bore_drive = out[1] = piston_mass*bore_acceleration_
 
 
 @njit(**OPTIONS)

@@ -118,27 +118,18 @@ def motion(t, p, s):
     w2 = math.cos(turn_hub) - 1.0
     w3 = hub_speed*w0
     w4 = beam_centre_x*beam_mass
-    hub_coordinate = hub_angle + hub_speed*(t + w1) + w3*(0.25*(hub_spin_up*hub_spin_up)*w2/(math.pi*math.pi) + 0.5*(tau_hub*tau_hub))
-    sin_hub = math.sin(hub_coordinate)
+    hub_coordinate = s[5] = hub_angle + hub_speed*(t + w1) + w3*(0.25*(hub_spin_up*hub_spin_up)*w2/(math.pi*math.pi) + 0.5*(tau_hub*tau_hub))
+    sin_hub = s[7] = math.sin(hub_coordinate)
     w5 = sin_hub*w4
-    hub_rate = w3*(-0.5*hub_spin_up*math.sin(turn_hub)/math.pi - w1)
+    hub_rate = s[0] = s[8] = w3*(-0.5*hub_spin_up*math.sin(turn_hub)/math.pi - w1)
     w6 = hub_rate*hub_rate
-    cos_hub = math.cos(hub_coordinate)
+    cos_hub = s[6] = math.cos(hub_coordinate)
     w7 = cos_hub*w4
-    hub_acceleration = -w2*w3
-    hub_force_x = -hub_acceleration*w5 - w6*w7
-    hub_force_y = hub_acceleration*w7 - w5*w6
-    hub_drive = hub_acceleration*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia)
-    beam_link_P_0 = -cos_hub*hub_force_x - hub_force_y*sin_hub
-    s[0] = s[8] = hub_rate
-    s[1] = s[9] = hub_acceleration
-    s[4] = beam_link_P_0
-    s[5] = hub_coordinate
-    s[6] = cos_hub
-    s[7] = sin_hub
-    s[10] = hub_force_x
-    s[11] = hub_force_y
-    s[12] = hub_drive
+    hub_acceleration = s[1] = s[9] = -w2*w3
+    hub_force_x = s[10] = -hub_acceleration*w5 - w6*w7
+    hub_force_y = s[11] = hub_acceleration*w7 - w5*w6
+    hub_drive = s[12] = hub_acceleration*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia)
+    beam_link_P_0 = s[4] = -cos_hub*hub_force_x - hub_force_y*sin_hub
 
 
 @njit(**OPTIONS)

@@ -120,29 +120,19 @@ def motion(t, p, s):
     hub_speed_table = p[5]
     hub_acceleration_table = p[6]
     w0 = beam_centre_x*beam_mass
-    hub_coordinate = table(t, p, int(hub_angle_table))
-    sin_hub = math.sin(hub_coordinate)
+    hub_coordinate = s[5] = table(t, p, int(hub_angle_table))
+    sin_hub = s[7] = math.sin(hub_coordinate)
     w1 = sin_hub*w0
-    hub_rate = table(t, p, int(hub_speed_table))
+    hub_rate = s[0] = s[8] = table(t, p, int(hub_speed_table))
     w2 = hub_rate*hub_rate
-    cos_hub = math.cos(hub_coordinate)
+    cos_hub = s[6] = math.cos(hub_coordinate)
     w3 = cos_hub*w0
-    hub_acceleration = table(t, p, int(hub_acceleration_table))
-    motor = 14.52488 - 14.52488*math.cos(0.13333333333333333*math.pi*t)
-    hub_force_x = -hub_acceleration*w1 - w2*w3
-    hub_force_y = hub_acceleration*w3 - w1*w2
-    hub_drive = hub_acceleration*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia + hub_inertia_inertia) - motor
-    beam_link_P_0 = -cos_hub*hub_force_x - hub_force_y*sin_hub
-    s[0] = s[8] = hub_rate
-    s[1] = s[9] = hub_acceleration
-    s[4] = beam_link_P_0
-    s[5] = hub_coordinate
-    s[6] = cos_hub
-    s[7] = sin_hub
-    s[10] = hub_force_x
-    s[11] = hub_force_y
-    s[12] = hub_drive
-    s[13] = motor
+    hub_acceleration = s[1] = s[9] = table(t, p, int(hub_acceleration_table))
+    motor = s[13] = 14.52488 - 14.52488*math.cos(0.13333333333333333*math.pi*t)
+    hub_force_x = s[10] = -hub_acceleration*w1 - w2*w3
+    hub_force_y = s[11] = hub_acceleration*w3 - w1*w2
+    hub_drive = s[12] = hub_acceleration*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia + hub_inertia_inertia) - motor
+    beam_link_P_0 = s[4] = -cos_hub*hub_force_x - hub_force_y*sin_hub
 
 
 @njit(**OPTIONS)
@@ -156,8 +146,7 @@ def inverse(t, y, p, out):
     beam_inertia = p[2]
     hub_inertia_inertia = p[3]
     motor = 14.52488 - 14.52488*math.cos(0.13333333333333333*math.pi*t)
-    hub_drive = hub_acceleration_*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia + hub_inertia_inertia) - motor
-    out[0] = hub_drive
+    hub_drive = out[0] = hub_acceleration_*((beam_centre_x*beam_centre_x)*beam_mass + beam_inertia + hub_inertia_inertia) - motor
 
 
 @njit(**OPTIONS)

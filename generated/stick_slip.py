@@ -116,34 +116,22 @@ def motion(t, p, s):
     hold_length = p[8]
     hold_stiffness = p[9]
     gravity_y = p[10]
-    rub_coordinate = table(t, p, int(rub_angle_table))
-    way_coordinate = way_position + way_speed*t
-    x_block = way_coordinate + rub_coordinate
+    rub_coordinate = s[1] = table(t, p, int(rub_angle_table))
+    way_coordinate = s[0] = s[2] = way_position + way_speed*t
+    x_block = s[4] = way_coordinate + rub_coordinate
     w0 = -x_block
     rub_rate = table(t, p, int(rub_speed_table))
-    rub_acceleration = table(t, p, int(rub_acceleration_table))
-    v_x_block = way_speed + rub_rate
+    rub_acceleration = s[6] = table(t, p, int(rub_acceleration_table))
+    v_x_block = s[5] = way_speed + rub_rate
     hold_d_x = -ground_wall_x - w0
-    hold_now = math.sqrt((hold_d_x*hold_d_x))
-    hold_pull = hold_stiffness*(-hold_length + hold_now)
-    hold_push_x = -hold_d_x*hold_pull/hold_now
-    rub_drive = block_mass*rub_acceleration - hold_push_x
-    rub_normal = -block_mass*gravity_y
-    way_normal = -belt_mass*gravity_y + rub_normal
-    way_moment = -rub_normal*(way_coordinate + w0)
-    s[0] = s[2] = way_coordinate
-    s[1] = rub_coordinate
+    hold_now = s[12] = math.sqrt((hold_d_x*hold_d_x))
+    hold_pull = s[13] = hold_stiffness*(-hold_length + hold_now)
+    hold_push_x = s[14] = -hold_d_x*hold_pull/hold_now
+    rub_drive = s[10] = s[11] = block_mass*rub_acceleration - hold_push_x
+    rub_normal = s[9] = -block_mass*gravity_y
+    way_normal = s[7] = -belt_mass*gravity_y + rub_normal
+    way_moment = s[8] = -rub_normal*(way_coordinate + w0)
     s[3] = way_speed
-    s[4] = x_block
-    s[5] = v_x_block
-    s[6] = rub_acceleration
-    s[7] = way_normal
-    s[8] = way_moment
-    s[9] = rub_normal
-    s[10] = s[11] = rub_drive
-    s[12] = hold_now
-    s[13] = hold_pull
-    s[14] = hold_push_x
 
 
 @njit(**OPTIONS)
@@ -166,8 +154,7 @@ def inverse(t, y, p, out):
     hold_now = math.sqrt((hold_d_x*hold_d_x))
     hold_pull = hold_stiffness*(-hold_length + hold_now)
     hold_push_x = -hold_d_x*hold_pull/hold_now
-    rub_drive = block_mass*rub_acceleration_ - hold_push_x
-    out[0] = rub_drive
+    rub_drive = out[0] = block_mass*rub_acceleration_ - hold_push_x
 
 
 @njit(**OPTIONS)

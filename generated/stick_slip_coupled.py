@@ -72,8 +72,7 @@ def courses(t, p, out, k):
     """Coordinate, speed and acceleration of every prescribed drive at t [s], three numbers each."""
     way_speed = p[0]
     way_position = p[1]
-    way_coordinate = way_position + way_speed*t
-    out[k + 0] = way_coordinate
+    way_coordinate = out[k + 0] = way_position + way_speed*t
     out[k + 1] = way_speed
     out[k + 2] = 0.0
 

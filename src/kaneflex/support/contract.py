@@ -28,7 +28,7 @@ ELEMENT_PARAMETERS = (
 """Parameters of one uniform Euler-Bernoulli element, in the order in which every element kernel reads its ``p``."""
 
 ROTARY_PARAMETERS = (("rho_I", "kg m", "rotary inertia per length"),)
-"""Behind ELEMENT_PARAMETERS where a link of the scene is a Rayleigh or a Timoshenko beam."""
+"""Behind those before where a link of the scene is a Rayleigh or a Timoshenko beam."""
 
 SHEAR_PARAMETERS = (("phi_s", "1", "flexibility in shear against bending, 12 E I / (kappa G A length^2)"),)
 """Behind those where a link is a Timoshenko beam."""
@@ -37,17 +37,19 @@ VARYING_PARAMETERS = (
     ("rho_A_rise", "kg/m", "growth of rho_A over the element, of which rho_A is then the mean"),
     ("E_A_rise", "N", "growth of E_A over the element"),
     ("E_I_rise", "N m^2", "growth of E_I over the element"),
-    ("rho_I_rise", "kg m", "growth of rho_I over the element"),
     ("m_0", "kg", "mass of the link before the element"),
     ("S_0", "kg m", "first moment of that mass about the link's origin"),
 )
-"""Behind those where a section varies along a link; rho_I_rise only beside rho_I."""
+"""Behind ELEMENT_PARAMETERS where a section varies along a link."""
+
+VARYING_ROTARY_PARAMETERS = (("rho_I_rise", "kg m", "growth of rho_I over the element"),)
+"""Behind ROTARY_PARAMETERS there."""
 
 
 def element_parameters(rotary: bool, shear: bool, varying: bool) -> tuple[tuple[str, str, str], ...]:
     """Name, unit and meaning of a module's element parameters, for what the scene's links require."""
-    found = ELEMENT_PARAMETERS + ROTARY_PARAMETERS * rotary + SHEAR_PARAMETERS * shear
-    return found + tuple(entry for entry in VARYING_PARAMETERS if varying and (rotary or entry[0] != "rho_I_rise"))
+    found = ELEMENT_PARAMETERS + VARYING_PARAMETERS * varying + ROTARY_PARAMETERS * rotary
+    return found + VARYING_ROTARY_PARAMETERS * (varying and rotary) + SHEAR_PARAMETERS * shear
 
 COURSES = ("angle_table", "speed_table", "acceleration_table")
 """Parameters that say where p holds the courses of a free joint, which the runtime integrates first."""
