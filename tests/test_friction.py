@@ -207,6 +207,23 @@ def test_painleves_rod_jams_by_its_floors_stiffness_and_not_otherwise(tmp_path, 
     assert (peaks[3] > 5 * peaks[2]) == (angle == 60)
 
 
+@pytest.mark.parametrize("friction", ["mu", "lugre"])
+@pytest.mark.parametrize("angle", [50, 60, 70, 120])
+def test_painleves_paradox_is_named_where_a_rod_is_in_it(tmp_path, angle, friction):
+    """m A = 1 + 3 cos(a) (cos(a) - mu sin(a)), what a force on its end opens, is below zero (Painleve 1895)."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    least = (1 / (3 * c) + c) / s
+    bristles = 'law = "lugre", bristle_stiffness = 1e7, ' if friction == "lugre" else ""
+    for mu in ((0.98 * least, 1.02 * least) if c > 0 else (0.5, 2.0)):
+        text = ROD.replace("friction = {mu = 1.0}", f"friction = {{{bristles}mu = {mu}}}")
+        settings = f"rod.free.angle={angle} deg", "solve.duration=0.001 s", "solve.steps=100"
+        found = solved(tmp_path, text, *settings)
+        (jams,) = found.trajectory.frictions.jams
+        assert np.isfinite(jams) == (mu > least > 0)
+        if np.isfinite(jams):
+            assert 0 <= jams - found.impacts[0].begin < 2e-4
+
+
 CRANK = """
 schema = 1
 description = "A slider-crank all of whose joints rub"

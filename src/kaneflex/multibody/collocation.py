@@ -232,6 +232,7 @@ def _finish(m, table, t, end, here, A):
     apart()
     plan, w = m.plan, m.w
     n, r, h, of = plan[COORDINATES], plan[REACTIONS], end - t, plan[STAGE_A]
+    yielding.notice_jams(m, t, h * table.real[0], A)
     for i in range(3):
         for k in range(plan[WORKS]):
             here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]

@@ -61,7 +61,7 @@ def between(system: CoupledSystem, trajectory: CoupledTrajectory, times: np.ndar
     frictions = trajectory.frictions
     if frictions is not None:
         lost = np.array([np.interp(times, knots, part) for part in frictions.lost.T]).reshape(-1, len(times)).T
-        frictions = rubbing.FrictionRecord.of(frictions.names, found.frictions, lost)
+        frictions = rubbing.FrictionRecord.of(frictions.names, found.frictions, lost, frictions.jams)
     return replace(
         trajectory, times=times, q=found.q, v=found.v, a=found.a, multipliers=found.reactions, energy=energy, loss=loss,
         power=power, contacts=contacts, frictions=frictions, standing=standing,

@@ -33,6 +33,9 @@ class FrictionRecord:
         Energy [J] that each has lost since the start.
     bristles : ndarray (n_times, n_frictions)
         How far those of law lugre are bent [m, in a pin rad]; 0 of others.
+    jams : ndarray (n_frictions,)
+        When each first pressed the sides of its contact into each other, so that between rigid ones no force would
+        agree with it, or several would (Painleve's paradox) [s]; no number where it never did.
     """
 
     names: tuple[str, ...]
@@ -42,12 +45,13 @@ class FrictionRecord:
     mode: np.ndarray
     lost: np.ndarray
     bristles: np.ndarray
+    jams: np.ndarray
 
     @classmethod
-    def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray) -> FrictionRecord:
-        """From what the engine tells of each, (n_times, n_frictions, 5), and what it lost."""
+    def of(cls, names: tuple[str, ...], told: np.ndarray, lost: np.ndarray, jams: np.ndarray) -> FrictionRecord:
+        """From what the engine tells of each, (n_times, n_frictions, 5), what it lost, and when it first jammed."""
         force, speed, pressed, mode, bristles = np.moveaxis(told, 2, 0)
-        return cls(names, force, speed, pressed, mode, lost, bristles)
+        return cls(names, force, speed, pressed, mode, lost, bristles, jams)
 
     def taken(self, instants: np.ndarray) -> FrictionRecord:
         """The same at some of the stored instants."""

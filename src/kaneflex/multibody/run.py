@@ -162,6 +162,7 @@ class Run:
         self.turns = np.array(turns)
         engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
         self.touching = tuple(system.mechanism.contacts)
+        engine.holds[:, at.JAMS] = math.nan
         self.impacts: tuple[impacts.Impact, ...] = ()
         if self.touching:
             engine.take_impacts()
@@ -320,9 +321,11 @@ class Run:
             happened += impacts.lasting(self.touching, self.engine, self.here)
         begun = found.gaps[:, :, 4]
         contacts = impacts.ContactRecord(self.touching, gaps[:, :, 0], gaps[:, :, 1], lost, begun, happened)
-        firm = np.array([each.stiffness for each in self.system.mechanism.frictions.values()])
+        rubs = tuple(self.system.mechanism.frictions)
+        firm = np.array([self.system.mechanism.frictions[name].stiffness for name in rubs])
         rubbed = done[:, works - count - held : works - count] - 0.5 * firm * found.frictions[:, :, 4] ** 2
-        frictions = rubbing.FrictionRecord.of(tuple(self.system.mechanism.frictions), found.frictions, rubbed)
+        jams = self.engine.holds[len(self.engine.holds) - held :, at.JAMS].copy()
+        frictions = rubbing.FrictionRecord.of(rubs, found.frictions, rubbed, jams)
         standing = self.rows[rows][:, -works - len(self.engine.standing) : -works]
         return CoupledTrajectory(
             self.times[rows], found.q, found.v, found.a, found.reactions,

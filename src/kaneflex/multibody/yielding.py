@@ -8,16 +8,19 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import contact as touching
-from kaneflex.multibody import bending, holds
+from kaneflex.multibody import bending, dense_lu, holds
 from kaneflex.multibody.acting import lean, meet
 from kaneflex.multibody.contact_numbers import EPS, at, extent, gradient_at, product, rigid
 from kaneflex.multibody.loops import bent, gradient
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, COURSE_OF, DRIVES, FIRST, GAP, GAP_RATE, HOLDS, KEPT,
-    LAW, NUMBERS_AT, OPTIONS, RATE, REACTION, ROW_AT, SPEED_SIZE, SPEEDS, STIFF, TOUCHING, VISCOUS, YIELDING, apart,
-    larger, of_contacts, shifted,
+    ACCEL, ACTS, ALLOWED, BEGUN_AT, BODIES, CONTACTS, COORDINATES, COURSE_OF, DRIVES, FIRST, GAP, GAP_RATE, HOLDS, JAMS,
+    KEPT, LAW, NUMBERS_AT, OPTIONS, PIVOTS, RATE, REACTION, ROW_AT, SCHUR, SPEEDS, SPEED_SIZE, STIFF, TOUCHING, VISCOUS,
+    YIELDING, apart, larger, of_contacts, of_holds, shifted,
 )  # fmt: skip
 from kaneflex.multibody.tree import deform, move
+
+_NO_JAM = 1e-9
+"""Of what a contact yields, a share that is rounding."""
 
 
 
@@ -75,6 +78,32 @@ def let_yield(m, h, here):
     m.pivots[YIELDING] = count + more
     for r in range(count, count + more):
         along(m, m.pivots[plan[TOUCHING] + r])
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def notice_jams(m, t, step, A):
+    """Keep since when friction at a contact presses its sides into each other, by the factors of a step that is taken.
+
+    A force that is to part them, with the friction that it brings, brings them closer then: between rigid sides there
+    is no such force, or there are several (Painleve's paradox); these give way instead.
+    """
+    apart()
+    plan, w, x = m.plan, m.w, m.plan[REACTION]
+    count = plan[KEPT] + m.pivots[YIELDING]
+    for r in range(plan[KEPT], count):
+        c = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
+        for n in range(-holds.count(m) if c >= 0 else 0, 0):
+            since = holds.number_at(m, n) + JAMS
+            if w[since] == w[since] or not holds.presses(m, n, r):
+                continue
+            for q in range(count):
+                A[x + q] = 0.0
+            A[x + r] = 1.0
+            dense_lu.substitute(A, plan[SCHUR], count, m.pivots, plan[PIVOTS], x)
+            soft = 1.0 / (step * (w[at(m, c) + VISCOUS] + step * w[at(m, c) + STIFF]))
+            if 1.0 / A[x + r] < (1.0 - _NO_JAM) * soft:  # what a unit of force opens, and what the contact yields
+                w[since] = t
 
 
 @of_contacts(0.0)
