@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from test_friction import ROD, solved
+from test_friction import CRANK, ROD, solved
 
 from kaneflex import SceneError
 from kaneflex.integrate.outcome import Outcome
@@ -227,6 +227,39 @@ def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution(tmp_path):
         assert e > 0 or np.diff(found.trajectory.energy.dissipated).min() > -1e-12
         if e < 1 and mu > 0.1:
             assert abs(v[-1]).max() < 1e-12 and (record.mode[-1] == 2).sum() == 2
+
+
+@pytest.mark.parametrize(("mu", "e"), itertools.product((0.05, 0.3, 2.0), (0.0, 0.5)))
+def test_a_disc_jams_between_two_steep_walls(tmp_path, mu, e):
+    """Above mu = 0.3 no impulses give what restitution asks for; nothing bounces then, all is held."""
+    wall = DISC[DISC.index("[contacts") : DISC.index("[sensors]")]
+    sides = ("left", 1), ("right", -1)
+    walls = [wall.replace("floor", name).replace("[0, 1]", f"[{way}, 0.3]") for name, way in sides]
+    text = DISC.replace(wall, "".join(walls)).replace("[2, 0]}", "[0.3, 0], angular_speed = 5}")
+    keys = f"friction.mu={mu}", f"contact.restitution={e}"
+    settings = [f"contacts.{name}.{key}" for name in ("left", "right") for key in keys]
+    found = solved(tmp_path, text, "solve.duration=2 s", *settings)
+    assert abs(found.trajectory.v[-1]).max() < 1e-12 and (found.trajectory.frictions.mode[-1] == 2).all()
+    push, drag = found.trajectory.contacts.force[-1], found.trajectory.frictions.force[-1]
+    up = 2 * 0.3 / math.hypot(1, 0.3) * push.mean() + (drag[0] - drag[1]) / math.hypot(1, 0.3)
+    assert up == pytest.approx(2 * G, rel=1e-9) and push.min() > 0
+
+
+def test_a_mechanism_whose_joints_rub_is_hit_until_it_stands(tmp_path):
+    """A ball in a lane knocks on the piston, which has no inertia of its own, without end of one, or by jamming."""
+    text = CRANK.replace("[joints]", 'ball = {mass = "1 kg"}\n[joints]\nlane = {prismatic = ["ground", "ball"]}', 1)
+    text = text.replace('"ball"]}', '"ball"], direction = [1, 0]}')
+    text = text.replace("[sensors]", """lane = {free = true, position = "0.42 m", initial_speed = -1}
+[contacts.hit]
+circle_on_circle = ["ball", "piston"]
+radii = ["10 mm", "10 mm"]
+contact = {law = "newton", restitution = 0.6}
+[sensors]""")
+    for mu in (0.1, 1.0):
+        found = solved(tmp_path, text, "solve.duration=1 s", f"wrist.friction.mu={mu}", f"bore.friction.mu={mu}")
+        record = found.trajectory.frictions
+        assert len(found.impacts) > 1 and (np.diff(record.lost, axis=0) > -1e-9).all()
+        assert (record.force * record.speed <= 1e-9).all()
 
 
 RIGID_ROD = ROD.replace("stiffness = 1e7, restitution = 0.5", 'law = "newton", restitution = 0.5')

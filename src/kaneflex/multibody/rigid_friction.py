@@ -15,14 +15,14 @@ from numba import njit
 
 from kaneflex.mechanism.friction import LAWS
 from kaneflex.multibody.complementarity import (
-    BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED, listed, vector,
+    ACCELERATIONS, BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED, listed, vector,
 )  # fmt: skip
 from kaneflex.multibody.contact_numbers import at, rigid
 from kaneflex.multibody.holds import (
     ARM, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, pressed, row_of,
 )  # fmt: skip
 from kaneflex.multibody.rows import works_at
-from kaneflex.multibody.sticking import no_speed
+from kaneflex.multibody.sticking import no_rate, no_speed
 from kaneflex.multibody.tables import (
     ACTS, ALONG, BEFORE, BEGUN_AT, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LIMIT, MODE, NOW, NUMBERS_AT,
     OPTIONS, PLACE, REACTION, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart, larger, of_holds,
@@ -92,24 +92,25 @@ def begin(m, touching, slips):
         w[vector(m, MAY) + r] = mu > 0.0 and (touches or m.acts[act, WHAT] != ALONG)
 
 
-@of_holds(False)
+@of_holds(0.0)
 @njit(**OPTIONS)
-def joints_ask(m, A, touching, slips):
-    """Have joints' friction know the impulses of their reactions, at REACTION and NOW; whether any changes by that."""
+def joints_ask(m, A, touching, slips, part):
+    """Have joints' friction know a part of how the impulses of their reactions, at REACTION and NOW, have changed; how
+    many times what is allowed that is."""
     apart()
-    plan, w, largest, changes = m.plan, m.w, 0.0, False
+    plan, w, largest, missed = m.plan, m.w, 0.0, 0.0
     for q in range(m.pivots[KEPT]):
         w[plan[NOW] + plan[plan[ROW_OF] + q]] = A[plan[REACTION] + q]
         largest = larger(largest, abs(A[plan[REACTION] + q]))
     for r in range(touching, touching + slips):
-        n = m.pivots[listed(m) + r]
+        n, beside = m.pivots[listed(m) + r], vector(m, BESIDE) + r
         act = plan[DRIVES] + n
         if w[vector(m, MAY) + r] != 0.0 and m.acts[act, WHAT] != ALONG:
             mu, arm = w[m.acts[act, NUMBERS_AT] + MU_AT], w[m.acts[act, NUMBERS_AT] + ARM]
             limit, size = mu * pressed(m, n), mu * largest * (arm if m.acts[act, WHAT] == TURN else 1.0)
-            changes = changes or abs(limit - w[vector(m, BESIDE) + r]) > _AGREE * (limit + 0.01 * size)
-            w[vector(m, BESIDE) + r] = limit
-    return changes
+            missed = larger(missed, abs(limit - w[beside]) / (_AGREE * (limit + 0.01 * size) + 1e-300))
+            w[beside] += part * (limit - w[beside])
+    return missed
 
 
 @of_holds(None)
@@ -170,7 +171,7 @@ def settle(m, here, touching, slips):
         limit = w[vector(m, BESIDE) + r]
         if i >= 0:
             limit += w[vector(m, RATIO) + r] * w[f + i]
-        if abs(w[f + r]) <= (1.0 - _HELD) * limit:
+        if abs(w[f + r]) <= (1.0 - _HELD) * limit or abs(w[vector(m, ACCELERATIONS) + r]) <= no_rate(m, n):
             if w[k + BEFORE] != STUCK:
                 w[k + STUCK_AT] = w[k + PLACE]
             w[k + MODE] = STUCK
