@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from test_friction import BLOCK, CRANK, FALLING, HINGE, ROD, G, solved
 
 from kaneflex import SceneError
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene.quantities import FRICTION_RESULTS
 
 TABLE = """
@@ -162,6 +163,11 @@ def test_a_pin_turns_by_its_equations_with_the_reaction_that_presses_it(tmp_path
     assert found.trajectory.frictions.pressed[:, 0] == pytest.approx(pressed, rel=1e-5)
     names = {name for name in FRICTION_RESULTS if "pin" in name}
     assert names <= set(found.dataset.variables) and found.dataset["pin_bristles"].attrs["units"] == "rad"
+
+
+def test_damping_that_outweighs_what_presses_is_named_where_a_loop_has_no_force_for_it(tmp_path):
+    found = solved(tmp_path, lugre(CRANK, 1e4, 0.01), outcome=Outcome.UNSTABLE)
+    assert "bristle_damping times the speed" in found.message and "Give a smaller bristle_damping" in found.message
 
 
 @pytest.mark.parametrize(("written", "instead", "says"), [

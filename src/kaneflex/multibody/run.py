@@ -191,7 +191,7 @@ class Run:
             if not scipy:  # which starts anew, and can be interrupted anywhere
                 most = max(1, min(2 * most, int((self.tried - tried) * _QUICK / seconds)))
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
-                outcome, words = self._held() or _ENDED[ended]
+                outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
             if len(self.engine.holds) and self.step < _TINY * self.longest and not self._agrees():
                 outcome, words = _ENDED[collocation.PARADOX]
@@ -217,6 +217,20 @@ class Run:
             "both sides of its jump it leads back to it, as a brake that holds does. Friction of a joint holds, a law "
             "doesn't"
         )  # fmt: skip
+
+    def _overdamped(self, ended: int) -> tuple[Outcome, str] | None:
+        """How it is said that the damping of bristles asks for more than what presses them gives; None: it doesn't."""
+        if ended != collocation.TOO_SMALL:
+            return None
+        frictions, states = self.system.mechanism.frictions, self.system.unfold(self.here[None]).frictions[0]
+        for (name, own), (_, speed, pressed, *_) in zip(frictions.items(), states, strict=True):
+            damped, dry = own.damping * abs(speed), own.mu * pressed + own.preload
+            if damped > dry:
+                return Outcome.UNSTABLE, (
+                    f"the step vanishes after {{at}}: at {name} bristle_damping times the speed is {damped:.3g}, what "
+                    f"slides is resisted by {dry:.3g}, and no force may agree with both. Give a smaller bristle_damping"
+                )  # fmt: skip
+        return None
 
     def _misfit(self) -> str:
         """What to say where joints that hold something twice no longer agree; nothing where they do."""
