@@ -226,7 +226,7 @@ def test_a_cycle_is_asked_for_once_and_every_thins_the_output():
     np.testing.assert_array_equal(thin.times, full.times[::7])
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("scipy", "exact-modal")])
+@pytest.mark.parametrize("method", [name for name in METHODS if METHODS[name].lanes])
 def test_pieces_change_nothing(method, monkeypatch):
     """A run in many calls of the compiled loop equals the run in one, with a cycle and without."""
     system, table = coupled()

@@ -14,11 +14,11 @@ import pytest
 import xarray
 
 import kaneflex
-from kaneflex.report.presentation import _sensor_row
 from kaneflex.report.summary import (
     EnergyBalance,
     Instant,
     Operations,
+    SensorError,
     SensorSummary,
     Summary,
     Timing,
@@ -28,6 +28,7 @@ from kaneflex.report.summary import (
     json_schema,
     summarise,
 )
+from kaneflex.report.tables import _sensor_row
 from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
@@ -247,7 +248,7 @@ def test_documentation_is_that_of_the_code():
 
 def test_every_field_of_the_summary_is_described():
     tables = (Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, Choice, Attempt, Timing, Operations)
-    tables += (ParameterSensitivity, SensorDerivative, UnresolvedMode, ContactSummary, FrictionSummary)
+    tables += (ParameterSensitivity, SensorDerivative, SensorError, UnresolvedMode, ContactSummary, FrictionSummary)
     fields = [(table.__name__, name, field) for table in tables for name, field in table.model_fields.items()]
     assert [(table, name) for table, name, field in fields if not field.description] == []
     assert set(json_schema()["$defs"]) == {table.__name__ for table in tables[1:]}

@@ -205,7 +205,7 @@ def run(
 
 
 def _report(summary: Summary, folder: Path) -> None:
-    from kaneflex.report.presentation import (
+    from kaneflex.report.tables import (
         contact_table,
         envelope_table,
         friction_table,
@@ -270,7 +270,7 @@ def modes(
     if as_json:
         click.echo(json.dumps(_modes_as_data(model, names, hertz, shapes), indent=2, ensure_ascii=False))
         return
-    from kaneflex.report.presentation import modes_table
+    from kaneflex.report.tables import modes_table
 
     click.echo(modes_table(model, names, hertz, shapes))
 

@@ -87,14 +87,14 @@ def _write(comparison: Comparison, settings: Sequence[str], folder: Path) -> Non
 
 def difference_table(comparison: Comparison) -> str:
     """Peaks and differences of every sensor; shares are of the reference's peak."""
-    from kaneflex.report.presentation import table
+    from kaneflex.report.tables import table
 
     head = ("sensor", "model", "unit", "peak", f"{comparison.against}'s", "largest difference", "", "rms", "")
     return table(head, [_row(entry) for entry in comparison.differences], left=3)
 
 
 def _row(entry: Difference) -> tuple[str, ...]:
-    from kaneflex.report.presentation import unit_shown
+    from kaneflex.report.tables import unit_shown
 
     unit, number = unit_shown(entry.unit, max(entry.peak, entry.reference_peak))
 

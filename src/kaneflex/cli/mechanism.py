@@ -92,7 +92,7 @@ def linearise(asked: SceneArguments, at: str | None, sensors: tuple[str, ...], o
     The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
     outputs (sensors).
     """
-    from kaneflex.report.presentation import poles_table
+    from kaneflex.report.tables import poles_table
     from kaneflex.solve.loading import load
     from kaneflex.solve.statespace import available_sensors, check_file_kind
     from kaneflex.solve.statespace import linearise as state_space

@@ -127,7 +127,7 @@ def tolerance_of(text: str) -> float:
 
 def trade_table(found: Trade) -> str:
     """Every model, the cheapest first; "*" on the Pareto front."""
-    from kaneflex.report.presentation import table
+    from kaneflex.report.tables import table
 
     head = ("", "model", "worst sensor", "error", "rms", "set-up", "ns a step", "steps", "total", "spread", "within")
     return table(head, [_row(found, entry) for entry in found.ranked], left=3)
@@ -145,7 +145,7 @@ def _row(found: Trade, entry: Ranked) -> tuple[str, ...]:
 
 def price_table(found: Prices) -> str:
     """What each clearance changes in each sensor, with what the change is known to."""
-    from kaneflex.report.presentation import table, unit_shown
+    from kaneflex.report.tables import table, unit_shown
 
     head = ("sensor", "unit", "peak tight", "with", "change", "known to", "rms tight", "with", "change", "known to")
     parts = []
@@ -194,7 +194,7 @@ def choice_line(found: Trade) -> str:
 
 def terms_table(found: Terms) -> str:
     """Every group, those that change most first."""
-    from kaneflex.report.presentation import table
+    from kaneflex.report.tables import table
 
     head = ("group", "", "needed", "most in", "change", "rms", "operations", "ns a step", "noise")
     return table(head, [_effect_row(effect) for effect in found.effects], left=4)

@@ -144,6 +144,10 @@ METHODS = {
             "exact-modal", 2, "decoupled modes, constant coefficients: exact for loads linear within a step",
             (0.0,), 2, "exact_modal", _exact_modal, _still_modal,
         ),
+        Method(
+            "spectral", None, "Fourier collocation over a cycle: periodic motions, by as many harmonics as they need",
+            (0.0,), 2, None, None, None,
+        ),
         Method("scipy", None, "scipy.integrate.solve_ivp: slow, a second opinion", (0.0,), 2, None, None, None),
     )
 }  # fmt: skip

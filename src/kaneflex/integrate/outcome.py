@@ -29,6 +29,7 @@ class Trajectory:
     multipliers: complex, shape (2 n,), Floquet multipliers of the *discrete* equations by decreasing modulus;
         None where none were computed
     ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns
+    solver: what solved the equations, and why that, in words; empty where nothing was chosen
 
     A run that stopped early holds what came before; where no periodic state could be found it holds nothing.
     """
@@ -41,3 +42,4 @@ class Trajectory:
     message: str
     multipliers: np.ndarray | None
     ns_per_step: float
+    solver: str = ""

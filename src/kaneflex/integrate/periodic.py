@@ -17,7 +17,7 @@ Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
 
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
-_LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
+LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
 _NEAR_ONE = 1e-6  # a double multiplier 1 (a free body) appears split by the root of the rounding error
 
 
@@ -149,7 +149,7 @@ def can_be_cut(setup: Setup, period_steps: int) -> bool:
     """
     numbers = 2 * len(State._fields) * setup.system.n**2 * LANES
     fits = setup.method.lanes and period_steps >= LANES and numbers <= _MOST_NUMBERS
-    return fits and setup.stream.step <= _LONGEST_STEP * setup.scales[1]
+    return fits and setup.stream.step <= LONGEST_STEP * setup.scales[1]
 
 
 def unit_states(setup: Setup, *lanes: int) -> tuple[State, np.ndarray]:

@@ -11,12 +11,17 @@ import numpy as np
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
 from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import Beginning, Cycle, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.periodic import LONGEST_STEP, Beginning, Cycle, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.spectral import periodic_orbit
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.streams import CoefficientStream, Table, one_after_the_other
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 
+_JUDGING = 180
+"""Steps of a cycle, at least, by which it is judged whether disturbances grow."""
+_CLEAR = 0.5
+"""What is left of a disturbance after a cycle from which on coarse steps don't tell whether it grows."""
 Start = str | tuple[np.ndarray, np.ndarray]
 
 
@@ -35,6 +40,7 @@ class Run:
     every: store one step in so many, the first one included.
     rho_infinity: spectral radius of generalised-alpha at infinite frequency, 0 to 1.
     scipy_method: of solve_ivp, for the method "scipy".
+    tolerance: of the method "spectral": error of the motion, relative, in the energy norm.
     """
 
     system: AffineSystem
@@ -48,6 +54,7 @@ class Run:
     every: int = 1
     rho_infinity: float = 0.8
     scipy_method: str = "DOP853"
+    tolerance: float = 1e-6
 
 
 def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
@@ -62,12 +69,14 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
     chosen = method_named(run.method)
     check_arguments(run)
     system = run.system
+    if run.method == "spectral":
+        return _spectral(run, progress)
     if chosen.coefficients is None:
         stream = CoefficientStream(run.table, system.n_scalars, run.t0, run.step, chosen.nodes, run.period_steps)
         return solve_ivp_run(system, stream, run.n_steps, run.every, given_state(run), run.scipy_method)
     setup = set_up(run, progress)
     if run.start == "periodic":
-        found = _naming_the_steps(periodic_state(setup, run.period_steps), run)
+        found = _naming_the_steps(periodic_state(setup, _steps_of_cycle(run)), run)
     else:
         found = _started(setup, *given_state(run))
     if found.state is None:
@@ -75,6 +84,52 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
         ended = (found.outcome, found.message, found.multipliers)
         return Trajectory(np.zeros(0), empty, empty, empty, *ended, ns_per_step=0.0)
     return _run(setup, found, run.n_steps, run.every)
+
+
+def _spectral(run: Run, progress: Progress | None) -> Trajectory:
+    """The periodic motion by its harmonics; by steps of radau where it has too many of them."""
+    started, steps = time.perf_counter(), _steps_of_cycle(run)
+    period = run.step * steps
+    orbit = periodic_orbit(run.system, run.table, run.t0, period, run.tolerance)
+    if orbit.reason:
+        return replace(integrate(replace(run, method="radau"), progress), solver=f"radau, in steps: {orbit.reason}")
+    judged = _judged(run, progress)
+    outcome, message = judged.outcome, judged.message
+    if outcome is Outcome.UNSTABLE:
+        message += "; what is shown is the periodic motion, which any disturbance leaves"
+    elif outcome is not Outcome.COMPLETED:
+        found = integrate(replace(run, method="radau"), progress)
+        return replace(found, solver="radau, in steps: they leave open whether the motion is stable")
+    message = "; ".join(filter(None, ("" if outcome is Outcome.UNSTABLE else outcome.value, message)))
+    at = run.every * np.arange(run.n_steps // run.every + 1)
+    z, v, a = (part[at % steps] for part in orbit.at(steps))
+    ns_per_step = 1e9 * (time.perf_counter() - started) / steps
+    times = run.t0 + run.step * at
+    return Trajectory(times, z, v, a, outcome, message, judged.multipliers, ns_per_step, orbit.said)
+
+
+def _judged(run: Run, progress: Progress | None) -> Beginning:
+    """Whether disturbances of a periodic motion grow: by a quarter of its steps, or by all where that leaves a doubt.
+
+    Of vibrations far faster than any of these steps, as in a machine that hardly moves, they say nothing.
+    """
+    steps = _steps_of_cycle(run)
+    period = run.step * steps
+    for count in (max(steps // 4, min(steps, _JUDGING)), steps):
+        cycle = replace(run, method="radau", step=period / count, period_steps=count, n_steps=count)
+        setup = set_up(cycle, progress)
+        if setup.stream.step > LONGEST_STEP * setup.scales[1]:
+            said = "whether disturbances grow is not known: the steps are too long to tell"
+            return Beginning(None, None, Outcome.COMPLETED, said)
+        judged = _naming_the_steps(periodic_state(setup, count), cycle)
+        if judged.outcome is Outcome.COMPLETED and np.abs(judged.multipliers).max() < _CLEAR:
+            break
+    return judged
+
+
+def _steps_of_cycle(run: Run) -> int:
+    assert run.period_steps is not None  # or no periodic start was asked for: `check_arguments`
+    return run.period_steps
 
 
 def cycle_map(
@@ -95,7 +150,8 @@ def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
     """What a growing cycle says where it is the steps that grow, not the machine: in as many of radau nothing does."""
     if found.outcome is not Outcome.UNSTABLE or run.method == "radau" or found.multipliers is None:
         return found
-    own = cycle_map(run.system, run.table, run.t0, run.step * run.period_steps, run.period_steps)
+    steps = _steps_of_cycle(run)
+    own = cycle_map(run.system, run.table, run.t0, run.step * steps, steps)
     if own.monodromy is None or abs(np.linalg.eigvals(own.monodromy)).max() > 1.0:
         return found
     growth = abs(found.multipliers[0])
@@ -190,6 +246,8 @@ def check_arguments(run: Run) -> None:
         raise UserError("start", start, "there is no such start", "Give zero, periodic or a state")
     if start == "periodic" and run.period_steps is None:
         raise UserError("start", start, "the motion has no cycle", "Give the drive a speed and a cycle")
+    if start != "periodic" and run.method == "spectral":
+        raise UserError("start", start, "the integrator spectral finds periodic motions alone", "Take radau")
     if start == "periodic" and run.method == "scipy":
         raise UserError("start", start, "scipy finds no cycle", "Start from a state that radau found")
 

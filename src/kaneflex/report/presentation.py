@@ -1,9 +1,9 @@
-"""What the command line prints: SI comes in, millimetres, kilonewtons and degrees go out."""
+"""What a scene is, in words, for `kaneflex check` and its like."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import click
@@ -17,13 +17,11 @@ from kaneflex.solve.initial import start_coordinates
 if TYPE_CHECKING:
     from kaneflex.fem.mobility import Freedom
     from kaneflex.multibody.model import Model
-    from kaneflex.report.summary import Instant, SensorSummary, Summary
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.events import Event
     from kaneflex.scene.parts import Joint, Load
     from kaneflex.scene.springs import Spring
-    from kaneflex.solve.statespace import StateSpace
 
 PRESETS_IN_WORDS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
@@ -33,112 +31,6 @@ PRESETS_IN_WORDS = {
     "stiffened": "linear, with K_g from the joint reactions and foreshortening in the displacements",
     "coupled": "motion and deformation together, nonlinear; shapes of each link, error-controlled steps",
 }
-_MOST_POLES = 8
-_FOR_PEOPLE = {  # SI unit: (unit shown, factor)
-    "m": ("mm", 1e3),
-    "N": ("kN", 1e-3),
-    "rad": ("deg", 180.0 / math.pi),
-    "rad/s": ("deg/s", 180.0 / math.pi),
-    "rad/s^2": ("deg/s^2", 180.0 / math.pi),
-}
-_WHEN_SMALL = {"m": (1e-6, "um", 1e6), "N": (10.0, "N", 1.0)}
-"""SI unit: values below this are shown in that unit, which is so many times finer."""
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """Rows of text in aligned columns, the first ``left`` of them to the left, under a bold head."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-
-    def line(cells: Sequence[str]) -> str:
-        placed = [
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        ]
-        return "  ".join(placed).rstrip()
-
-    return "\n".join([click.style(line(head), bold=True), *map(line, rows)])
-
-
-def summary_table(summary: Summary) -> str:
-    """The sensors of a run with their extremes, and where they are."""
-    when = "s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "deg"
-    head = ("sensor", "unit", "min", f"at {when}", "max", f"at {when}", "mean", "rms")
-    return table(head, [_sensor_row(name, entry) for name, entry in summary.sensors.items()], left=2)
-
-
-def unit_shown(unit: str, largest: float) -> tuple[str, Callable[[float], str]]:
-    """The unit for people of values up to ``largest`` (SI), and what writes an SI value in it."""
-    shown, factor = _FOR_PEOPLE.get(unit, (unit, 1.0))
-    if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
-        _, shown, factor = _WHEN_SMALL[unit]
-
-    def number(value: float) -> str:
-        return f"{value * factor:.4g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
-
-    return shown, number
-
-
-def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
-    unit, number = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))
-
-    def where(instant: Instant) -> str:
-        return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
-
-    lowest, highest = where(entry.at_min), where(entry.at_max)
-    return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(entry.mean), number(entry.rms))
-
-
-def envelope_table(summary: Summary) -> str:
-    """How the peaks of a frozen model depend on the angle at which it is frozen."""
-    rows = []
-    for name, spread in summary.mode_angle_spread.items():
-        unit, number = unit_shown(summary.sensors[name].unit, spread.largest)
-        rows.append((name, unit, number(spread.smallest), number(spread.largest)))
-    return table(("frozen at any angle of a turn", "unit", "smallest peak", "largest peak"), rows, left=2)
-
-
-def contact_table(summary: Summary) -> str:
-    """What every contact did; where it says nothing of a rest it is open at the end."""
-    rows = []
-    for name, contact in summary.contacts.items():
-        fastest, force = f"{contact.fastest_m_s or 0.0:.4g}", f"{contact.largest_force or 0.0:.5g}"
-        if contact.largest_torque is not None:
-            fastest, force = f"{contact.fastest_rad_s or 0.0:.4g} rad/s", f"{contact.largest_torque:.5g} N m"
-        rest = "" if contact.rests_since_s is None else f"{contact.rests_since_s:.5g}"
-        rows.append((name, f"{contact.impacts}", fastest, force, f"{contact.lost:.4g}", rest))
-    return table(("contact", "impacts", "fastest m/s", "largest N", "lost J", "rests from s"), rows)
-
-
-def friction_table(summary: Summary) -> str:
-    """What every friction did."""
-    rows = []
-    for name, friction in summary.frictions.items():
-        turns = friction.largest_torque is not None
-        largest = f"{friction.largest_torque:.5g} N m" if turns else f"{friction.largest_force:.5g} N"
-        rows.append((name, largest, f"{friction.lost:.4g}", f"{100 * friction.stuck:.3g}"))
-    return table(("friction", "largest", "lost J", "stuck %"), rows)
-
-
-def run_lines(summary: Summary) -> str:
-    """What was run and what it took, in two lines."""
-    timing = summary.timing
-    parts = [f"{timing.set_up_s + timing.compile_s:.2f} s to set up", f"{timing.integrate_s:.2f} s to solve"]
-    if timing.derive_s:
-        parts.insert(0, f"{timing.derive_s:.2f} s to derive")
-    if timing.ns_per_step:
-        parts.append(f"{timing.ns_per_step:.0f} ns a step")
-    steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
-    if summary.outcome != "completed":
-        steps = f"{summary.steps} steps asked for, {_reached(summary)}"
-    return (
-        f"{summary.scene}, preset {summary.preset}: {summary.degrees_of_freedom} degrees of freedom, "
-        f"{summary.modes_kept} coordinates solved for, {steps}\n"
-        f"{', '.join(parts)}"
-    )
-
-
-def _reached(summary: Summary) -> str:
-    return f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
 
 
 def description(model: Model) -> str:
@@ -336,57 +228,3 @@ def _drive(scene: Scene, name: str) -> str:
     if drive.kind == "spin up":
         cycle = f", reached in {drive.spin_up:.6g} s"
     return f"{scene.written_speed(name, drive.speed)} from {start}{cycle}"
-
-
-def modes_table(model: Model, names: Sequence[str], hertz: np.ndarray, shapes: np.ndarray) -> str:
-    """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode."""
-    names, moved = (list(names), shapes) if model.coupled is not None else _nodal(model, shapes)
-    last = {name: name.rpartition(".")[2] for name in names}
-    turning = {name for name, what in last.items() if what in ("theta", "turn", "phi")}
-    shifting = {name for name, what in last.items() if name not in turning and not what.startswith("mode_")}
-
-    def largest(shape: np.ndarray, among: set[str]) -> str:
-        sizes = {name: abs(x) for name, x in zip(names, shape, strict=True) if name in among}
-        most = max(sizes.values(), default=0.0)
-        # of what moves alike, the two ends of a beam, the first: rounding must not choose
-        return next((name for name, size in sizes.items() if size >= (1 - 1e-6) * most), "none")
-
-    rows = [
-        (str(k + 1), f"{value:.3f}", largest(moved[:, k], shifting), largest(moved[:, k], turning))
-        for k, value in enumerate(hertz)
-    ]
-    head = ("mode", "Hz", "largest displacement", "largest rotation")
-    where = at_drive(model)
-    return "\n".join([*([f"{model.scene.name} at {where}"] if where else []), table(head, rows, left=0)])
-
-
-def _nodal(model: Model, shapes: np.ndarray) -> tuple[list[str], np.ndarray]:
-    """Mode shapes by coordinate, with the nodes of each reduced link below: q = basis L z."""
-    names, rows = list(model.coordinates), [*shapes]
-    rigid = model.motion.at(model.reference_time)
-    for link, basis in model.bases.items():
-        own = [basis @ rigid.apply(model.frame.maps[link], shape[:, None])[:, 0] for shape in shapes.T]
-        names += model.links[link].part.coordinates
-        rows += zip(*own, strict=True)
-    return names, np.array(rows)
-
-
-def poles_table(system: StateSpace) -> str:
-    """The slowest poles of a state space: frequency and damping ratio."""
-    poles = system.poles[:_MOST_POLES]
-    damping = [round(-pole.real / abs(pole), 8) + 0.0 for pole in poles]  # without the sign of a rounded zero
-    rows = [
-        (str(k + 1), f"{abs(pole) / (2 * math.pi):.3f}", f"{ratio:.3%}")
-        for k, (pole, ratio) in enumerate(zip(poles, damping, strict=True))
-    ]
-    return table(("pole", "Hz", "damping"), rows, left=0)
-
-
-def sensitivity_table(summary: Summary) -> str:
-    """By how many per cent each sensor's largest magnitude grows with one per cent of each parameter."""
-    rows = []
-    for name, entry in summary.sensors.items():
-        key = "log_max" if abs(entry.max) >= abs(entry.min) else "log_min"
-        peaks = (getattr(by.sensors[name], key) for by in summary.sensitivities.values())
-        rows.append((name, *("-" if value is None else f"{round(value, 4) + 0.0:+.4f}" for value in peaks)))
-    return table(("% of the peak by 1 % of", *summary.sensitivities), rows)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import numpy as np
@@ -24,6 +25,7 @@ from kaneflex.support.plain_table import PlainTable
 if TYPE_CHECKING:
     from kaneflex.response.sensors import Series
     from kaneflex.response.time_statistics import Statistics
+    from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.solve.solution import Solution
 
 SCHEMA_VERSION = 1
@@ -38,6 +40,16 @@ class Instant(PlainTable):
     )
 
 
+class SensorError(PlainTable):
+    """What a sensor's values may be off by, estimated: the largest error over the cycle, in SI."""
+
+    total: float = Field(description="of all that is below together")
+    time: float = Field(description="by the discretisation in time")
+    modes: float = Field(description="by the modes that a reduction left out")
+    terms: float = Field(description="by the terms that the preset or the scene left out")
+    elements: float = Field(description="by the elements' length, against elements half as long")
+
+
 class SensorSummary(PlainTable):
     """A sensor over the stored times, in SI."""
 
@@ -49,6 +61,9 @@ class SensorSummary(PlainTable):
     at_max: Instant = Field(description="where the largest value was first reached")
     rms: float = Field(description="root of the mean square over time, by the trapezoidal rule")
     mean: float = Field(description="mean over time, by the trapezoidal rule")
+    plus_minus: SensorError | None = Field(
+        default=None, description="its estimated error; null where none is estimated"
+    )
 
 
 class Timing(PlainTable):
@@ -91,6 +106,8 @@ class Summary(PlainTable):
     elements: dict[str, int] = Field(description="number of elements of each elastic link")
     outcome: str = Field(description="completed, unstable, singular, no_periodic_state or cascade")
     message: str = Field(description="the outcome in words, with time and reason")
+    solver: str = Field(description="what solved the equations, why, and what it left; empty where nothing was chosen")
+    errors: str = Field(description="why no error of the sensors is estimated; empty where it is")
     warnings: list[str] = Field(description="what to know before trusting the numbers")
     duration_s: float = Field(description="time that the stored results cover, s")
     step_s: float = Field(description="time step, s")
@@ -149,6 +166,8 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
         elements={name: model.options.elements or model.scene.bodies[name].beam.elements for name in model.links},
         outcome=trajectory.outcome.name.lower(),
         message=trajectory.message,
+        solver=getattr(trajectory, "solver", ""),
+        errors=solution.errors[1],
         warnings=list(solution.warnings),
         duration_s=float(times[-1] - times[0]) if len(times) else 0.0,
         step_s=model.step,
@@ -183,14 +202,20 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
 
 def sensor_summaries(solution: Solution) -> dict[str, SensorSummary]:
     """Every sensor over the stored times, of which there is at least one."""
-    degrees = drive_degrees(solution)
+    degrees, (errors, _) = drive_degrees(solution), solution.errors
     return {
-        name: _sensor(series, solution.statistics(name), solution.times, degrees)
+        name: _sensor(series, solution.statistics(name), solution.times, degrees, errors.get(name))
         for name, series in solution.series.items()
     }
 
 
-def _sensor(series: Series, found: Statistics, times: np.ndarray, degrees: np.ndarray | None) -> SensorSummary:
+def _sensor(
+    series: Series,
+    found: Statistics,
+    times: np.ndarray,
+    degrees: np.ndarray | None,
+    error: ErrorEstimate | None = None,
+) -> SensorSummary:
     def instant(index: int) -> Instant:
         return Instant(time_s=times[index], drive_deg=None if degrees is None else degrees[index])
 
@@ -203,6 +228,7 @@ def _sensor(series: Series, found: Statistics, times: np.ndarray, degrees: np.nd
         at_max=instant(found.at_max),
         rms=found.rms,
         mean=found.mean,
+        plus_minus=None if error is None else SensorError(**asdict(error)),
     )
 
 
@@ -263,8 +289,8 @@ Made by `python -m kaneflex.report.summary`; do not edit.
 
 
 _TABLES = (
-    Summary, SensorSummary, Instant, PeakSpread, EnergyBalance, ContactSummary, FrictionSummary, UnresolvedMode, Choice,
-    Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
+    Summary, SensorSummary, SensorError, Instant, PeakSpread, EnergyBalance, ContactSummary, FrictionSummary,
+    UnresolvedMode, Choice, Attempt, Timing, Operations, ParameterSensitivity, SensorDerivative,
 )  # fmt: skip
 
 

@@ -62,7 +62,7 @@ class Options:
         Spectral radius of generalised-alpha at infinite frequency.
     tolerance : float
         Of the coupled equations: error that ten periods of a vibration accumulate, as a share of the longest body, and
-        in rad.
+        in rad. Of the integrator spectral: error of the motion as a share of it, in the energy norm.
     bounded : tuple of str
         What else it bounds at every step, as a share of its largest value so far: "speeds", "reactions".
     forward_method : str
@@ -133,6 +133,7 @@ UNUSED_TERMS = {
 COUPLED_INTEGRATORS = ("radau", "gauss", "scipy")
 """What preset coupled can be integrated by."""
 _INTEGRATOR = {"rigid": "none", "quasistatic": "none", "frozen": "exact-modal", "dynamic": "radau", "coupled": "radau"}
+_TOLERANCES = {"coupled": 1e-8, "dynamic": 1e-6}
 _REDUCTION = {"rigid": "none", "quasistatic": "none", "frozen": "modal", "dynamic": "none", "coupled": "none"}
 
 
@@ -185,7 +186,7 @@ def resolve_options(scene: Scene) -> Options:
         cycles=period is not None,
         duration=duration,
         rho_infinity=solve.rho_infinity,
-        tolerance=solve.tolerance,
+        tolerance=tolerance_of(scene, dynamics),
         bounded=solve.bounded,
         forward_method=solve.forward.method,
         forward_tolerance=solve.forward.tolerance,
@@ -203,7 +204,14 @@ def _integrator(scene: Scene, dynamics: str) -> str:
     damped = scene.damping is not None or any(spring.damping for spring in scene.springs.values())
     given = (body.modal for body in scene.bodies.values() if body.modal is not None)
     damped = damped or any(data.arrays["damping"].any() for data in given)
+    if dynamics == "dynamic" and scene.solve.start == "periodic" and scene.period and scene.solve.duration is None:
+        return "spectral"
     return "gauss" if dynamics == "coupled" and not damped else _INTEGRATOR[dynamics]
+
+
+def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
+    """The scene's, or what it has where it gives none; 0 of dynamics that know none."""
+    return scene.solve.tolerance or _TOLERANCES.get(dynamics, 0.0)
 
 
 def has_term(scene: Scene, name: str) -> bool:
@@ -356,6 +364,11 @@ def _check(options: Options) -> None:
         raise SceneError(
             "solve.integrator", "scipy", "it finds no periodic state, and solve.start is periodic",
             "Start from zero or quasistatic, like --set solve.start=quasistatic, or take another integrator",
+        )  # fmt: skip
+    if options.integrator == "spectral" and options.dynamics == "dynamic" and options.start != "periodic":
+        raise SceneError(
+            "solve.integrator", "spectral", f"it finds periodic motions, and solve.start is {options.start}",
+            "Take radau, or start periodic, like --set solve.start=periodic",
         )  # fmt: skip
     if options.bounded and options.dynamics == "coupled" and options.integrator == "scipy":
         raise SceneError(

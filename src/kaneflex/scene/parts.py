@@ -281,15 +281,18 @@ class Solve(SceneTable):
     steps: WholeNumber | None = Field(
         default=None, description="per cycle, or per run where there is no cycle"
     )
-    integrator: Literal["radau", "newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None = None
+    integrator: (
+        Literal["spectral", "radau", "newmark", "generalised-alpha", "gauss", "exact-modal", "scipy"] | None
+    ) = None
     duration: PositiveTime | None = None
     modes: CountOrAll = "all"
     reduction: Literal["none", "craig-bampton", "modal"] | None = None
     mode_angle: DriveCoordinate = 0.0
     terms: dict[str, bool] = Field(default={})
-    tolerance: PositiveRatio = Field(
-        default=1e-8,
-        description="preset coupled: error that ten periods of a vibration accumulate, as a share of the longest body",
+    tolerance: PositiveRatio | None = Field(
+        default=None,
+        description="1e-8 under preset coupled: error that ten periods of a vibration accumulate, as a share of the "
+        "longest body; 1e-6 of integrator spectral: error of the motion, as a share of it",
     )
     bounded: tuple[Literal["speeds", "reactions"], ...] = Field(
         default=(),

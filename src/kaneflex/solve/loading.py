@@ -225,6 +225,8 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     scene = with_branches(scene)
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
+    if options.integrator == "spectral":  # whose grid and corrections may differ from neighbour to neighbour
+        options = replace(options, integrator="radau")
     scene = acting(scene, options)
     system = None
     if model.coupled is not None:

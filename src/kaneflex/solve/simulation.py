@@ -201,6 +201,7 @@ def run_of(model: Model) -> Run:
         period_steps=options.steps if options.cycles else None,
         every=storing(model),
         rho_infinity=options.rho_infinity,
+        tolerance=options.tolerance,
     )
 
 

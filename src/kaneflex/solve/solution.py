@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from kaneflex.multibody.impacts import Impact
     from kaneflex.multibody.run import CoupledTrajectory
     from kaneflex.response.sensors import Series
+    from kaneflex.solve.error_estimates import ErrorEstimate
     from kaneflex.support.labelled import Labelled
 
 MOST_FREQUENCIES = 50
@@ -83,6 +84,13 @@ class Solution:
         from kaneflex.solve.validity import doubts
 
         return (*self.model.warnings, *doubts(self, self.frequencies))
+
+    @cached_property
+    def errors(self) -> tuple[Mapping[str, ErrorEstimate], str]:
+        """By sensor what its values may be off by, estimated, and why that is not known where it is not."""
+        from kaneflex.solve.error_estimates import error_estimates
+
+        return error_estimates(self)
 
     @cached_property
     def frequencies(self) -> tuple[float, ...]:

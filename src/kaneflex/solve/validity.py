@@ -190,7 +190,7 @@ def _parted(solution: Solution) -> list[str]:
     their number times that: where so much would matter, the run is repeated in steps half as long.
     """
     options, run = solution.model.options, solution.trajectory
-    fixed = options.dynamics == "dynamic" and options.integrator != "scipy"
+    fixed = options.dynamics == "dynamic" and options.integrator not in ("scipy", "spectral")
     if not fixed or solution.outcome is not Outcome.COMPLETED or len(run.times) < 4:
         return []
     parts = _apart(solution, _by_velocities(solution))

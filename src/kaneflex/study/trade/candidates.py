@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_options
+from kaneflex.scene.options import PAPER_DURATION, UNUSED_TERMS, has_term, resolve_options, tolerance_of
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.solve.variants import Variant
 
@@ -71,7 +71,7 @@ def _presets(scene: Scene) -> Iterator[Variant]:
     yield Variant("paper", ("solve.preset=paper", *whole))
     yield COUPLED
     for loose in _LOOSE:
-        if loose > scene.solve.tolerance:
+        if loose > tolerance_of(scene):
             settings = ("solve.preset=coupled", f"solve.tolerance={loose!r}")
             yield Variant(f"coupled, tolerance {loose:.0e}", settings)
 

@@ -30,7 +30,7 @@ _FAMILIES = ("rigid", *_DYNAMICS, "coupled")
 """Presets that can be chosen; stiffened without K_g is preset linear, and the paper's is for comparisons."""
 _HOPELESS = 3.0
 """Multiple of the tolerance above which an indicator, known to first order, is taken at its word."""
-_INTEGRATING = {"none": 0.0, "radau": 1.7, "gauss": 1.0, "generalised-alpha": 0.65, "newmark": 0.5}
+_INTEGRATING = {"none": 0.0, "spectral": 1.0, "radau": 1.7, "gauss": 1.0, "generalised-alpha": 0.65, "newmark": 0.5}
 """Work of a step of each integrator that the ladder has."""
 
 

@@ -22,6 +22,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.scene import Scene, with_settings
 from kaneflex.scene.contacts import ClearanceContact
+from kaneflex.scene.options import tolerance_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import CONTACT_KINDS, FRICTION_KINDS
 from kaneflex.solve.curves import Curves
@@ -133,9 +134,9 @@ def price(
         raise SceneError("sensors", None, "the scene has none: there is nothing to measure", "Give it a sensor")
     runs, deadline = Runs(scene, progress), time.perf_counter() + budget
     whole, finer = runs.run(Variant("as it is", ())).curves, None
-    if scene.solve.tolerance * _FINER >= _FINEST:
+    if tolerance_of(scene) * _FINER >= _FINEST:
         with suppress(SceneError):  # then nothing is known of its statistics
-            finer = runs.run(Variant("finer", (f"solve.tolerance={scene.solve.tolerance * _FINER!r}",))).curves
+            finer = runs.run(Variant("finer", (f"solve.tolerance={tolerance_of(scene) * _FINER!r}",))).curves
     prices: list[Price] = []
     left_out: dict[str, str] = {}
     for kind, names in _parts(scene):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from kaneflex.mechanism.floating_frames import modes_of
 from kaneflex.scene import Scene
-from kaneflex.scene.options import resolve_options
+from kaneflex.scene.options import resolve_options, tolerance_of
 from kaneflex.solve.curves import Curves
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
@@ -117,14 +117,15 @@ def _stiffened_levels(scene: Scene) -> list[Variant]:
         settings = (f"bodies.{name}.beam.elements={count}" for name, count in elements.items())
         counts = ", ".join(map(str, dict.fromkeys(elements.values())))
         name = f"stiffened, {counts} elements, {factor * steps} steps"
-        levels.append(Variant(name, ("solve.preset=stiffened", *settings, f"solve.steps={factor * steps}")))
+        by_steps = ("solve.preset=stiffened", "solve.integrator=radau", *settings, f"solve.steps={factor * steps}")
+        levels.append(Variant(name, by_steps))
     return levels
 
 
 def _coupled_levels(scene: Scene) -> list[Variant]:
     levels = []
     for factor, added, tighter in _COUPLED_LEVELS:
-        modes, tolerance = modes_of(scene) + added, tighter * scene.solve.tolerance
+        modes, tolerance = modes_of(scene) + added, tighter * tolerance_of(scene)
         settings = ["solve.preset=coupled", f"solve.modes={modes}", f"solve.tolerance={tolerance!r}"]
         if factor > 1:  # the modes are those of the mesh; one of as many elements as modes has them in any case
             finer = {name: max(factor * count, modes) for name, count in elements_of(scene).items()}

@@ -1,0 +1,153 @@
+"""The spectral solver: closed forms, motions made up, time steps as the other opinion, and what it says of itself."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import kaneflex
+from kaneflex import load, simulate
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.run import Run, integrate
+from kaneflex.integrate.spectral import periodic_orbit
+from kaneflex.integrate.system import AffineSystem
+from kaneflex.scene import with_settings
+
+W = 3.0
+PERIOD = 2 * np.pi / W
+
+
+def dense(n, matrices, n_scalars):
+    """Matrices by name and scalar, M[k] (n, n), as an affine system reads them."""
+
+    def slots(name):
+        found = np.zeros((n * (2 * n - 1), n_scalars))
+        for k, matrix in matrices[name].items():
+            for i in range(n):
+                for j in range(n):
+                    found[i * (2 * n - 1) + j - i + n - 1, k] = np.asarray(matrix)[i, j]
+        return csr_array(found)
+
+    F = np.zeros((n, n_scalars))
+    for k, column in matrices["F"].items():
+        F[:, k] = column
+    return AffineSystem(n, n - 1, *(slots(name) for name in "MCK"), csr_array(F))
+
+
+def made_up(shift=0.0):
+    """Two coordinates, all matrices moving, gyroscopic and circulatory; and the motion that F was made for."""
+
+    def motion(t):
+        c, s = np.cos, np.sin
+        z = np.stack([s(W * t) + 0.3 * c(3 * W * t), np.exp(c(W * t))])
+        v = np.stack([W * c(W * t) - 0.9 * W * s(3 * W * t), -W * s(W * t) * z[1]])
+        a = np.stack([-W * W * (s(W * t) + 2.7 * c(3 * W * t)), W * W * (s(W * t) ** 2 - c(W * t)) * z[1]])
+        return z, v, a
+
+    M = {0: [[2, 0.3], [0.3, 1]], 1: [[0.2, 0], [0, -0.1]]}
+    C = {0: [[0.4, 2], [-2, 0.3]], 2: [[0.1, 0], [0, 0.2]]}
+    K = {0: [[40 + shift, -5], [-5, 60]], 1: [[6, 3], [-1, 9]]}
+
+    def table(t):
+        scalars = np.stack([np.ones_like(t), np.cos(W * t), np.sin(2 * W * t)])
+        at = [np.einsum("kt,kij->tij", scalars[list(of)], np.array(list(of.values()), float)) for of in (M, C, K)]
+        F = sum(np.einsum("tij,jt->it", matrix, x) for matrix, x in zip(at, reversed(motion(t)), strict=True))
+        return np.concatenate([scalars, F]).T
+
+    F = {3: [1, 0], 4: [0, 1]}
+    return dense(2, {"M": M, "C": C, "K": K, "F": F}, 5), table, motion
+
+
+@pytest.mark.parametrize("shift", [0.0, -80.0], ids=["by Cholesky's factor", "by the mean, K indefinite"])
+def test_a_motion_made_up_is_found_to_rounding(shift):
+    system, table, motion = made_up(shift)
+    orbit = periodic_orbit(system, table, 0.4, PERIOD, 1e-12)
+    assert orbit.reason == "" and orbit.error < 1e-12
+    for found, expected in zip(orbit.at(150), motion(0.4 + PERIOD / 150 * np.arange(150)), strict=True):
+        np.testing.assert_allclose(found.T, expected, rtol=0, atol=1e-10 * abs(expected).max())
+
+
+def test_more_harmonics_than_instants_are_read_right():
+    """256 of the grid, read at 36: a harmonic above 18 is what these instants see of it."""
+    system, table, _ = made_up()
+
+    def late(t):
+        rows = table(t)
+        rows[:, 3:] = np.stack([np.cos(40 * W * t), 0 * t], axis=1)
+        return rows
+
+    orbit = periodic_orbit(system, late, 0.0, PERIOD, 1e-10)
+    few, many = orbit.at(36), orbit.at(720)
+    for one, other in zip(few, many, strict=True):
+        np.testing.assert_allclose(one, other[::20], rtol=0, atol=1e-12 * abs(other).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("six-bar", []), ("quick-return", []), ("rotating-cantilever", []), ("engine", ["solve.modes=3"]),
+        ("engine-elastic-crank", ["solve.preset=linear"]), ("two-link-arm", []),
+    ],
+)  # fmt: skip
+def test_time_steps_find_the_same(name, settings):
+    """Radau in four times the scene's steps, which are accurate to 1e-8 and better."""
+    scene = with_settings(kaneflex.read_scene(name), [*settings, "solve.start=periodic"])
+    spectral = simulate(load(scene))
+    assert spectral.trajectory.solver.startswith("spectral: ")
+    steps = 4 * spectral.model.options.steps
+    stepped = simulate(load(with_settings(scene, ["solve.integrator=radau", f"solve.steps={steps}"])))
+    one, other = spectral.trajectory, stepped.trajectory
+    assert abs(one.multipliers[0]) == pytest.approx(abs(other.multipliers[0]), rel=0.1, abs=2e-3)
+    for found, expected, allowed in ((one.z, other.z, 3e-6), (one.v, other.v, 1e-4)):
+        apart = np.sqrt(((found - expected[::4]) ** 2).mean() / (expected**2).mean())
+        assert apart < allowed
+
+
+def test_what_corrections_cannot_find_is_left_to_time_steps():
+    """The four-bar's lowest modes come within the orders of its own motion."""
+    scene = with_settings(kaneflex.read_scene("four-bar"), ["solve.steps=180"])
+    found, steps = simulate(load(scene)), simulate(load(with_settings(scene, ["solve.integrator=radau"])))
+    assert found.trajectory.solver.startswith("radau, in steps: a correction leaves 0.")
+    assert np.array_equal(found.trajectory.z, steps.trajectory.z)
+
+
+def test_a_cycle_that_repels_is_shown_and_called_unstable():
+    """Mathieu's equation with a force: its forced motion exists beside a multiplier of -4.156."""
+    scene = with_settings(kaneflex.read_scene("mathieu"), ["solve.start=periodic", "drives.clock.speed=2 rad/s"])
+    with pytest.warns(kaneflex.ValidityWarning, match="exceeds one; what is shown is the periodic motion"):
+        found = simulate(load(scene))
+    assert found.outcome is Outcome.UNSTABLE and len(found.times) == found.model.options.steps + 1
+    assert found.trajectory.multipliers[0] == pytest.approx(-4.156, abs=1e-3)
+
+
+def test_a_machine_that_hardly_moves_is_at_its_quasi_static_answer():
+    """At 1e-9 rpm no step of a second resolves a vibration; time steps find no periodic state."""
+    slow = ["drives.main.speed='1e-9 rpm'", "solve.steps=90", "damping=none"]
+    spectral = simulate(load(with_settings(kaneflex.read_scene("engine"), slow)))
+    static = simulate(load(with_settings(kaneflex.read_scene("engine"), [*slow, "solve.preset=quasistatic"])))
+    assert spectral.trajectory.solver.startswith("spectral")
+    for name in ("tip_axial", "rod_force_piston", "crank_torque"):
+        expected = static.series[name].values
+        np.testing.assert_allclose(spectral.series[name].values, expected, rtol=0, atol=1e-5 * abs(expected).max())
+
+
+def test_it_wants_a_cycle():
+    system, table, _ = made_up()
+    with pytest.raises(kaneflex.UserError, match="start = 'zero': the integrator spectral finds periodic motions"):
+        integrate(Run(system, table, 0.0, PERIOD / 60, 60, "spectral"))
+    settings = ["solve.integrator=spectral", "solve.start=zero"]
+    with pytest.raises(kaneflex.SceneError, match=r"solve\.integrator = 'spectral': it finds periodic motions"):
+        load(with_settings(kaneflex.read_scene("engine"), settings))
+
+
+def test_a_load_that_jumps_has_too_many_harmonics():
+    system, table, _ = made_up()
+
+    def jumping(t):
+        rows = table(t)
+        rows[:, 3] = np.sign(np.sin(W * t) + 0.1)
+        return rows
+
+    orbit = periodic_orbit(system, jumping, 0.0, PERIOD, 1e-8)
+    assert "die away too slowly" in orbit.reason
+    found = integrate(Run(system, jumping, 0.0, PERIOD / 90, 90, "spectral", "periodic", 90, tolerance=1e-8))
+    assert found.solver.startswith("radau, in steps: its harmonics") and found.outcome is Outcome.COMPLETED
