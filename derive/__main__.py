@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kaneflex.derive.body import body_text
 from kaneflex.derive.contact import contact_text
-from kaneflex.derive.coupled_module import generate_coupled
+from kaneflex.derive.coupled_module import generate_coupled, prescribed_text
 from kaneflex.derive.elements import element_texts
 from kaneflex.derive.emit import laws_text, tables_text
 from kaneflex.derive.friction import friction_text
@@ -35,23 +35,22 @@ def modules() -> dict[str, str]:
     texts = {f"{name}.py": text for name, text in element_texts().items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"], texts["friction.py"] = contact_text(), friction_text()
+    texts["prescribed.py"] = prescribed_text(texts["body.py"])
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}
     for name in sorted(shipped_scenes()):
         scene = read_scene(name)
-        structure = scene.structure_hash()
+        shapes = shape_counts(scene) if scene.solve.preset == "coupled" else None
+        structure = scene.structure_hash() if shapes is None else coupled_hash(scene, shapes)
         if structure not in structures:
-            structures[structure] = name.replace("-", "_")
-            texts[f"{structures[structure]}.py"] = generate(scene)
-        scenes[name] = structures[structure]
-        if scene.solve.preset == "coupled":
-            shapes = shape_counts(scene)
-            structure = coupled_hash(scene, shapes)
-            if structure not in structures:
+            if shapes is None:
+                structures[structure] = name.replace("-", "_")
+                text = generate(scene)
+            else:
                 structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
-                texts[f"{structures[structure]}.py"] = generate_coupled(
-                    scene, shapes, structure, body=texts["body.py"]
-                )
+                text = generate_coupled(scene, shapes, structure, body=texts["body.py"])
+            texts[f"{structures[structure]}.py"] = text
+        scenes[name] = structures[structure]
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())
     served = "".join(f'    "{key}": "{module}",\n' for key, module in scenes.items())
     texts["__init__.py"] = INDEX.format(entries=entries, scenes=served)

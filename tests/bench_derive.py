@@ -57,7 +57,6 @@ import sys
 import kaneflex
 scene = kaneflex.read_scene(sys.argv[1])
 settings = [f"solve.modes={sys.argv[2]}", "solve.steps=1000"]
-kaneflex.load(scene)  # the rigid motion's module, which any preset has
 model = kaneflex.load(kaneflex.with_settings(scene, ["solve.preset=coupled", *settings]))
 kaneflex.simulate(model)  # compiles the engine where it is the first run on a machine
 found = kaneflex.simulate(model).trajectory
@@ -68,8 +67,8 @@ COUPLED_HEAD = """
 ## The coupled equations
 
 The open chains under preset `coupled`, with 1 to 6 modes a link beside the static shapes: coordinates of the tree,
-seconds to derive and to compile the coupled module beyond that of the rigid motion, in the first row with the engine
-that all scenes share, and a run of 1 s: microseconds a step, steps taken and tried in vain.
+seconds to derive and to compile the coupled module, in the first row with the engine that all scenes share, and a run
+of 1 s: microseconds a step, steps taken and tried in vain.
 
 | links | modes | coordinates | derive [s] | compile [s] | a step [us] | steps | in vain |
 | --- | --- | --- | --- | --- | --- | --- | --- |

@@ -21,7 +21,7 @@ BASELINE = {
     "report": 6,
     "response": 59,
     "scene": 96,
-    "solve": 43,
+    "solve": 42,
     "stability": 23,
     "study": 64,
     "support": 5,

@@ -9,11 +9,19 @@ import numpy as np
 import pytest
 from runs import STENCIL, model, run
 
+from kaneflex.multibody.run import CoupledTrajectory, by_themselves
+from kaneflex.multibody.system import CoupledSystem
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.response.dalembert import Balance, balanced
 from kaneflex.response.sensors import sensor_values
 from kaneflex.scene.sensors import Sensor
-from kaneflex.solve.coupled import as_solution, still_trajectory
+from kaneflex.solve.coupled import as_solution
+
+
+def still(system: CoupledSystem, q: np.ndarray) -> CoupledTrajectory:
+    """States at rest, all at t = 0."""
+    none = np.zeros_like(q)
+    return by_themselves(np.zeros(len(q)), q, none, none, np.zeros((len(q), len(system.constraints))))
 
 
 def test_rates_are_the_derivatives_of_places():
@@ -24,7 +32,7 @@ def test_rates_are_the_derivatives_of_places():
     rates, phases = 60 * np.linspace(1.0, 2.0, n), 2.4 * np.arange(n)
     angle = rates * times[:, None] + phases
     q, v, a = 0.05 * np.sin(angle), 0.05 * rates * np.cos(angle), -0.05 * rates**2 * np.sin(angle)
-    solution = as_solution(given, replace(still_trajectory(given.coupled, 0.0, q), times=times, v=v, a=a), 0.0)
+    solution = as_solution(given, replace(still(given.coupled, q), times=times, v=v, a=a), 0.0)
     motion = solution.motion
     found = {"coordinates": solution.coordinates} | {x: motion.moving_place("rod", (x, 0.0)) for x in (0.0, 0.11, 0.3)}
     for name, (place, rate, accel) in found.items():
@@ -38,7 +46,7 @@ def test_constraints_are_the_gaps_between_these_places():
     system, joints = given.coupled, given.scene.joints
     q = 0.1 * np.random.default_rng(5).normal(size=(1, system.size))
     gaps = system.gaps(0.0, q[0])
-    motion = CoupledMotion(given, given.motion.at(0.0), still_trajectory(system, 0.0, q))
+    motion = CoupledMotion(given, given.motion.at(0.0), still(system, q))
     revolute = {joint: found.addresses for joint, found in joints.items() if found.kind == "revolute"}
     assert len(revolute) > 1
     for joint, addresses in revolute.items():
@@ -59,7 +67,7 @@ def test_sections_of_a_tapered_link_with_rotary_inertia_carry_what_lies_beyond()
     system = replace(given.coupled, links={"strip": own})
     q, v, a = np.zeros((3, 1, system.size))
     q[0, 2], v[0, 2], a[0, 2] = turn, omega, epsilon
-    trajectory = replace(still_trajectory(system, 0.0, q), v=v, a=a)
+    trajectory = replace(still(system, q), v=v, a=a)
     motion = CoupledMotion(replace(given, coupled=system), given.motion.at(0.0), trajectory)
     g_x, g_y = -9.81 * np.sin(turn), -9.81 * np.cos(turn)
     assert given.scene.gravity == (0, -9.81) and link.length == 1.0

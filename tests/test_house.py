@@ -217,13 +217,11 @@ LONG = {
     "integrate/steppers.py": {"_newmark_matrices", "_stage_matrices", "collocation", "exact_modal", "newmark"},
     "multibody/collocation.py": {"_iterate", "integrate"},
     "multibody/recursion.py": {"_condense", "solve"},
-    "multibody/rigid_kernels.py": {"deform", "energy", "inertia", "inverse", "jacobian", "push"},
     "multibody/unfolding.py": {"unfold"},
 }
 """Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls.
 
-In multibody what Python calls takes every array by itself, and the kernels of a rigid body have the parameters of the
-generated ones.
+In multibody what Python calls takes every array by itself.
 """
 COMPILES = {"njit", "compiled", "inlined", "_cached"}
 

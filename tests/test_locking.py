@@ -26,10 +26,29 @@ def few_evaluations(monkeypatch):
 def test_a_free_crank_that_does_not_close_where_it_starts(preset):
     with pytest.raises(SceneError) as error:
         model("four-bar-motor", f"solve.preset={preset}", "coupler.length=100 mm", "main.angle=10 deg")
-    assert str(error.value) == (
-        "joints.rocker = '+': the loop can't close: at main = 10 deg ground and follower do not meet. "
-        "Change the lengths, or let main start elsewhere."
+    said = (
+        "the loop can't close: at main = 10 deg ground and follower do not meet. Change the lengths, or let main start "
+        "elsewhere."
     )
+    if preset == "coupled":
+        said = (
+            "the linkage can't close at main = 10 deg: coupler, follower. "
+            "Change the lengths, or where its drives stand."
+        )
+    assert str(error.value) == f"joints.rocker = '+': {said}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["rod.length=110 mm"], "joints.guide = '+': the linkage can't close at main = "),
+        (["rod.length=150 mm"], "joints"),
+    ],
+)
+def test_a_driven_crank_that_does_not_come_around(settings, said):
+    """By the engine's own loops: where it stops, and a change point, at which it can't tell how it goes on."""
+    with pytest.raises(SceneError, match=re.escape(said)):
+        model("slider-crank-150-coupled", *settings)
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA"])

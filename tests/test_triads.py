@@ -256,7 +256,7 @@ def test_show_places_the_same_assembly(tmp_path):
         (
             ('length = "200 mm", mass', 'length = "600 mm", mass'),
             "joints.right_knee = '+': the linkage can't close at main = 0 deg: rod, left_rocker, platform, "
-            "right_rocker. Change the lengths, or show another configuration.",
+            "right_rocker. Change the lengths, or where its drives stand.",
         ),
     ],
 )

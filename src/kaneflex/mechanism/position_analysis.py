@@ -221,7 +221,7 @@ def _closed(constraints: Constraints, poses: Poses, group: tuple[str, ...]) -> d
     at = ", ".join(f"{name} = {mechanism.joints[name].written(value)}" for name, value in constraints.drives.items())
     raise SceneError(
         f"joints.{closing.name}", closing.written_branch,
-        f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or show another configuration",
+        f"the linkage can't close at {at}: {', '.join(group)}", "Change the lengths, or where its drives stand",
     )  # fmt: skip
 
 

@@ -90,8 +90,6 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     """The module of the scene by its own model, see :func:`pruned_text`; otherwise as :func:`find_module`."""
     options = resolve_options(scene)
-    if options.dynamics == "coupled":  # whose rigid motion has all that the scene has
-        return find_module(scene, progress)
     scene, without = acting(scene, options), left_out(options)
     if not without:
         return find_module(scene, progress)

@@ -95,11 +95,17 @@ class Engine:
         taken, room[0] = room[1 : 1 + at.IMPACT_SIZE * int(room[0])].reshape(-1, at.IMPACT_SIZE).copy(), 0.0
         return taken
 
-    def courses(self, t: float) -> dict[str, float]:
-        """Coordinates that the drives prescribe at t [s], by joint [rad or m]."""
-        out = np.zeros(3 * len(self.layout.driven))
-        self.kernels[at.COURSES](t, self.p, out, 0)
-        return dict(zip(self.layout.driven, out[::3].tolist(), strict=True))
+    def courses(self, times: np.ndarray) -> np.ndarray:
+        """Coordinate, speed and acceleration of all prescribed drives at ``times`` [s], (n_times, 3 drives)."""
+        out = np.zeros((len(times), 3 * len(self.layout.driven)))
+        self._call(unfolding.courses_at, np.ascontiguousarray(times, float), *out.shape[:1], out, out.shape[1])
+        return out
+
+    def magnitudes(self, times: np.ndarray, x: np.ndarray, count: int) -> np.ndarray:
+        """So many sizes of loads with what switches them, at ``times`` [s] and rows x of what their laws know."""
+        times, x, out = np.ascontiguousarray(times, float), np.ascontiguousarray(x), np.zeros((len(times), count))
+        self._call(unfolding.magnitudes_at, times, len(times), x, x.shape[1], out, count)
+        return out
 
     def fold(self, q: np.ndarray, v: np.ndarray) -> None:
         """Take coordinates and rates of the bodies, in the order of the tree."""
@@ -242,6 +248,10 @@ class Engine:
     def move_on(self, t: float) -> bool:
         """Close the loops in place, speed and acceleration where the independent coordinates are; False: they don't."""
         return bool(self._call(unfolding.move_on, t))
+
+    def follow(self, into: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
+        """See :func:`kaneflex.multibody.unfolding.follow_rows`."""
+        return int(self._call(unfolding.follow_rows, len(into), into, side, rows))
 
     def states(self, times: np.ndarray, q: np.ndarray, v: np.ndarray, begun: np.ndarray) -> np.ndarray | None:
         """Rows of states of the bodies, loops closed, with accelerations and reactions; None where one is singular.

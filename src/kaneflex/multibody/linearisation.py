@@ -18,11 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kaneflex.generated import joints as laws
-from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.dense_output import balance
 from kaneflex.multibody.engine import Engine
-from kaneflex.multibody.run import CoupledTrajectory
+from kaneflex.multibody.run import CoupledTrajectory, by_themselves
 from kaneflex.multibody.system import CoupledSystem, Unfolded
 
 _OFFSETS, _WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0
@@ -206,8 +204,6 @@ def probes(system: CoupledSystem, found: Linear) -> tuple[CoupledTrajectory, np.
     every = Unfolded(**{name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])})
     # The course of what is free needs an order: instants so close that nothing else depends on their difference.
     apart = 1e-15 * max(1.0, abs(base.t)) * bool(system.mechanism.free)
-    times, none = base.t + apart * np.arange(len(states)), np.zeros(len(states))
-    trajectory = CoupledTrajectory(
-        times, every.q, every.v, every.a, every.reactions, *balance(every, none, none), 0, 0, Outcome.COMPLETED, "", 0.0
-    )
+    times = base.t + apart * np.arange(len(states))
+    trajectory = by_themselves(times, every.q, every.v, every.a, every.reactions)
     return trajectory, away.ravel(), (_WEIGHTS / steps[:, None]).ravel()

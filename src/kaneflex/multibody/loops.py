@@ -103,6 +103,16 @@ def gradients(m):
 
 
 @njit(**OPTIONS)
+def orientation(m):
+    """Sign of the determinant of the kept rows' derivatives by dependent coordinates, by the factors of these."""
+    plan, sign = m.plan, 1.0
+    for k in range(plan[KEPT]):
+        if (m.w[plan[LOOP] + (plan[KEPT] + 1) * k] < 0.0) != (m.pivots[plan[LOOP_PIVOTS] + k] != k):
+            sign = -sign
+    return sign
+
+
+@njit(**OPTIONS)
 def close(m):
     """Put the dependent coordinates where the loops close (Newton); False where they don't."""
     apart()

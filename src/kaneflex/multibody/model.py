@@ -112,7 +112,8 @@ class Model:
 
     @property
     def bare(self) -> bool:
-        """Whether the coupled equations have no elastic stage beside them (``kaneflex.solve.loading.by_numbers``)."""
+        """Whether the coupled equations have no linear ones beside them, see
+        :func:`kaneflex.solve.loading.has_elastic_stage`."""
         return self.coupled is not None and not self.equations.size
 
     @property

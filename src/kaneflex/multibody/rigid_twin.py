@@ -2,7 +2,7 @@
 
 A body without shapes is one of the engine's, too. With all drives prescribed, the free ones where they are said to
 stand, the loops place the bodies, and what a mechanism's own module tabulates of places, speeds and accelerations is
-found here. It knows no forces.
+found here; what joints exert is found where it is asked for.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kaneflex.generated import prescribed
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Drive
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.multibody import rigid_kernels
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.blocks import body_block, point_block
+from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import Engine, build_engine
+from kaneflex.multibody.run import by_themselves
 from kaneflex.multibody.system import BODY, CoupledSystem
 from kaneflex.scene import Scene
 from kaneflex.scene.tables import evaluate_block
@@ -34,22 +35,10 @@ if TYPE_CHECKING:
 
 _FAR = 0.1
 """Largest step of a drive [rad, or sizes of the mechanism] over which Newton's method closes a loop."""
+_OPENED = 1e-6
+"""Largest opening of a joint that is held twice, in rad or sizes of the mechanism."""
 _SCALARS = ("x", "y", "c", "s", "v_x", "v_y", "omega", "a_x", "a_y", "epsilon")
 _UNITS = ("m", "m", "1", "1", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
-
-
-class _PlainBlocks:
-    """Blocks of bodies without shapes; nothing has mass, as nothing is pushed."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-
-    def body(self, name: str) -> np.ndarray:
-        none = {"mass": 0.0, "mass_X": 0.0, "mass_X_X": 0.0, "inertia": 0.0}
-        return body_block(none, 0, 0)
-
-    def point(self, body: str, point: str) -> np.ndarray:
-        return point_block(dict(zip("XY", self.scene.bodies[body].points_all[point], strict=True)), 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +51,15 @@ class RigidTwin:
         As the scene says.
     system : CoupledSystem
         Whose courses of drives and sizes of loads these are.
-    engine : Engine
-        Of the rigid bodies.
+    rigid : CoupledSystem
+        Of the rigid bodies, whose drives and loads are as row after row of its parameters says.
     start : Placement
         From where the loops are followed.
     """
 
     mechanism: NumericMechanism
     system: CoupledSystem
-    engine: Engine
+    rigid: CoupledSystem
     start: Placement
     CONSTANTS: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     LOOPS: tuple = ()
@@ -94,6 +83,10 @@ class RigidTwin:
         """What is left to the forces: joints, then the coordinates of bodies."""
         return self.mechanism.free
 
+    @property
+    def engine(self) -> Engine:
+        return self.rigid.engine
+
     @cached_property
     def floating(self) -> dict[str, int]:
         """Bodies that move freely -> the first of their coordinates in the engine."""
@@ -112,7 +105,7 @@ class RigidTwin:
         found = [(f"{name}.angle", "m" if joints[name].slides else "rad", "coordinate of the drive")
                  for name in self.mechanism.drives]  # fmt: skip
         found += [(name, load.unit, "magnitude of the load") for name, load in self.mechanism.loads.items()]
-        found += [(f"{body}.{name}", unit, "of the body's start") for body in self.engine.layout.bodies
+        found += [(f"{body}.{name}", unit, "of the body's start") for body in self.rigid.start
                   for name, unit in zip(_SCALARS, _UNITS, strict=True)]  # fmt: skip
         return tuple(found)
 
@@ -126,19 +119,27 @@ class RigidTwin:
 
     def said(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         """The first columns: what of SCALARS is known before the bodies are placed."""
-        drives = self._drives(times, p)[:, : 3 * len(self.mechanism.drives)]
-        return np.concatenate([drives[:, ::3], self._loads(times, drives)], axis=1)
+        return self._said(times, self._drives(times, p))
+
+    def _said(self, times: np.ndarray, drives: np.ndarray) -> np.ndarray:
+        joints = drives[:, : 3 * len(self.mechanism.drives)]
+        return np.concatenate([joints[:, ::3], self._loads(times, joints)], axis=1)
 
     def _table(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         drives = self._drives(times, p)
-        bodies = np.full((len(times), len(self.engine.layout.bodies), len(_SCALARS)), math.nan)
-        for k, row in enumerate(drives):
-            moved = self._placed(row)
-            if moved is not None:
-                q, v, a = (part.reshape(-1, BODY) for part in moved)
-                turn = np.column_stack([np.cos(q[:, 2]), np.sin(q[:, 2])])
-                bodies[k] = np.column_stack([q[:, :2], turn, v, a])
-        return np.concatenate([self.said(times, p), bodies.reshape(len(times), -1)], axis=1)
+        said = self._said(times, drives)
+        q, v, a = (part.reshape(len(times), -1, BODY) for part in self._followed(drives, said))
+        turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], axis=-1)
+        bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1)
+        return np.concatenate([said, bodies.reshape(len(times), -1)], axis=1)
+
+    def trajectory(self, times: np.ndarray, p: np.ndarray) -> CoupledTrajectory:
+        """The motion as states of ``rigid``, with what its joints exert. Raises ArithmeticError at a singular state."""
+        drives = self._drives(times, p)
+        said = self._said(times, drives)
+        q, v, _ = self._followed(drives, said)
+        found = self._told(drives, said).states(np.arange(len(times), dtype=float), q, v)
+        return by_themselves(times, found.q, found.v, found.a, found.reactions)
 
     def _drives(self, times: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Coordinate, speed and acceleration of all drives, then of bodies that move freely, (n_times, 3 of them)."""
@@ -150,11 +151,8 @@ class RigidTwin:
                 first = int(p[place[f"drives.{name}.{course}"]])
                 block = p[first : first + 3 + 5 * int(p[first])]
                 found[:, 3 * names.index(name) + k] = evaluate_block(block, times)
-        courses, own, out = self.system.engine.kernels[at.COURSES], self.system.engine.p, np.zeros(3 * len(driven))
         columns = [3 * names.index(name) + k for name in driven for k in range(3)]
-        for k, t in enumerate(times if driven else ()):
-            courses(float(t), own, out, 0)
-            found[k, columns] = out
+        found[:, columns] = self.system.engine.courses(times)
         return found
 
     def _loads(self, times: np.ndarray, drives: np.ndarray) -> np.ndarray:
@@ -162,30 +160,68 @@ class RigidTwin:
         unknown = np.zeros((len(times), 3 * len(self.mechanism.observed)))
         return self.system.load_sizes(times, np.column_stack([drives, unknown]))
 
-    def _placed(self, drives: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """q, v, a of the bodies where the drives are, their loops followed from where they stood last."""
-        engine, before = self.engine, self._stood
-        drives, free = np.split(drives, [3 * len(self.mechanism.drives)])
-        if not before:
-            self._begin(before)
-        steps = 1
-        if engine.count(at.REACTIONS):
-            steps = max(1, math.ceil((abs(drives[::3] - before["drives"]) / self._measure).max(initial=0.0) / _FAR))
-        for k in range(1, steps + 1):
-            engine.p[1:] = drives
-            engine.p[1::3] = before["drives"] + k / steps * (drives[::3] - before["drives"])
-            self._let_float(free)
-            if not engine.move_on(0.0) or self._opened() > 1e-6:
-                engine.stand(before["row"])
-                engine.p[1::3] = before["drives"]
-                engine.choose(0.0)
-                return None
-            if k == steps or k % 8 == 0:
-                before["row"], before["drives"] = engine.row(0.0), engine.p[1::3].copy()
-                if engine.count(at.REACTIONS):
-                    engine.choose(0.0)
-        q, v, a, *_ = engine.unfold(engine.row(0.0)[None])
-        return q[0], v[0], a[0]
+    def _followed(self, drives: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, v, a of the bodies where the drives are, from place to place; NaN where the loops can't be followed.
+
+        Behind such a place every further one is tried by itself, from where the loops were closed last.
+        """
+        stood, done, ahead = self._stood, 0, len(drives)
+        rows = np.full((len(drives), len(stood["row"])), math.nan)
+        while done < len(drives):
+            wanted = drives[done : done + ahead]
+            path, ends = self._path(stood["drives"], wanted)
+            passed = self._passed(path, ends, rows[done : done + ahead])
+            if passed:
+                stood["row"], stood["drives"] = rows[done + passed - 1].copy(), wanted[passed - 1]
+            if passed < ahead:
+                self.engine.stand(stood["row"])
+            done += passed + (passed < ahead)
+            ahead = len(drives) - done if passed else min(1, len(drives) - done)
+        rows[:, 0] = np.arange(len(rows))
+        found = self._told(drives, said).unfold(rows)  # bodies that the drives place by themselves are known anywhere
+        return found.q, found.v, found.a
+
+    def _told(self, drives: np.ndarray, said: np.ndarray | None = None) -> CoupledSystem:
+        """``rigid`` at as many places of its drives, the times 0, 1, 2, ..., with the sizes of its loads there."""
+        courses = drives[:, : 3 * len(self.mechanism.drives)]
+        loads = np.zeros((len(drives), len(self.mechanism.loads)))
+        if said is not None:
+            loads = said[:, len(self.mechanism.drives) :]
+        sizes = [float(part.shape[1]) for part in (courses, loads)]
+        p = np.concatenate([sizes, np.hstack([courses, loads]).ravel()])
+        return replace(self.rigid, engine=replace(self.engine, p=p))
+
+    def _path(self, start: np.ndarray, drives: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the drives (n, as many), near enough to each other, and which of them are those that are wanted."""
+        before, places = np.vstack([start, drives[:-1]]), slice(0, 3 * len(self._measure), 3)
+        steps = np.ones(len(drives), int)
+        if self.engine.count(at.REACTIONS):
+            moved = abs(drives - before)[:, places] / self._measure
+            steps = np.maximum(1, np.ceil(np.nan_to_num(moved.max(axis=1, initial=0.0)) / _FAR)).astype(int)
+        ends = np.cumsum(steps) - 1
+        of = np.repeat(np.arange(len(drives)), steps)
+        share = 1.0 - (ends[of] - np.arange(len(of))) / steps[of]
+        path = drives[of]
+        path[:, places] = before[of, places] + share[:, None] * (drives - before)[of, places]
+        path[ends] = drives
+        return path, ends
+
+    def _passed(self, path: np.ndarray, ends: np.ndarray, rows: np.ndarray) -> int:
+        """Fill rows of the engine at the ``ends`` of a path; how many of these are reached."""
+        engine = self._told(path).engine
+        if self.determined:
+            into = np.full(len(path), -1.0)
+            into[ends] = np.arange(len(ends))
+            return int(np.searchsorted(ends, engine.follow(into, self._stood["side"], rows)))
+        for k, place in enumerate(path):
+            self._let_float(place[3 * len(self.mechanism.drives) :])
+            if not engine.move_on(float(k)) or self._opened(engine, float(k)) > _OPENED:
+                return int(np.searchsorted(ends, k))
+            if k in ends:
+                rows[np.searchsorted(ends, k)] = engine.row(float(k))
+            if engine.count(at.REACTIONS) and (k in ends or k % 8 == 7):
+                engine.choose(float(k))
+        return len(ends)
 
     def _let_float(self, courses: np.ndarray) -> None:
         """Take coordinates, rates and accelerations of the bodies that move freely."""
@@ -193,28 +229,31 @@ class RigidTwin:
             for k, first in enumerate(self.floating.values()):
                 part[first : first + 3] = values[3 * k : 3 * k + 3]
 
-    def _opened(self) -> float:
+    def _opened(self, engine: Engine, t: float) -> float:
         """Largest opening of a cut [rad or sizes of the mechanism]."""
-        return float(abs(self.engine.openings(0.0)).max(initial=0.0)) / max(self.mechanism.size, 1e-300)
+        return float(abs(engine.openings(t)).max(initial=0.0)) / max(self.mechanism.size, 1e-300)
+
+    @cached_property
+    def determined(self) -> bool:
+        """Whether the drives alone say where the bodies are, and nothing holds a joint twice."""
+        return not self.floating and not len(self._stood["spare"]) and not len(self.engine.independent)
 
     @cached_property
     def _stood(self) -> dict[str, np.ndarray]:
-        """Row of the engine and coordinates of the drives where the loops were closed last."""
-        return {}
+        """Row of the engine and places of the drives where the loops were closed last, on which side of a dead centre;
+        and rows of joints that follow from the others."""
+        engine = self.engine
+        q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
+        engine.fold(q, np.zeros_like(q))
+        spare = engine.choose(0.0)
+        drives = np.zeros(3 * len(dict.fromkeys([*self.mechanism.drives, *self.FREE])))
+        drives[: 3 * len(self.mechanism.drives) : 3] = engine.p[2::3][: len(self.mechanism.drives)]
+        return {"row": engine.row(0.0), "drives": drives, "side": np.zeros(1), "spare": spare}
 
     @cached_property
     def _measure(self) -> np.ndarray:
         joints = self.mechanism.joints
         return np.array([self.mechanism.size if joints[name].slides else 1.0 for name in self.mechanism.drives])
-
-    def _begin(self, stood: dict[str, np.ndarray]) -> None:
-        engine = self.engine
-        q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
-        stood["drives"] = np.array([self.start.drives[name] for name in self.mechanism.drives])
-        engine.p[1::3] = stood["drives"]
-        engine.fold(q, np.zeros_like(q))
-        engine.choose(0.0)
-        stood["row"] = engine.row(0.0)
 
 
 class TwinKinematics(RigidKinematics):
@@ -239,7 +278,7 @@ class FollowedKinematics(TwinKinematics):
         if not (t.times[place] == times).all():
             return super().table(times)
         start = self.module.system.start
-        rows = [slice(start[body], start[body] + BODY) for body in self.module.engine.layout.bodies]
+        rows = [slice(start[body], start[body] + BODY) for body in self.module.rigid.start]
         q, v, a = (np.stack([part[place, row] for row in rows], 1) for part in (t.q, t.v, t.a))
         turn = np.stack([np.cos(q[..., 2]), np.sin(q[..., 2])], -1)
         bodies = np.concatenate([q[..., :2], turn, v, a], -1).reshape(len(times), -1)
@@ -253,8 +292,17 @@ class _Placed(RigidMotion):
     motion: Any
 
     def __getitem__(self, name: str) -> np.ndarray:
+        owner, _, key = name.rpartition(".")
+        if owner in self.motion.module.mechanism.springs:
+            return self._direction(owner)["cs".index(key)]
         column = self.motion.column[name]
         return (self.said if column < self.said.shape[1] else self.values)[:, column]
+
+    def _direction(self, spring: str) -> np.ndarray:
+        """Cosine and sine of a spring's direction."""
+        sides = self.motion.module.mechanism.springs[spring].sides
+        start, end = (self.frame(side.body).place(side.at) for side in sides)
+        return (end - start) / np.hypot(*(end - start))
 
     def taken(self, instants: np.ndarray) -> RigidMotion:
         return _Placed(self.motion, self.times[instants])
@@ -273,10 +321,10 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     """The rigid mechanism of a scene, from where its bodies stand at first."""
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
-    placed = replace(mechanism, drives=drives, loads={}, springs={}, contacts={}, observed=(), frictions={})
-    kernels = {name: getattr(rigid_kernels, name) for name in ("KINDS", *at.KERNEL_NAMES)}
-    module = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
-    stand = np.zeros(1 + 3 * len(drives))
-    stand[0] = 3 * len(drives)
-    engine = build_engine(placed, module, _PlainBlocks(scene), stand)
-    return RigidTwin(mechanism, system, engine, start)
+    placed = replace(mechanism, drives=drives, contacts={}, observed=(), frictions={})
+    kernels = {name: getattr(prescribed, name) for name in ("KINDS", *at.KERNEL_NAMES)}
+    module: Any = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
+    place = [[start.drives[name], 0.0, 0.0] for name in drives]
+    told = np.array([3.0 * len(drives), len(mechanism.loads), *np.ravel(place), *np.zeros(len(mechanism.loads))])
+    engine = build_engine(placed, module, Blocks(scene, {}, {}, {}), told)
+    return RigidTwin(mechanism, system, CoupledSystem(module, engine, placed, {}, {}), start)

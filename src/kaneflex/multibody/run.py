@@ -98,6 +98,16 @@ class Method:
     bounded: tuple[str, ...] = ()
 
 
+def by_themselves(
+    times: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray
+) -> CoupledTrajectory:
+    """States (n_times, size) that no run has made: of their energies, contacts and frictions nothing is said."""
+    zero = np.zeros(len(times))
+    energy = Energy(zero, zero, zero, zero, zero)
+    ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
+    return CoupledTrajectory(times, q, v, a, multipliers, energy, zero, zero, *ended)
+
+
 def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
     """q and v of the undeformed bodies at the first time of a rigid motion."""
     q, v = np.zeros(system.size), np.zeros(system.size)

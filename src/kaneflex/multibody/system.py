@@ -192,12 +192,10 @@ class CoupledSystem:
         """
         loads, sides = len(self.mechanism.loads), len(getattr(self.module, "SWITCHES", ()))
         none = np.zeros((len(times), sides))
-        moved = np.column_stack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3], none])
-        out = np.zeros((len(times), loads + 2 * sides))
-        for t, x, row in zip(times, np.ascontiguousarray(moved), out, strict=True):
-            for _ in range(sides + 1):  # what switches a law may hang on the sides of others
-                self.engine.kernels[at.MAGNITUDES](float(t), x, 0, self.engine.p, row, 0)
-                x[len(x) - sides :] = np.sign(row[loads::2])
+        x = np.column_stack([np.delete(states, np.s_[2::3], axis=1), states[:, 2::3], none])
+        for _ in range(sides + 1):  # what switches a law may hang on the sides of others
+            out = self.engine.magnitudes(times, x, loads + 2 * sides)
+            x[:, x.shape[1] - sides :] = np.sign(out[:, loads::2])
         return out[:, :loads]
 
     @cached_property
@@ -218,7 +216,7 @@ class CoupledSystem:
         pose: dict[tuple[str, str], Pose] = {
             key: pose_at(*sections[k, :3].tolist()) for key, k in engine.layout.sections.items()
         }
-        courses = engine.courses(t)
+        courses = dict(zip(engine.layout.driven, engine.courses(np.array([t]))[0, ::3], strict=True))
         for joint in self.mechanism.joints.values():
             first, second = (pose[side.body, side.name] for side in joint.sides)
             found |= dict(zip((name for name, *_ in reactions(joint)), residuals(joint, first, second), strict=True))

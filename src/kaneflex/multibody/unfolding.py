@@ -11,13 +11,14 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds, powers
 from kaneflex.multibody.acting import rests
 from kaneflex.multibody.contacts import stand_closed
-from kaneflex.multibody.loops import bent, follow, gradient, settle_now, stand
+from kaneflex.multibody.loops import bent, follow, gradient, orientation, settle_now, stand
 from kaneflex.multibody.rows import give, row_size, standing, stands, take, works_at
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUTS, DRIVES, ELASTIC, ENTRY,
-    FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST, LAW, LOCAL, LOSING,
-    MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC, PUSH_NOW, RATE, REACTIONS, REVOLUTE,
-    ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y, apart, shifted, turned,
+    ACCEL, ACTS, BEGUN_AT, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, COURSES, CUT, CUTS, DRIVES,
+    ELASTIC, ENTRY, FIRST, FRAME, FRAME_SIZE, FREE, GAP, GRADIENT, HOLDS, INBOARD, JOINT, JOINTS, JOINT_ROWS, LAST,
+    LAW, LOCAL, LOSING, MAGNITUDES, MECHANISM, MODAL, N, NOW, NUMBERS, OPTIONS, PARENT, POINT, POWER, PRISMATIC,
+    PUSH_NOW, RATE, REACTIONS, REVOLUTE, ROW_AT, SEC, SECTION, SECTIONS, SHAPES, SHUT, SPEEDS, SUMS, WORKS, Y,
+    apart, kernel, shifted, turned,
 )  # fmt: skip
 from kaneflex.multibody.tree import cut_rows, deform, demand, place, prescribe
 
@@ -113,6 +114,39 @@ def move_on(m, t):
 
 
 @njit(**ENTRY)
+def courses_at(m, times, count, out, width):
+    """What drives prescribe at many times, in as many rows."""
+    for k in range(count):
+        kernel(m.kernels, COURSES)(times[k], m.p, out, width * k)
+
+
+@njit(**ENTRY)
+def magnitudes_at(m, times, count, x, columns, out, width):
+    """Sizes of the loads, and what switches them, at many times; x has as many rows of the joints' states."""
+    for k in range(count):
+        kernel(m.kernels, MAGNITUDES)(times[k], x, columns * k, m.p, out, width * k)
+
+
+@njit(**ENTRY)
+def follow_rows(m, count, into, side, rows):
+    """Follow the loops at the times 0, 1, 2, ..., each from the one before; how many close on one side of dead centres.
+
+    into: of every time which of ``rows`` it fills, or -1. side: the sign of the loops' determinant, 0 where it isn't
+    known yet. All coordinates without a course depend on those that have one.
+    """
+    for k in range(count):
+        if not follow(m, float(k)):
+            return k
+        now = orientation(m)
+        if side[0] * now < 0.0:
+            return k
+        side[0] = now
+        if into[k] >= 0.0:
+            give(m, float(k), shifted(rows, int(into[k]) * row_size(m)))
+    return count
+
+
+@njit(**ENTRY)
 def states(m, times, count, q, v, first, held, rows):
     """Rows of states of the bodies, from the ``first`` one on, with their loops closed, accelerations and reactions.
 
@@ -186,6 +220,9 @@ ENTRIES = {
     fold: void(MECHANISM, N, N),
     unfold: void(MECHANISM, N, int64, N, N, N, N, N, N),
     move_on: boolean(MECHANISM, float64),
+    courses_at: void(MECHANISM, N, int64, N, int64),
+    magnitudes_at: void(MECHANISM, N, int64, N, int64, N, int64),
+    follow_rows: int64(MECHANISM, int64, N, N, N),
     states: int64(MECHANISM, N, int64, N, N, int64, boolean, N),
     openings: void(MECHANISM, float64, N),
 }

@@ -93,14 +93,13 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
 
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
     """What each drive must apply to hold its speed; nothing where the rigid mechanism only follows the coupled run."""
-    model = shown.solution.model
-    if model.coupled is not None and model.module.FREE:
+    motion, scene, found = shown.motion, shown.solution.model.scene, []
+    if not motion.has_rigid_forces:
         return []
-    scene, found = model.scene, []
     for quantity, unit, slides in (("torque", "N m", False), ("force", "N", True)):
-        names = [name for name in scene.drives if scene.slides(name) == slides and f"{name}.drive" in shown.rigid]
+        names = [name for name in scene.drives if scene.slides(name) == slides]
         if names:
-            curves = [(name, shown.rigid[f"{name}.drive"]) for name in names]
+            curves = [(name, motion.rigid_forces[f"{name}.drive"]) for name in names]
             found.append((f"{quantity.capitalize()} that holds the speed", quantity, unit, curves))
     return found
 

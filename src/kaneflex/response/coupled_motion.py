@@ -59,8 +59,19 @@ class CoupledMotion(Motion):
     @property
     def has_rigid_forces(self) -> bool:
         """Not where free joints follow the deformation either: a rigid mechanism would have to vibrate with them."""
-        forces = any(f"{name}.drive" in self.rigid for name in self.model.scene.drives)
-        return forces and not (self.model.scene.is_frame or self.model.module.FREE)
+        scene, twin = self.model.scene, self.model.module
+        deforms = self.system.shape_columns and not (scene.contacts or scene.frictions)
+        return bool(deforms) and not twin.FREE and twin.determined
+
+    @cached_property
+    def rigid_forces(self) -> RigidMotion:
+        twin = self.model.module
+        trajectory = twin.trajectory(self.times, self.model.motion.parameters)
+        return CoupledMotion(replace(self.model, coupled=twin.rigid), self.rigid, trajectory).floating
+
+    @property
+    def scalars(self) -> RigidMotion:
+        return self.floating
 
     def taken(self, instants: np.ndarray) -> CoupledMotion:
         rigid = self.rigid.taken(instants)
@@ -171,10 +182,10 @@ class CoupledMotion(Motion):
 
     def _section_shapes(self, body: str, x: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Shapes u, v, theta (3, n) and shortening H (n_w, n_w) at a point of a body; None of one that is rigid."""
-        modal = self.model.scene.bodies[body].modal
+        own, modal = self.system.modal(body), self.model.scene.bodies[body].modal
         if body in self.system.links:
             return self._along(body, x)
-        if modal is None:
+        if own.start == own.stop or modal is None:
             return None
         k = modal.at(x)
         s, w, psi = (modal.arrays[key][k] for key in ("s", "w", "psi"))
@@ -358,9 +369,9 @@ class FloatingScalars(RigidMotion):
         return size + self.coupled.shift.get(name, 0.0)
 
     def _spring(self, name: str, key: str) -> np.ndarray:
-        """Torque of a torsional spring, or a component of the force on its second point."""
+        """Torque of a torsional spring, tension of another one or a component of its force on its second point."""
         tension = self.coupled.spring_tension(name)
-        if key == "torque":
+        if key in ("torque", "tension"):
             return tension
         start, end = (self.coupled.joined(address)[0][:2] for address in self.coupled.model.scene.springs[name].between)
         gap = end - start

@@ -100,14 +100,24 @@ class Motion(ABC):
         """Section forces x [m] from a link's start."""
         if link in self.model.links:
             return self._elastic_section(link, x)
-        return self.rigid_section(link, x)
+        return LinkForces(self.model.scene, self.scalars).section(link, x)
+
+    @property
+    def scalars(self) -> RigidMotion:
+        """Frames of the bodies and what acts on them in this motion, by the names that a rigid motion has for it."""
+        return self.rigid
+
+    @property
+    def rigid_forces(self) -> RigidMotion:
+        """The rigid mechanism with what its joints exert, where ``has_rigid_forces`` says that these are known."""
+        return self.rigid
 
     @abstractmethod
     def _elastic_section(self, link: str, x: float) -> Section: ...
 
     def rigid_section(self, link: str, x: float) -> Section:
         """Section forces of the rigid mechanism."""
-        return LinkForces(self.model.scene, self.rigid).section(link, x)
+        return LinkForces(self.model.scene, self.rigid_forces).section(link, x)
 
     def turned(self, body: str) -> np.ndarray:
         """Angle of a body in the rigid motion [rad], counted on from turn to turn."""

@@ -79,10 +79,11 @@ class _Reader:
         if sensor.kind == "axial_force":
             return self.motion.rigid_section(_address(sensor).body, self.scene.point(_address(sensor))[0])[0]
         if sensor.kind in DRIVE_KINDS:
-            return self.rigid[f"{sensor.target}.drive"]
+            return self.motion.rigid_forces[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
-            return self.rigid[f"{sensor.target}.{'tension' if sensor.kind == 'spring_force' else 'torque'}"]
-        return self._joint_component(sensor, self.rigid.__getitem__)
+            exerted = "tension" if sensor.kind == "spring_force" else "torque"
+            return self.motion.rigid_forces[f"{sensor.target}.{exerted}"]
+        return self._joint_component(sensor, self.motion.rigid_forces.__getitem__)
 
     # ---- motion of points -------------------------------------------------------------------------------------
 

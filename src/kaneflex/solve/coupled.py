@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
@@ -97,16 +96,6 @@ def as_solution(model: Model, trajectory: CoupledTrajectory, seconds: float) -> 
         motion = FollowedKinematics(model.motion.module, model.motion.parameters, trajectory)
         model = replace(model, motion=motion)
     return Solution(model, trajectory, seconds)
-
-
-def still_trajectory(system: CoupledSystem, t: float, q: np.ndarray) -> CoupledTrajectory:
-    """States (n, size) at rest, all at the time t [s]: for what depends on places alone."""
-    count, none = len(q), np.zeros((len(q), system.size))
-    zero = np.zeros(count)
-    energy = Energy(zero, zero, zero, zero, zero)
-    multipliers = np.zeros((count, len(system.constraints)))
-    ended = (0, 0, Outcome.COMPLETED, Outcome.COMPLETED.value, 0.0)
-    return CoupledTrajectory(np.full(count, t), q, none, none, multipliers, energy, zero, zero, *ended)
 
 
 def longest(scene: Scene) -> float:

@@ -15,7 +15,7 @@ from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.energy import Energy
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.position_analysis import place, with_branches
-from kaneflex.mechanism.rigid_bodies import carried_bodies, check_elastic, check_on_axes
+from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
 from kaneflex.multibody.building import build_model
@@ -71,8 +71,8 @@ def load(
         raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
-    if options.dynamics == "coupled" and by_numbers(scene):
-        return _load_by_numbers(scene, options, progress, started)
+    if options.dynamics == "coupled":
+        return _load_coupled(scene, options, progress, started)
     check_determined(mechanism_of(scene))
     check_free(scene)
     scene = with_branches(scene)
@@ -81,52 +81,40 @@ def load(
     module, derived = (find_pruned_module if pruned else find_module)(scene, progress)
     ignored, scene = _ignored(scene, options), acting(scene, options)
     check_memory(scene, options, len(module.SCALARS))
-    coupled = None
-    if options.dynamics == "coupled":
-        from kaneflex.multibody.system import build_system, with_stretch
-
-        coupled, more = build_system(scene, progress)
-        scene, derived = with_stretch(scene), derived + more
     motion = RigidKinematics(module, bind_parameters(scene, module))
     # a kernel that every load needs is called once, so that compiling is seen and timed apart from computing
-    compiled = _compiled(progress, lambda: motion.table(np.zeros(1)), *([coupled.compile] if coupled else []))
+    compiled = _compiled(progress, lambda: motion.table(np.zeros(1)))
     motion, energy = _moving(scene, motion, options, progress)
     check_closure(mechanism_of(scene), motion, options.duration)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = build_model(scene, options, motion, like=like)
     warnings = (*model.warnings, *implausible(scene), *ignored)
-    if module.FREE and options.dynamics not in ("rigid", "coupled"):
+    if module.FREE and options.dynamics != "rigid":
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
-    model = replace(model, coupled=coupled, energy=energy, warnings=warnings)
+    model = replace(model, energy=energy, warnings=warnings)
     return _timed(model, started, derived, compiled)
 
 
 def _moving(
     scene: Scene, motion: RigidKinematics, options: Options, progress: Progress
 ) -> tuple[RigidKinematics, Energy | None]:
-    """The rigid motion with its loops followed and its free joints moved, and the energy of these.
-
-    Beside coupled equations, which move them, free joints keep the speeds that they have at first.
-    """
+    """The rigid motion with its loops followed and its free joints moved, and the energy of these."""
     module, energy = motion.module, None
     if getattr(module, "LOOPS", ()):
         progress("following the linkage over its drive's range")
         motion = RigidKinematics(module, seed_loops(scene, module, motion.parameters, options.duration))
-    if module.FREE and options.dynamics == "coupled":
-        motion = RigidKinematics(module, at_initial_speed(scene, module, motion.parameters, options.duration))
-    elif module.FREE:
+    if module.FREE:
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate_free_joints(scene, module, motion.parameters, options)
     return motion, energy
 
 
-def _compiled(progress: Progress, *compile: Callable[[], object]) -> float:
-    """Seconds in which all is compiled that these calls need."""
+def _compiled(progress: Progress, compile: Callable[[], object]) -> float:
+    """Seconds in which all is compiled that a call needs."""
     progress("compiling, first time only")
     started = time.perf_counter()
-    for call in compile:
-        call()
+    compile()
     return time.perf_counter() - started
 
 
@@ -138,27 +126,25 @@ def _timed(model: Model, started: float, derived: float, compiled: float) -> Mod
     return model
 
 
-def by_numbers(scene: Scene) -> bool:
-    """Whether the rigid mechanism beside the coupled one is placed by numbers, not by a module of its own.
+def has_elastic_stage(scene: Scene) -> bool:
+    """Whether linear equations can follow the rigid mechanism beside the coupled ones, for modes and coordinates.
 
-    Where nothing deforms there is nothing to compare with it; and where joints hold something twice, no elastic stage
-    can follow the rigid one, or laws know joints without a drive, no module can be derived.
+    Where nothing deforms there are none; where bodies move freely, joints hold something twice, rigid bodies can't
+    follow the links, or laws know joints without a drive, none can be formed.
     """
     deforms = any(body.elastic or body.modal is not None for body in scene.bodies.values())
-    if scene.floating or scene.observed or not deforms:
-        return True
-    if check_determined(mechanism_of(scene), twice=True):
-        return True
+    if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
+        return False
     try:
         check_free(scene)
-        carried_bodies(scene)
+        check_elastic(scene)
     except SceneError:
-        return True
-    return False
+        return False
+    return True
 
 
-def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
-    """:func:`load` where the coupled module is all that is derived."""
+def _load_coupled(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
+    """:func:`load` of preset coupled: the coupled module is all that is derived."""
     from kaneflex.multibody.held_twice import check_sensors, undetermined
     from kaneflex.multibody.rigid_twin import build_twin
     from kaneflex.multibody.run import rigid_state
@@ -167,7 +153,9 @@ def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started
     mechanism = mechanism_of(scene)
     spare = check_determined(mechanism, twice=True)
     check_on_axes(scene)
+    bare, scene = not has_elastic_stage(scene), with_branches(scene)
     ignored, scene = _ignored(scene, options), acting(scene, options)
+    check_memory(scene, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
     placement = place(scene)
     if spare:
         check_held_twice(mechanism, placement, spare)
@@ -178,7 +166,7 @@ def _load_by_numbers(scene: Scene, options: Options, progress: Progress, started
     check_twin(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
-    model = build_model(scene, options, motion, bare=True)
+    model = build_model(scene, options, motion, bare=bare)
     if spare:
         open_rows = undetermined(coupled, rigid_state(coupled, motion.at(0.0))[0])
         check_sensors(scene, open_rows)
@@ -191,9 +179,10 @@ def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
     """Prescribed drives must take the rigid mechanism through their range; where free joints go is not known yet."""
     mechanism, twin = mechanism_of(scene), motion.module
     rigid = motion.at(np.zeros(1) if twin.FREE else np.linspace(0.0, options.duration, SWEEP + 1))
-    first = next(iter(mechanism.bodies))
-    lost = np.flatnonzero(~np.isfinite(rigid[f"{first}.x"]))
+    lost = np.flatnonzero(~np.all([np.isfinite(rigid[f"{name}.c"]) for name in mechanism.bodies], axis=0))
     if len(lost) and np.isfinite(rigid.said).all():
+        # where they can't close at all, this says so
+        place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
         joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
         raise SceneError(
             "joints", joints, f"at {stand(mechanism, rigid, int(lost[0]))} the loops that they close don't close, or "
@@ -228,26 +217,21 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     if options.integrator == "spectral":  # whose grid and corrections may differ from neighbour to neighbour
         options = replace(options, integrator="radau")
     scene = acting(scene, options)
-    system = None
     if model.coupled is not None:
-        from kaneflex.multibody.rigid_twin import RigidTwin, build_twin
+        from kaneflex.multibody.rigid_twin import build_twin
         from kaneflex.multibody.system import neighbour_system, with_stretch
 
         system, scene = neighbour_system(model.coupled, scene, frozen), with_stretch(scene)
-    if system is not None and isinstance(model.module, RigidTwin):
         system = replace(system, undetermined=model.coupled.undetermined)
         motion = _twin(scene, build_twin(scene, system, place(scene)), options)
-        return replace(build_model(scene, options, motion, bare=True), coupled=system)
-    found = build_model(scene, options, _moved(model, scene, duration), model if frozen else None)
-    return replace(found, coupled=system)
+        found = build_model(scene, options, motion, model if frozen else None, bare=model.bare)
+        return replace(found, coupled=system)
+    return build_model(scene, options, _moved(model, scene, duration), model if frozen else None)
 
 
 def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     """The motion of a neighbour's scene; the model's own where no number of it differs: loops are long to follow."""
     module, parameters = model.module, bind_parameters(scene, model.module)
-    if module.FREE:
-        seeded = seed_loops(scene, module, parameters, duration)
-        return RigidKinematics(module, at_initial_speed(scene, module, seeded, duration))
     if duration == model.options.duration and np.array_equal(parameters, bind_parameters(model.scene, module)):
         return model.motion
     return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
