@@ -110,11 +110,12 @@ def _moving(
     return motion, energy
 
 
-def _compiled(progress: Progress, compile: Callable[[], object]) -> float:
-    """Seconds in which all is compiled that a call needs."""
+def _compiled(progress: Progress, *compile: Callable[[], object]) -> float:
+    """Seconds in which all is compiled that these calls need."""
     progress("compiling, first time only")
     started = time.perf_counter()
-    compile()
+    for call in compile:
+        call()
     return time.perf_counter() - started
 
 
@@ -161,8 +162,9 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
         check_held_twice(mechanism, placement, spare)
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
-    compiled = _compiled(progress, coupled.compile)
-    motion = _twin(scene, build_twin(scene, coupled, placement), options)
+    twin = build_twin(scene, coupled, placement)
+    compiled = _compiled(progress, coupled.compile, twin.rigid.compile)
+    motion = _twin(scene, twin, options)
     check_twin(scene, motion, options)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
