@@ -34,6 +34,10 @@ class FrictionSummary(PlainTable):
     largest_force: float | None = Field(description="largest force at a stored instant, N; null of a pin")
     largest_torque: float | None = Field(description="of a pin, largest torque at a stored instant, N m; else null")
     stuck: float = Field(description="share of the stored instants at which it is stuck")
+    jams_at_s: float | None = Field(
+        description="of a contact, instant at which it first presses the sides into each other, so that rigid ones "
+        "would have no force that agrees, or several (Painlevé's paradox), s; null where it never does"
+    )
 
 
 class ContactSummary(PlainTable):
@@ -81,6 +85,7 @@ def friction_summaries(solution: Solution) -> dict[str, FrictionSummary]:
             largest_force=None if turns else largest,
             largest_torque=largest if turns else None,
             stuck=float((record.mode[:, k] == STUCK).mean()),
+            jams_at_s=None if np.isnan(record.jams[k]) else record.jams[k],
         )
     return found
 

@@ -55,7 +55,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
         found += _coarse(solution, lowest)
     found += [*_parted(solution), *_ill_conditioned(solution), *between_steps(model), *_unbalanced(solution)]
     if coupled:
-        found += [*_loose(solution), *_left_ringing(solution), *_lost(solution)]
+        found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
     if not len(solution.times):
         return found
     if not coupled:
@@ -280,6 +280,18 @@ def _lost(solution: Solution) -> Iterator[str]:
                 f"{name} has no value at {lost.sum()} of {len(lost)} instants, first at t = "
                 f"{solution.times[lost.argmax()]:.6g} s: the deformed mechanism is then where the rigid one, which it "
                 "is measured against, doesn't close"
+            )
+
+
+def _jammed(solution: Solution) -> Iterator[str]:
+    """Warnings where friction presses the sides of contacts into each other."""
+    record = getattr(solution.trajectory, "frictions", None)
+    for name, instant in () if record is None else zip(record.names, record.jams, strict=True):
+        if np.isfinite(instant):
+            yield (
+                f"friction at {name} presses its sides into each other, first at t = {instant:.6g} s (Painleve's "
+                "paradox): between rigid ones no force would agree with it, or several would; how hard these jam is "
+                "up to the contact's stiffness"
             )
 
 
