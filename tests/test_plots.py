@@ -182,6 +182,17 @@ def test_rigid_values_stand_dashed_beside_the_elastic_ones():
     assert force.get_legend_handles_labels()[1][-1] == "dashed: rigid mechanism"
 
 
+def test_a_band_shows_an_estimated_error_that_is_wider_than_a_line():
+    """What the rigid engine leaves out is worth 4 % of its piston's acceleration, and nothing beside its stroke."""
+    panels = {axes.get_title(loc="left"): axes for axes in drawn("rigid")["sensors"].axes}
+    wide, narrow = panels["Acceleration, global axes"], panels["Position"]
+    (band, _), off = wide.collections, solved("rigid").errors[0]["piston_acceleration"]
+    higher = np.ptp(band.get_paths()[0].vertices[:, 1]) - np.ptp(wide.lines[0].get_ydata())
+    assert higher == pytest.approx(2e-3 * off.total, rel=1e-6)
+    assert wide.get_legend_handles_labels()[1][-1] == "band: estimated +-"
+    assert not narrow.collections
+
+
 def test_a_long_run_is_drawn_by_its_last_turns_and_says_so():
     shown = view(solved("engine-rig"))
     turn = 2 * math.pi / solved("engine-rig").model.scene.drives["main"].speed

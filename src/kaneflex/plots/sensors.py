@@ -29,6 +29,9 @@ QUANTITY = {
     "friction_force": "force", "friction_torque": "torque",
 }  # fmt: skip
 
+_SEEN = 1e-2
+"""Share of what a panel's curves span from which an error of them is wider than their line."""
+
 
 def figures(solution: Solution) -> dict[str, Figure]:
     """``sensors``: one panel for each kind, unit and direction."""
@@ -104,14 +107,20 @@ def _panel(axes: Axes, shown: View, title: str, names: list[str]) -> None:
     sensor = shown.solution.model.scene.sensors[names[0]]
     peaks = {name: _peaks(shown, name) for name in names if sensor.kind in ("contact_force", "contact_torque")}
     factor, label = readable(sensor.unit, *values.values(), *(force for _, force in peaks.values()))
+    reach, errors = max(np.ptp(each) for each in values.values()), shown.solution.errors[0]
     for name, colour in zip(names, PALETTE, strict=False):
         axes.plot(shown.x, factor * values[name], color=colour, label=name)
+        if name in errors and errors[name].total > _SEEN * reach:
+            low, high = (factor * (values[name] + sign * errors[name].total) for sign in (-1, 1))
+            axes.fill_between(shown.x, low, high, color=colour, alpha=0.25, linewidth=0)
         if name in peaks:
             at, force = peaks[name]
             axes.plot(at, factor * force, "v", color=colour, markersize=4, label=f"{name}: peaks of impacts")
         if f"{name}_rigid" in series:
             rigid = factor * series[f"{name}_rigid"].values[shown.instants]
             axes.plot(shown.x, rigid, "--", color=shade(colour, -0.45), linewidth=0.9)
+    if axes.collections:
+        axes.fill_between([], [], [], color="grey", alpha=0.25, linewidth=0, label="band: estimated +-")
     if f"{names[0]}_rigid" in series:
         axes.plot([], [], "--", color="black", linewidth=0.9, label="dashed: rigid mechanism")
     axes.set_title(title)
