@@ -33,7 +33,7 @@ presses it on or -1; of a contact whether it doesn't bounce, whether it rested, 
 alike."""
 _NOTHING = 1e-13
 """Of the largest b: a u that is no less than its negative."""
-_FLAT = 1e-11
+_FLAT = 1e-9
 """What is left of a row, which has begun with 1, where others determine it."""
 _TIE = 1e-12
 """By which two ways to go on are the same."""
@@ -163,11 +163,12 @@ def _lemke(m, size):
         if leaving == 2 * size:
             return True
         entering = leaving + size if leaving < size else leaving - size
-        row = _leaves(m, T, size, entering)
-        if row < 0:
-            for i in range(size):
-                if m.pivots[basis + i] == 2 * size:
-                    return w[T + wide * i + wide - 1] <= _ASTRAY
+        row, left = _leaves(m, T, size, entering), 0.0
+        for i in range(size):
+            if m.pivots[basis + i] == 2 * size:
+                left = w[T + wide * i + wide - 1]
+        if left <= _NOTHING or row < 0:  # where rows are as good as the same, nothing is left before it leaves
+            return left <= _ASTRAY
     return False
 
 
