@@ -347,8 +347,8 @@ BAD = {
         "Give a number between, like 1e-9."),
     "unknown integrator": (
         "[solve]", '[solve]\nintegrator = "rk4"',
-        "solve.integrator = 'rk4': must be 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' or "
-        "'scipy'. "
+        "solve.integrator = 'rk4': must be 'spectral', 'radau', 'newmark', 'generalised-alpha', 'gauss', 'exact-modal' "
+        "or 'scipy'. "
         "Correct it."),
     "gravity as a speed": (
         "schema = 1", 'schema = 1\ngravity = [0, "9.81 m/s"]',

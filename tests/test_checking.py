@@ -29,7 +29,7 @@ def test_checked_kernels_compute_the_same():
 
 def test_every_kernel_of_a_module_is_checked():
     """But those of bodies, whose numbers lie among those of all others."""
-    for module in (engine, beam_timoshenko, model("four-bar-motor").module, model("elastic-pendulum").coupled.module):
+    for module in (engine, beam_timoshenko, model("four-bar").module, model("elastic-pendulum").coupled.module):
         safe = kaneflex.checked(module)
         kernels = [name for name, value in vars(module).items() if hasattr(value, "py_func")]
         plain = {name.rstrip("_0123456789") for name in kernels if getattr(safe, name) is getattr(module, name)}

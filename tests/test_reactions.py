@@ -75,7 +75,7 @@ def test_elastic_reactions_balance_the_whole_mechanism():
 
 def test_damping_is_a_force_on_the_whole_mechanism_of_its_mass_part_alone():
     """Of alpha M + beta K_s only alpha M pulls from outside, at every point by alpha times how fast it deforms."""
-    balance = Balance(run("engine", "solve.preset=linear"))
+    balance = Balance(run("engine", "solve.preset=linear", "solve.integrator=radau"))
     model, rigid, trajectory = balance.solution.model, balance.rigid, balance.solution.trajectory
     alpha, beta = model.rayleigh
     slide = model.coordinates.index("piston.slide")

@@ -40,11 +40,11 @@ def factorise(w, stiffness, factor):
                 for t in range(count):
                     entry[t] *= reciprocal[t]
                 continue
-            least = np.inf
+            lost = 0
             for t in range(count):
-                least = min(least, entry[t] - ROUNDING * abs(below[t]))
+                lost += 0 if entry[t] > ROUNDING * abs(below[t]) else 1
                 entry[t] = 1.0 / np.sqrt(abs(entry[t]))
-            if not least > 0.0:
+            if lost:
                 return False
     return True
 
@@ -110,8 +110,9 @@ def residual(w, mass, damping, stiffness, z, v, a):
 def into_modes(w, factor, shapes, rest):
     """L^-1 rest, in place, and its shares in the modes, shape (m, N)."""
     solve_lower(w, factor, rest)
-    taken = np.zeros((shapes.shape[1], rest.shape[1]))
+    taken = np.empty((shapes.shape[1], rest.shape[1]))
     for k in range(shapes.shape[1]):
+        taken[k, :] = 0.0
         for i in range(shapes.shape[0]):
             for t in range(rest.shape[1]):
                 taken[k, t] += shapes[i, k] * rest[i, t]
@@ -178,5 +179,8 @@ def mean_products(w, factor, mass, damping, stiffness, shapes):
             add_product(w, matrix, x, product)
             solve_lower(w, factor, product)
             for i in range(n):
-                out[i, row] = product[i].mean()
+                total = 0.0
+                for t in range(product.shape[1]):
+                    total += product[i, t]
+                out[i, row] = total / product.shape[1]
     return found

@@ -163,14 +163,17 @@ class RigidTwin:
     def _followed(self, drives: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, v, a of the bodies where the drives are, from place to place; NaN where the loops can't be followed.
 
-        Behind such a place every further one is tried by itself, from where the loops were closed last.
+        Behind such a place every further one is tried by itself, from where the loops were closed last. Every call
+        begins where the bodies stand at first, so that what it finds does not depend on what was asked before.
         """
-        stood, done, ahead = self._stood, 0, len(drives)
+        stood, done, ahead = {name: value.copy() for name, value in self._stood.items()}, 0, len(drives)
+        self.engine.stand(stood["row"])
+        self.engine.choose(0.0)
         rows = np.full((len(drives), len(stood["row"])), math.nan)
         while done < len(drives):
             wanted = drives[done : done + ahead]
             path, ends = self._path(stood["drives"], wanted)
-            passed = self._passed(path, ends, rows[done : done + ahead])
+            passed = self._passed(path, ends, stood["side"], rows[done : done + ahead])
             if passed:
                 stood["row"], stood["drives"] = rows[done + passed - 1].copy(), wanted[passed - 1]
             if passed < ahead:
@@ -206,13 +209,13 @@ class RigidTwin:
         path[ends] = drives
         return path, ends
 
-    def _passed(self, path: np.ndarray, ends: np.ndarray, rows: np.ndarray) -> int:
+    def _passed(self, path: np.ndarray, ends: np.ndarray, side: np.ndarray, rows: np.ndarray) -> int:
         """Fill rows of the engine at the ``ends`` of a path; how many of these are reached."""
         engine = self._told(path).engine
         if self.determined:
             into = np.full(len(path), -1.0)
             into[ends] = np.arange(len(ends))
-            return int(np.searchsorted(ends, engine.follow(into, self._stood["side"], rows)))
+            return int(np.searchsorted(ends, engine.follow(into, side, rows)))
         for k, place in enumerate(path):
             self._let_float(place[3 * len(self.mechanism.drives) :])
             if not engine.move_on(float(k)) or self._opened(engine, float(k)) > _OPENED:
@@ -240,8 +243,8 @@ class RigidTwin:
 
     @cached_property
     def _stood(self) -> dict[str, np.ndarray]:
-        """Row of the engine and places of the drives where the loops were closed last, on which side of a dead centre;
-        and rows of joints that follow from the others."""
+        """Row of the engine and places of the drives where the loops are closed at first, on which side of a dead
+        centre; and rows of joints that follow from the others."""
         engine = self.engine
         q = np.concatenate([self.start.poses[body] for body in engine.layout.bodies])
         engine.fold(q, np.zeros_like(q))

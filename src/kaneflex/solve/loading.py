@@ -187,8 +187,8 @@ def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
         place(scene, {name: float(rigid[f"{name}.angle"][lost[0]]) for name in mechanism.drives})
         joints = ", ".join(dict.fromkeys(twin.engine.layout.cuts))
         raise SceneError(
-            "joints", joints, f"at {stand(mechanism, rigid, int(lost[0]))} the loops that they close don't close, or "
-            "leave open how they go on",
+            "joints", joints, f"the loop can't close: at {stand(mechanism, rigid, int(lost[0]))} it does not, or it "
+            "leaves open how it goes on",
             "Change the lengths, or limit the drive's range",
         )  # fmt: skip
 
