@@ -214,7 +214,8 @@ def test_cycles_in_lanes_are_those_alone_and_newmark_is_further_from_the_answer(
         monkeypatch.setattr(cycles, name, value)
     found = list(cycles.rows())
     assert [row.candidate for row in found if row.task == "a cycle"] == [
-        "newmark, alone", "newmark, lanes", "gauss, alone", "gauss, lanes"
+        "newmark, alone", "newmark, lanes", "gauss, alone", "gauss, lanes", "spectral, 0.0001",
+        "spectral, 0.0001, its motion", "spectral, 1e-06", "spectral, 1e-06, its motion",
     ]  # fmt: skip
     newmark, gauss = (float(re.search(r"error (\S+)", row.differs)[1]) for row in (found[0], found[3]))
     assert 1e-6 < gauss < 0.7 * newmark < 0.01

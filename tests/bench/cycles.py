@@ -1,4 +1,4 @@
-"""Of the section of sweeps: periodic motions of the engine, one after the other and in vector lanes."""
+"""Of the section of sweeps: periodic motions of the engine, by steps alone and in vector lanes, and by harmonics."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from bench.interleave import interleave
 from bench.rows import Row, Target
 from kaneflex.integrate.batch import integrate_batch
 from kaneflex.integrate.run import Run, integrate
+from kaneflex.integrate.spectral import Orbit, periodic_orbit
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import run_of
@@ -19,11 +20,15 @@ from kaneflex.solve.simulation import run_of
 ABOUT = """*A cycle*: the periodic motion at one of 64 speeds on one core, systems and tables of the motion being there:
 by `integrate` one after the other, or by `integrate_batch` in eight lanes; the ratio is to the same method alone.
 *A step* is one in a lane without what finds the periodic state. The error is the root mean square of the difference of
-the rod's first bending mode to 16 times as many steps by `gauss`, relative to its own: the largest at four speeds."""
+the rod's first bending mode to 16 times as many steps by `gauss`, relative to its own: the largest at four speeds.
+*spectral* is the motion by its harmonics, with what tells whether it is stable, and *its motion* without that; its
+ratio is to `gauss` alone."""
 SPEEDS, STEPS, FINER = 64, 720, 16
 ROUNDS, BUDGET = 5, 20.0
 BENDING = 1
 """Coordinate rod.mode_1."""
+TOLERANCES = (1e-4, 1e-6)
+HARMONICS = {1e-4: Target(reach=40e-6, dream=27e-6), 1e-6: Target(reach=300e-6, dream=150e-6)}
 CYCLE, STEP = Target(reach=30e-6, dream=15e-6), Target(reach=20e-9, dream=16e-9)
 _AGREEMENT = 1e-9
 """What lanes may change, of a coordinate's largest value."""
@@ -35,6 +40,29 @@ def rows() -> Iterator[Row]:
     for method in ("newmark", "gauss"):
         runs = [with_table(with_steps(run, STEPS, method)) for run in exact]
         yield from race_of(method, runs, error_of(runs, exact))
+    yield from by_harmonics(exact)
+
+
+def by_harmonics(exact: Sequence[Run]) -> Iterator[Row]:
+    """Rows of the spectral solver."""
+    for tolerance in TOLERANCES:
+        runs = [replace(with_table(with_steps(run, STEPS, "spectral")), tolerance=tolerance) for run in exact]
+        error = error_of(runs, exact)
+        timed = {
+            "gauss, alone": seconds_a_run(
+                [replace(run, method="gauss") for run in runs], lambda runs: [integrate(run) for run in runs]
+            ),
+            f"spectral, {tolerance:g}": seconds_a_run(runs, lambda runs: [integrate(run) for run in runs]),
+            f"spectral, {tolerance:g}, its motion": seconds_a_run(runs, lambda runs: [orbit_of(run) for run in runs]),
+        }
+        race = interleave(timed, ROUNDS, BUDGET)
+        reference, whole, motion = race
+        yield Row("a cycle", whole, race[whole], race.ratio(whole, reference), differs=f"error {error:.1e}")
+        yield Row("a cycle", motion, race[motion], race.ratio(motion, reference), HARMONICS[tolerance], True)
+
+
+def orbit_of(run: Run) -> Orbit:
+    return periodic_orbit(run.system, run.table, run.t0, run.step * run.n_steps, run.tolerance)
 
 
 def with_steps(run: Run, steps: int, method: str) -> Run:
