@@ -34,7 +34,7 @@ FEWEST, MOST = 64, 8192
 _TELLING = 512
 """Instants from which on the harmonics' decay says how many would be needed."""
 _MOST_NUMBERS = 4e7
-"""In the matrices at all instants: 320 MB."""
+"""In each of the matrices, at all instants: 320 MB."""
 _MODES = 16
 """Of the mean equations whose harmonics are solved for; what is left of larger systems follows its loads."""
 _SUBSPACE, _SPARE, _SAMPLES = 4, 4, 16
@@ -46,8 +46,8 @@ _SLOWEST, _SLOWEST_ESTIMATE = 0.85, 0.97
 _PATIENCE = 8
 _OVER_TAIL = 0.2
 """Of what the grid leaves out: a remainder that is worth no further correction on it."""
-SURE = 0.02
-"""Share of a motion's error to which it is estimated."""
+SURE, _EXACT = 0.02, 1e-12
+"""Share of a motion's error to which it is estimated, and of the motion, below which an error is one of rounding."""
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> float:
@@ -246,7 +246,7 @@ def improved(grid: Grid, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
     None where corrections contract too slowly.
     """
-    found = _corrected(grid, z, 0.0, SURE)
+    found = _corrected(grid, z, _EXACT, SURE)
     return None if found.reason else (found.z, *grid.rates(found.z))
 
 
@@ -280,7 +280,7 @@ def _corrected(grid: Grid, z: np.ndarray | None, tolerance: float, share: float 
     """
     rest = grid.correction(grid.F.copy() if z is None else grid.F - grid.forces(z))
     left = math.sqrt(_dot(rest, rest))
-    size = left if z is None else grid.size(z)
+    size = (0.0 if z is None else grid.size(z)) or left
     z = np.zeros_like(rest) if z is None else z
     if not np.isfinite(left):
         return Orbit(grid, z, 0, left, 1.0, "the mean equations have no periodic motion")

@@ -55,21 +55,18 @@ def summary_table(summary: Summary) -> str:
 
 def _plus_minus(entry: SensorSummary) -> str:
     """Its estimated error in the unit that its values are shown in."""
-    if entry.plus_minus is None:
-        return ""
-    shown = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))[0]
-    scales = [_FOR_PEOPLE.get(entry.unit, (entry.unit, 1.0)), _WHEN_SMALL.get(entry.unit, (0.0, "", 1.0))[1:]]
-    return f"{entry.plus_minus.total * next(factor for unit, factor in scales if unit == shown):.1e}"
+    number = unit_shown(entry.unit, max(abs(entry.min), abs(entry.max)))[1]
+    return "" if entry.plus_minus is None else number(entry.plus_minus.total, 2)
 
 
-def unit_shown(unit: str, largest: float) -> tuple[str, Callable[[float], str]]:
-    """The unit for people of values up to ``largest`` (SI), and what writes an SI value in it."""
+def unit_shown(unit: str, largest: float) -> tuple[str, Callable[..., str]]:
+    """The unit for people of values up to ``largest`` (SI), and what writes an SI value in it, by so many digits."""
     shown, factor = _FOR_PEOPLE.get(unit, (unit, 1.0))
     if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
         _, shown, factor = _WHEN_SMALL[unit]
 
-    def number(value: float) -> str:
-        return f"{value * factor:.4g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
+    def number(value: float, digits: int = 4) -> str:
+        return f"{value * factor:.{digits}g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
 
     return shown, number
 

@@ -22,7 +22,9 @@ from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.sensors import measure
-from kaneflex.scene.options import resolve_options
+from kaneflex.scene.options import left_out, resolve_options
+from kaneflex.scene.structure import pruned_hash
+from kaneflex.solve.simulation import not_repeated
 
 if TYPE_CHECKING:
     from kaneflex.scene.bodies import Body
@@ -70,11 +72,11 @@ def error_estimates(solution: Solution) -> tuple[Mapping[str, ErrorEstimate], st
     """
     reason = _impossible(solution)
     if reason:
-        return {}, reason
+        return {}, f"not estimated{reason}"
     try:
         first, *stages = _refined(solution)
-    except _TooSlow as slow:
-        return {}, f"not estimated: corrections by {slow} contract too slowly"
+    except _Unknown as reason:
+        return {}, f"not estimated: {reason}"
     base = before = first[1]
     found: dict[str, dict[str, float]] = {kind: {} for kind in KINDS}
     for kind, values in stages:
@@ -88,8 +90,8 @@ def error_estimates(solution: Solution) -> tuple[Mapping[str, ErrorEstimate], st
     }, ""
 
 
-class _TooSlow(Exception):
-    """What a richer model adds is not found; its argument says what that is."""
+class _Unknown(Exception):
+    """What a richer model adds is not found; its argument says why."""
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> float:
@@ -101,13 +103,18 @@ def _impossible(solution: Solution) -> str:
     model = solution.model
     options = model.options
     if options.dynamics in ("coupled", "frozen"):
-        return f"not estimated under preset {options.preset}"
+        return f" under preset {options.preset}"
     if not any(body.elastic for body in model.scene.bodies.values()):
-        return "not estimated: no body is elastic"
+        return ": no body is elastic"
     if model.module.FREE or not options.cycles or (options.dynamics == "dynamic" and options.start != "periodic"):
-        return "not estimated: the motion is not a periodic one"
+        return ": the motion is not a periodic one"
     if solution.outcome is not Outcome.COMPLETED or len(solution.times) < FEWEST:
-        return "not estimated: the run has no whole cycle of instants"
+        return ": the run has no whole cycle of instants"
+    if abs(solution.times[-1] - options.duration) > 1e-9 * options.duration:
+        return ": the instants that are stored don't end with the cycle"
+    without = left_out(options)
+    if without and model.module.STRUCTURE == pruned_hash(model.scene, without):
+        return ": the module has no terms but those that were chosen"
     return ""
 
 
@@ -126,12 +133,14 @@ def _refined(solution: Solution) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     z, v, a = (at_instants(part[:, :-1], count) for part in solution.coordinates)
     motion = ElasticMotion(model, rigid, (z, v, a))
     for kind, richer in _richer(model):
+        if not_repeated(richer):
+            raise _Unknown("the motion or its loads don't repeat themselves")
         z = motion.coordinates[0] if richer is model else _embedded(richer, motion)
         grid = Grid.of(richer.system, richer.scalars, 0.0, period, count)
         basis = richer.modal_basis
         found = improved(grid, z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0])
         if found is None:
-            raise _TooSlow(kind)
+            raise _Unknown(f"corrections by {kind} contract too slowly")
         z, v, a = found if basis is None else (basis @ part for part in found)
         motion = ElasticMotion(richer, rigid, (z, v, a))
         z, v, a = (at_instants(part, steps) for part in motion.coordinates)
