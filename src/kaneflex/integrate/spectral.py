@@ -46,8 +46,8 @@ _SLOWEST, _SLOWEST_ESTIMATE = 0.85, 0.97
 _PATIENCE = 8
 _OVER_TAIL = 0.2
 """Of what the grid leaves out: a remainder that is worth no further correction on it."""
-SURE, _EXACT = 0.02, 1e-12
-"""Share of a motion's error to which it is estimated, and of the motion, below which an error is one of rounding."""
+SURE = 0.02
+"""Share of a motion's error to which it is estimated."""
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> float:
@@ -246,7 +246,7 @@ def improved(grid: Grid, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
     None where corrections contract too slowly.
     """
-    found = _corrected(grid, z, _EXACT, SURE)
+    found = _corrected(grid, z, 0.0, SURE)
     return None if found.reason else (found.z, *grid.rates(found.z))
 
 
@@ -280,7 +280,7 @@ def _corrected(grid: Grid, z: np.ndarray | None, tolerance: float, share: float 
     """
     rest = grid.correction(grid.F.copy() if z is None else grid.F - grid.forces(z))
     left = math.sqrt(_dot(rest, rest))
-    size = (0.0 if z is None else grid.size(z)) or left
+    size = left if z is None else grid.size(z)
     z = np.zeros_like(rest) if z is None else z
     if not np.isfinite(left):
         return Orbit(grid, z, 0, left, 1.0, "the mean equations have no periodic motion")
