@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -352,6 +352,7 @@ def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.nd
     return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))
 
 
+@cache
 def _kernel_address(kernel: Any, kind: FunctionType) -> int:
     """Where compiled code finds a kernel of a structure's module, which is compiled here unless it is already."""
     with warnings.catch_warnings():
