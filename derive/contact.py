@@ -295,7 +295,8 @@ def _energy_kernel() -> tuple[emit.Kernel, Program]:
     """int K d^n dd, which is even in d where the force is odd."""
     K, n = _number["K"], sm.Symbol("n", positive=True)
     energy = sm.integrate(contacts.elastic(K, n, _DEPTH), (_DEPTH, 0, _DEPTH))
-    energy = sm.powsimp(energy).xreplace({n: _number["n"], _DEPTH: _size})
+    energy = (energy / _DEPTH ** (n + 1)).simplify() * _g**2 * _size ** (n - 1)  # whose power is that of the force
+    energy = energy.xreplace({n: _number["n"]})
     return _returning("stored", [energy], "Energy [J] of a contact that is as deep as -g, K d^(n + 1)/(n + 1).")
 
 

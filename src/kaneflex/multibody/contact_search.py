@@ -65,10 +65,10 @@ def note(m, t, i):
             w[j + 3] = w[k + PUSH_NOW]
         elif w[k + BEGUN_AT] != 0.0:
             # Where the depth is zero so is a force, but for its sign.
-            gap = smaller(w[k + GAP], -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION])
-            begun_at = abs(w[k + BEGUN_AT])
-            law, own = m.acts[act, LAW], m.acts[act, NUMBERS_AT]
-            w[j + 3] = touching.normal_force(law, w, own, begun_at, gap, w[k + GAP_RATE])
+            least, w[j + 3] = -1e-6 * w[k + ALLOWED] / w[plan[TOUCH] + PRECISION], w[k + PUSH_NOW]
+            if w[k + BEGUN_AT] < 0.0 or w[k + GAP] > least:
+                law, own, gap = m.acts[act, LAW], m.acts[act, NUMBERS_AT], smaller(w[k + GAP], least)
+                w[j + 3] = touching.normal_force(law, w, own, abs(w[k + BEGUN_AT]), gap, w[k + GAP_RATE])
     sticking.note(m, t, i)
 
 

@@ -210,7 +210,11 @@ def _named(
 
 
 def _lay_out(plan: np.ndarray, sections: np.ndarray, w: np.ndarray, ground: Sequence[tuple[float, float]]) -> None:
-    """What never changes: sections of the ground, and points of bodies without shapes in their axes."""
+    """What never changes: sections of the ground, and points of bodies without shapes in their axes.
+
+    Frames begin with the cosine of the angle that they begin with, 0.
+    """
+    w[plan[at.FRAME] + 3 : plan[at.FORCE] : at.FRAME_SIZE] = 1.0
     for k, place in enumerate(ground):
         w[plan[at.SECTION] + at.SEC * k : plan[at.SECTION] + at.SEC * k + 2] = place
     for k, (owner, point, _) in enumerate(sections):

@@ -80,10 +80,12 @@ def place(m):
             x, z, theta = w[i], w[i + 1], w[i + 2]
         w[own], w[own + 1], w[own + 2] = x, z, theta
         phi, f = theta - w[local + 2], plan[FRAME] + FRAME_SIZE * b
-        c, s = math.cos(phi), math.sin(phi)
+        if phi != w[f + 2]:  # of bodies in guides, and of all those that one more turn of a loop's closing leaves alone
+            w[f + 3], w[f + 4] = math.cos(phi), math.sin(phi)
+        c, s = w[f + 3], w[f + 4]
         x -= c * w[local] - s * w[local + 1]
         z -= s * w[local] + c * w[local + 1]
-        w[f], w[f + 1], w[f + 2], w[f + 3], w[f + 4] = x, z, phi, c, s
+        w[f], w[f + 1], w[f + 2] = x, z, phi
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
             if n != inboard:
                 k, local, share = sec + SEC * n, plan[LOCAL] + SEC * n, w[m.sections[n, POINT]]

@@ -11,6 +11,7 @@ import ast
 import operator
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -145,7 +146,8 @@ def sample_times(horizon: float) -> np.ndarray:
     return np.linspace(0.0, horizon, _SAMPLES + 1)
 
 
-def parse_law(text: str, names: Collection[str]) -> Law:
+@lru_cache(maxsize=256)
+def parse_law(text: str, names: tuple[str, ...]) -> Law:
     """The law of `text`, which may use `names` (t, drives' names and NAME_speed) and pi.
 
     The law's own text is a law again. Raises Fault: not an expression, too large, an unknown name, a call of anything
