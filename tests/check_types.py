@@ -19,7 +19,7 @@ BASELINE = {
     "peers": 24,
     "plots": 48,
     "report": 6,
-    "response": 59,
+    "response": 58,
     "scene": 96,
     "solve": 42,
     "stability": 23,

@@ -8,12 +8,34 @@ from runs import run
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform
+from kaneflex.response.least_squares import least_squares
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
 
 R, SPEED, PISTON = 0.040, 2 * np.pi * 100, 0.214
+
+
+def test_unknowns_that_stand_alone_change_no_least_squares():
+    random, instants = np.random.default_rng(3), 5
+    rows = [
+        {0: 1.0, 1: random.normal(size=instants)},  # 0 is constant here, and nowhere else
+        {1: 2.0, 2: -1.0},
+        {1: random.normal(size=instants), 2: 0.5, 3: random.normal(size=instants)},  # 3 is alone, but varies
+        {2: 1.0},
+        {4: -2.0, 2: random.normal(size=instants)},
+        {},
+    ]
+    right = random.normal(size=(len(rows), instants))
+    found = least_squares(rows, right)
+    for t in range(instants):
+        matrix = np.zeros((len(rows), 5))
+        for row, coefficients in enumerate(rows):
+            for unknown, value in coefficients.items():
+                matrix[row, unknown] = np.broadcast_to(value, instants)[t]
+        expected = np.linalg.lstsq(matrix, right[:, t], rcond=None)[0]
+        assert [found[k][t] for k in range(5)] == pytest.approx(expected, rel=1e-12)
 
 
 class Balance:

@@ -13,6 +13,7 @@ import pytest
 import kaneflex
 from kaneflex.scene import json_schema, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.quantities import Address
+from kaneflex.scene.read import _validated
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import _SI_OF_COMMON, ANGULAR_SPEED, FREQUENCY, LENGTH, SECOND_MOMENT, to_si
 
@@ -183,6 +184,26 @@ def test_settings_by_short_and_long_paths():
     assert scene.solve.steps == 720 and scene.gravity == (0, -9.81)
     assert engine.bodies["rod"].beam.elements == 4 and engine.solve.steps is None
     assert with_settings(scene, ["rod.elements=2"]).solve.steps == 720
+
+
+@pytest.mark.parametrize("name", ["engine", "engine-rig-clearance", "four-bar-motor", "double-pendulum", "stick-slip"])
+def test_settings_read_what_they_change_anew_and_nothing_else(name):
+    before = read_scene(name)
+    body = next(iter(before.bodies))
+    after = with_settings(before, [f"bodies.{body}.mass=0.123", "solve.duration=1.5"])
+    entire = _validated(after.raw, after.source)
+    assert after == entire and after.raw == entire.raw and after.structure() == entire.structure()
+    assert after.bodies[body].mass == 0.123 and after.solve.duration == 1.5
+    for other in before.bodies.keys() - {body}:
+        assert after.bodies[other] is before.bodies[other]
+    assert after.contacts == entire.contacts and after.joints == entire.joints
+
+
+def test_settings_are_checked_with_what_they_leave_as_it_was():
+    with pytest.raises(SceneError, match=r"rho A length is .* kg"):
+        with_settings(read_scene("engine"), ["rod.beam.A=100 mm^2", "rod.length=200 mm"])
+    with pytest.raises(SceneError, match=r"sensors\.tip_axial.*no body"):
+        with_settings(read_scene("engine"), ["sensors.tip_axial.displacement=rot.end"])
 
 
 def test_setting_none_removes_but_reduction_has_a_word_none():

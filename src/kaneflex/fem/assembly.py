@@ -214,9 +214,9 @@ def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective:
         for key, push in pushes.items():
             total[key] += push @ L
         if convective:
-            rate = L.rate()
+            rate = L.rate
             total["C_d"] += 2.0 * (pushes["M"] @ rate)
-            total["K_d"] += pushes["C_d"] @ rate + pushes["M"] @ rate.rate()
+            total["K_d"] += pushes["C_d"] @ rate + pushes["M"] @ rate.rate
             total["K_c"] += pushes["C_s"] @ rate
     return ElasticEquations(coordinates, **total)
 

@@ -156,6 +156,8 @@ def check_determined(mechanism: NumericMechanism, twice: bool = False) -> tuple[
     if not names:
         return ()
     jacobian[:, 2::3] /= mechanism.size
+    if _is_regular(jacobian):
+        return ()
     order = list(range(len(names)))
     if held < len(names) and len(_independent(jacobian[:held])) == jacobian.shape[1]:
         # The joints alone let nothing move: of them the last ones are redundant, not the drives.
@@ -201,6 +203,8 @@ def check_held_twice(mechanism: NumericMechanism, placement: Placement, spare: S
 
 _HELD = 1e-7
 """Share of the largest singular value below which rows of joints say the same where the bodies were placed."""
+_REGULAR = 1e-6
+"""Share of the largest singular value that the least one has where none of the rows is taken for dependent."""
 _DEPENDENT = 1e-9
 """Share of a row, or of the largest singular value, below which rounding is what is left."""
 
@@ -222,6 +226,15 @@ def _by_chance(mechanism: NumericMechanism) -> dict[str, np.ndarray]:
                 held.add(first)
         held.add(next((name for name in poses if name not in held), GROUND))
     return poses
+
+
+def _is_regular(rows: np.ndarray) -> bool:
+    """Whether there are as many rows as columns, and by far no row is a combination of others."""
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    if rows.shape[0] != rows.shape[1] or not lengths.all():
+        return False
+    sizes = np.linalg.svd(np.stack([rows, rows / lengths]), compute_uv=False)
+    return bool((sizes[:, -1] > _REGULAR * sizes[:, 0]).all())
 
 
 def _independent(rows: np.ndarray) -> list[int]:

@@ -124,6 +124,7 @@ class Affine:
     def T(self) -> Affine:
         return Affine(self.shape[::-1], {monomial: kept(matrix.T) for monomial, matrix in self.terms.items()})
 
+    @cached_property
     def rate(self) -> Affine:
         """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon of each body; constants stay constant."""
         terms: dict[Monomial, Matrix] = {}

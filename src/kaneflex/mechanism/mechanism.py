@@ -36,6 +36,31 @@ def mechanism_of(scene: Scene) -> NumericMechanism:
 _MADE: Kept[Scene, NumericMechanism] = Kept()
 
 
+def same_mechanism(scene: Scene, like: Scene) -> bool:
+    """Whether a scene has the mechanism of another one, which it is then given: nothing but speeds of drives differs.
+
+    How it is solved and what is read of it may differ as well; no mechanism knows of that.
+    """
+    if not _differ_by_speed(scene.drives, like.drives) or any(
+        getattr(scene, table) != getattr(like, table) for table in _TABLES
+    ):
+        return False
+    _MADE.of(scene, lambda: mechanism_of(like))
+    return True
+
+
+_TABLES = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "contacts", "damping")
+"""Of a scene that its mechanism and its equations depend on, beside the drives."""
+
+
+def _differ_by_speed(drives: Mapping[str, Any], like: Mapping[str, Any]) -> bool:
+    """Whether drives differ in no more than their speeds."""
+    return drives.keys() == like.keys() and all(
+        drive is like[name] or drive == like[name].model_copy(update={"speed": drive.speed})
+        for name, drive in drives.items()
+    )
+
+
 def _made(scene: Scene) -> NumericMechanism:
     held = ("table", *COURSES)  # where a module holds a table is no number of the mechanism
     found = read(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -57,7 +57,9 @@ class RigidMotion:
     def __getitem__(self, name: str) -> np.ndarray:
         if name in self.motion.column:
             return self._series[self.motion.column[name]]
-        return np.full(len(self.times), self.motion.module.CONSTANTS[name])
+        if name not in self._constants:
+            self._constants[name] = np.full(len(self.times), self.motion.module.CONSTANTS[name])
+        return self._constants[name]
 
     def __contains__(self, name: str) -> bool:
         return name in self.motion.column or name in self.motion.module.CONSTANTS
@@ -85,16 +87,27 @@ class RigidMotion:
         return np.ascontiguousarray(self.values.T)
 
     @cached_property
+    def _constants(self) -> dict[str, np.ndarray]:
+        """Series of the module's constants that were asked for."""
+        return {}
+
+    @cached_property
     def _products(self) -> dict[Monomial, np.ndarray]:
         """Those that were asked for: the matrices of a link, of its forces and of its frame share most of them."""
         return {}
 
     def apply(self, affine: Affine, vectors: np.ndarray) -> np.ndarray:
         """A(t) x(t) for vectors of shape (columns, n_times); returns (rows, n_times)."""
-        total = np.zeros((affine.shape[0], len(self.times)))
+        return self.apply_each(affine, (vectors,))[0]
+
+    def apply_each(self, affine: Affine, vectors: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+        """:meth:`apply` to several vectors at once."""
+        side_by_side, shape = np.concatenate(vectors, axis=1), (affine.shape[0], len(vectors), len(self.times))
+        total = np.zeros(shape)
         for monomial, matrix in affine.terms.items():
-            total += self.monomial(monomial) * (matrix @ vectors)
-        return total
+            part = (matrix @ side_by_side).reshape(shape)
+            total += np.multiply(part, self.monomial(monomial), out=part) if monomial else part
+        return tuple(total[:, k] for k in range(len(vectors)))
 
     def matrices(self, affine: Affine) -> np.ndarray:
         """An affine matrix at all times, (n_times, rows, columns)."""
@@ -109,4 +122,7 @@ class RigidMotion:
 
     def column_of(self, affine: Affine) -> np.ndarray:
         """An affine vector (rows x 1) at all times; returns (rows, n_times)."""
-        return self.apply(affine, np.ones((1, len(self.times))))
+        total = np.zeros((affine.shape[0], len(self.times)))
+        for monomial, matrix in affine.terms.items():
+            total += as_array(matrix) * self.monomial(monomial)
+        return total

@@ -24,6 +24,7 @@ from kaneflex.fem.links import Link, Part, build_link, craig_bampton, with_rayle
 from kaneflex.fem.modes import damping_ratios, lowest_modes, rayleigh_coefficients
 from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.affine import Affine, Matrix, entries
+from kaneflex.mechanism.mechanism import same_mechanism
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model import REACHED, Model, keep_terms
@@ -31,8 +32,6 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
-_IN_EQUATIONS = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs", "contacts", "damping")
-"""Tables of a scene that its equations depend on, beside the drives."""
 _SAMPLES = 4001
 """Instants of a run among which the one is looked for at which the first drive stands somewhere."""
 _NARROW = 12
@@ -105,11 +104,7 @@ def _same_equations(scene: Scene, options: Options, motion: RigidKinematics, lik
     as_before = replace(options, duration=like.options.duration, steps=like.options.steps)
     if motion.module is not like.module or as_before != like.options or _of_an_instant(scene, options):
         return False
-    if options.dynamics == "coupled" or scene.drives.keys() != like.scene.drives.keys():
-        return False
-    drives = {name: drive.model_copy(update={"speed": scene.drives[name].speed})
-              for name, drive in like.scene.drives.items()}  # fmt: skip
-    return drives == scene.drives and all(getattr(scene, name) == getattr(like.scene, name) for name in _IN_EQUATIONS)
+    return options.dynamics != "coupled" and same_mechanism(scene, like.scene)
 
 
 def _of_an_instant(scene: Scene, options: Options) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from kaneflex.fem.assembly import load_on_link, spin_or_euler
 from kaneflex.fem.links import Link
@@ -24,7 +26,8 @@ class Deformation:
     """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (3 n_nodes, n_times).
 
     ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it. ``shortened``
-    are the displacements that foreshortening asks of the nodes, those of the bent axis apart.
+    are the displacements that foreshortening asks of the nodes, those of the bent axis apart. ``residuals`` are those
+    of all elements, (elements, 6, n_times), where they are known.
     """
 
     model: Model
@@ -35,6 +38,7 @@ class Deformation:
     q_accel: np.ndarray
     turned: tuple[np.ndarray, np.ndarray] | None = None
     shortened: Rates | None = None
+    residuals: np.ndarray | None = None
 
     def at(self, x: float) -> Rates:
         """(u, v, theta) and first and second rates at distance x [m] from the start; each (3, n_times).
@@ -192,27 +196,39 @@ class Deformation:
 
     def _residual(self, e: int) -> np.ndarray:
         """M q'' + C q' + K q - F of one element, (6, n_times)."""
-        rows = slice(3 * e, 3 * e + 6)
+        return self.residuals_of(slice(e, e + 1))[0] if self.residuals is None else self.residuals[e].copy()
+
+    def residuals_of(self, elements: slice) -> np.ndarray:
+        """M q'' + C q' + K q - F of some elements, (elements, 6, n_times)."""
         q_rate, q_accel = self.turned or (self.q_rate, self.q_accel)
-        series = {"M": q_accel[rows], "C": q_rate[rows], "K": self.q[rows]}
-        total = np.zeros((6, self.q.shape[1]))
-        for key, monomial, blocks in self._kept_terms:
-            factor = self.rigid.monomial(monomial)
+        total = self.forces_of({"M": q_accel, "C": q_rate, "K": self.q}, elements)
+        for (key, monomial), blocks in self._terms.items():
             if key == "F":
-                total -= factor * blocks[e]
-            else:
-                total += factor * (blocks[e] @ series[key[0]])
-        alpha, beta = self.model.rayleigh
-        if alpha or beta:
-            for key, monomial, blocks in self.link.element_terms:
-                weight = {"M": alpha, "K_s": beta}.get(key, 0.0)
-                if weight and not monomial:
-                    total += weight * (blocks[e] @ series["C"])
+                total -= self.rigid.monomial(monomial) * blocks[elements]
+        return total
+
+    def forces_of(self, series: Mapping[str, np.ndarray], elements: slice) -> np.ndarray:
+        """Sum of the matrices named by ``series`` times these nodal coordinates, (elements, 6, n_times)."""
+        windows = {key: sliding_window_view(part, 6, axis=0)[::3][elements].transpose(0, 2, 1)
+                   for key, part in series.items()}  # fmt: skip
+        total = np.zeros_like(next(iter(windows.values())))
+        for (key, monomial), blocks in self._terms.items():
+            if key in windows:
+                part = blocks[elements] @ windows[key]
+                total += np.multiply(part, self.rigid.monomial(monomial), out=part) if monomial else part
         return total
 
     @cached_property
-    def _kept_terms(self) -> list[tuple[str, Monomial, np.ndarray]]:
-        return [term for term in self.link.element_terms if self._keeps(*term[:2])]
+    def _terms(self) -> dict[tuple[str, Monomial], np.ndarray]:
+        """What of M, C, K and F of the elements is kept, material damping included; (elements, 6, 6 or 1) each."""
+        alpha, beta = self.model.rayleigh
+        found: dict[tuple[str, Monomial], np.ndarray] = {}
+        for key, monomial, blocks in self.link.element_terms:
+            weight = 0.0 if monomial else {"M": alpha, "K_s": beta}.get(key, 0.0)
+            for name, factor in ((key[0], float(self._keeps(key, monomial))), ("C", weight)):
+                if factor:
+                    found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
+        return found
 
     @property
     def _gyroscopic(self) -> bool:
@@ -231,12 +247,12 @@ class Deformation:
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
     """q = L z, q' = L z' + L' z, q'' = L z'' + 2 L' z' + L'' z; each (rows of L, n_times)."""
-    z, v, a = coordinates
-    q, q_rate, q_accel = rigid.apply(L, z), rigid.apply(L, v), rigid.apply(L, a)
+    z, v, _ = coordinates
+    q, q_rate, q_accel = rigid.apply_each(L, coordinates)
     if model.options.convective:
-        rate = L.rate()
-        q_rate += rigid.apply(rate, z)
-        q_accel += 2.0 * rigid.apply(rate, v) + rigid.apply(rate.rate(), z)
+        of_z, of_v = rigid.apply_each(L.rate, (z, v))
+        q_rate += of_z
+        q_accel += 2.0 * of_v + rigid.apply(L.rate.rate, z)
     return q, q_rate, q_accel
 
 
@@ -244,8 +260,8 @@ def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine)
     """q, q', q'' as the model's equations know them: quasistatic ones know of the rates L' z and L'' z, in K, alone."""
     if model.options.dynamics != "quasistatic":
         return follow(model, rigid, coordinates, L)
-    rate = L.rate()
-    return tuple(rigid.apply(each, coordinates[0]) for each in (L, rate, rate.rate()))
+    rate = L.rate
+    return tuple(rigid.apply(each, coordinates[0]) for each in (L, rate, rate.rate))
 
 
 def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
@@ -268,13 +284,17 @@ def _with_static_share(found: Deformation) -> Deformation:
     """
     link, model = found.link, found.model
     unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
+    elements = slice(0, len(link.nodes) - 1)
+    found = replace(found, residuals=found.residuals_of(elements))
     residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
-    for e in range(len(link.nodes) - 1):
+    for e in range(elements.stop):
         rows = [row for node in (e, e + 1) for row in link.part.place[node]]
-        np.add.at(residual, rows, found.end_forces(e))
+        for row, force in zip(rows, found.end_forces(e), strict=True):  # one by one: rows may be the same
+            residual[row] += force
     kept = set(model.parts[link.name].coordinates)
     inner = np.array([row for row, label in enumerate(link.part.coordinates) if label not in kept])
     stiffness = link.part.matrices["K_s"].value({})[inner][:, inner]
     share = np.zeros_like(residual)
     share[inner] = solve(stiffness, residual[inner])
-    return replace(found, q=found.q - link.at_nodes(share))
+    moved = link.at_nodes(share)
+    return replace(found, q=found.q - moved, residuals=found.residuals - found.forces_of({"K": moved}, elements))

@@ -118,8 +118,7 @@ def _joined(model: Model) -> _Joined:
 
 
 def _with_rates(affine: Affine) -> tuple[Affine, Affine, Affine]:
-    rate = affine.rate()
-    return affine, rate, rate.rate()
+    return affine, affine.rate, affine.rate.rate
 
 
 def _statics(model: Model, link: Link) -> tuple[Affine, np.ndarray, np.ndarray]:

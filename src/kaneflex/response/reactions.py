@@ -7,18 +7,19 @@ multipliers that the ``motion`` kernel already gives.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from kaneflex.fem.springs import place_spring
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates, normal
-from kaneflex.mechanism.planar import cross
+from kaneflex.mechanism.planar import GROUND, Vector, cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, as_balanced
-from kaneflex.scene.parts import Load
+from kaneflex.response.least_squares import Row, least_squares
+from kaneflex.scene.parts import Joint, Load
 from kaneflex.scene.quantities import Address
 
 
@@ -44,12 +45,9 @@ def consistent_reactions(
         Name of the reaction, as in the motion's scalars -> series (n_times,); forces act on the second body.
     """
     names = [row for rows in reaction_rows(model).values() for row in rows]
-    balances = _Balances(model, rigid, names, coordinates, deformed)
-    matrix, residual = balances.assemble()
     # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
-    turned = matrix.transpose(0, 2, 1)
-    solved = np.linalg.solve(turned @ matrix, turned @ residual[..., None])[..., 0]
-    return {name: solved[:, k] for k, name in enumerate(names)}
+    solved = least_squares(*_Balances(model, rigid, names, coordinates, deformed).assemble())
+    return {name: solved[k] for k, name in enumerate(names)}
 
 
 class _Balances:
@@ -62,59 +60,68 @@ class _Balances:
         lengths = [body.length for body in model.scene.bodies.values() if body.length]
         self.scale = 1.0 / max(lengths)
 
-    def assemble(self) -> tuple[np.ndarray, np.ndarray]:
+    def assemble(self) -> tuple[list[Row], np.ndarray]:
+        """The coefficients of the reactions, and the residuals (n_balances, n_times)."""
         bodies = self.model.scene.bodies
         sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
-        matrix, residual = np.zeros((3 * len(sites), len(self.index), self.steps)), []
+        rows: list[Row] = [{} for _ in range(3 * len(sites))]
+        residual = np.empty((len(rows), self.steps))
         for k, (name, node) in enumerate(sites):
-            self._add_joints(name, node, matrix[3 * k : 3 * k + 3])
-            residual.append(self._rigid_residual(name) if node is None else self._node_residual(name, node))
-        used = matrix.any(axis=(1, 2))  # a balance without joints says nothing
-        scale = np.tile([1.0, 1.0, self.scale], len(sites))[used]
-        scaled = matrix[used] * scale[:, None, None]
-        return np.ascontiguousarray(scaled.transpose(2, 0, 1)), np.concatenate(residual)[used].T * scale
+            for row, reaction, value in self._of_joints(name, node):
+                scaled = value * self.scale if row == 2 else value
+                rows[3 * k + row][reaction] = rows[3 * k + row].get(reaction, 0.0) + scaled
+            found = self._rigid_residual(name) if node is None else self._node_residual(name, node)
+            residual[3 * k : 3 * k + 3] = found
+        residual[2::3] *= self.scale
+        return rows, residual
 
     def _nodes(self, link: str) -> list[int]:
         return [node for name, node in self.model.interfaces.displaced if name == link]
 
-    def _add_joints(self, body: str, node: int | None, rows: np.ndarray) -> None:
-        """Fill (3, n_reactions, n_times): global force x, y and moment on the body (about its start) or on the node."""
+    def _of_joints(self, body: str, node: int | None) -> Iterator[tuple[int, int, float | np.ndarray]]:
+        """What reactions do in the balances of a body or a node: 0, 1 the global force, 2 the moment, about its start.
+        """
         for name, joint in self.model.scene.joints.items():
             for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
                 if address.body == body and (node is None or self._node(address) == node):
-                    self._add_joint(name, joint, address, node, sign, rows)
+                    for row, reaction, value in self._of_joint(name, joint, address, node):
+                        yield row, self.index[f"{name}.{reaction}"], sign * value
 
     def _node(self, address: Address) -> int | None:
         return self.deformed[address.body].link.node_at(self.model.scene.point(address)[0])
 
-    def _add_joint(
-        self, name: str, joint, address: Address, node: int | None, sign: float, rows: np.ndarray
-    ) -> None:
-        arm = (0.0, 0.0) if node is not None else self._arm(joint, address)
-
-        def push(reaction: str, direction: np.ndarray | tuple[float, float]) -> None:
-            k = self.index[f"{name}.{reaction}"]
-            rows[0, k] += sign * direction[0]
-            rows[1, k] += sign * direction[1]
-            rows[2, k] += sign * cross(arm, direction)
-
+    def _of_joint(
+        self, name: str, joint: Joint, address: Address, node: int | None
+    ) -> Iterator[tuple[int, str, float | np.ndarray]]:
+        """The same of a joint's second side, by the names of its reactions."""
+        driven, pushes = name in self.model.scene.drives, {"force_x": (1.0, 0.0), "force_y": (0.0, 1.0)}
         if joint.kind == "prismatic":
-            t = self.rigid.frame(joint.addresses[0].body).to_global(joint.direction)
-            push("normal", normal(t))
-            if name in self.model.scene.drives:
-                push("drive", t)
-        else:
-            push("force_x", (1.0, 0.0))
-            push("force_y", (0.0, 1.0))
-            if name in self.model.scene.drives:
-                rows[2, self.index[f"{name}.drive"]] += sign
+            t = self._guide(joint)
+            pushes = {"normal": normal(t)} | ({"drive": t} if driven else {})
+        elif driven:
+            yield 2, "drive", 1.0
         if joint.kind != "revolute":
-            rows[2, self.index[f"{name}.moment"]] += sign
+            yield 2, "moment", 1.0
+        arm = None if node is not None else self._arm(joint, address)
+        for reaction, direction in pushes.items():
+            yield from ((row, reaction, part) for row, part in enumerate(direction) if np.any(part))
+            if arm is not None:
+                yield 2, reaction, cross(arm, direction)
 
-    def _arm(self, joint, address: Address) -> np.ndarray:
-        """Where a joint's force acts on a rigid body, from the body's start, global components (2, n_times)."""
+    def _guide(self, joint: Joint) -> Vector:
+        """Global direction of a guide, which turns with the body that carries it."""
+        carrier = joint.addresses[0].body
+        return joint.direction if carrier == GROUND else self.rigid.frame(carrier).to_global(joint.direction)
+
+    def _arm(self, joint: Joint, address: Address) -> Vector | None:
+        """Where a joint's force acts on a rigid body, from the body's start, global components, each (n_times,).
+
+        None for the start itself.
+        """
         # What slides in a guide is pushed at its own point, and pushes the guide there: action is reaction.
         touches = joint.addresses[1] if joint.kind == "prismatic" else address
+        if touches.body == address.body and self.model.scene.point(touches) == (0.0, 0.0):
+            return None
         arm = self.rigid.frame(touches.body).to_global(self.model.scene.point(touches))
         return arm + self.rigid.frame(touches.body).origin - self.rigid.frame(address.body).origin
 
@@ -239,7 +246,7 @@ def spring_force(model: Model, rigid: RigidMotion, coordinates: Rates, name: str
     if options.geometric:
         force -= rigid.apply(matrices["K_g"], q)
     if options.damping:
-        q_rate = rigid.apply(L, z_rate) + (rigid.apply(L.rate(), z) if options.convective else 0.0)
+        q_rate = rigid.apply(L, z_rate) + (rigid.apply(L.rate, z) if options.convective else 0.0)
         force -= rigid.apply(matrices["C_s"], q_rate)
     if torsional or not (spring.length or spring.damping):
         return force

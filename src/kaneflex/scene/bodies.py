@@ -172,6 +172,11 @@ class Body(SceneTable):
         """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
         return self.beam.profile(self.length, self.mass).of_mass(self.mass)
 
+    @cached_property
+    def first_element(self) -> dict[str, float]:
+        """Parameters of the element at the start, as long as the beam's number of them says; elastic bodies only."""
+        return self.profile.element(0.0, self.length / self.beam.elements)
+
     def without(self, *, rotary: bool, shear: bool) -> Body:
         """The body with its beam by a plainer theory, :meth:`Beam.without`; its inertia follows."""
         if self.beam is None or self.beam.without(rotary=rotary, shear=shear) == self.beam:

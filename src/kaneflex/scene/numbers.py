@@ -35,8 +35,7 @@ def _of_body(body: Body, name: str) -> float:
         point, _, axis = inner.partition(".")
         return body.points_all[point]["xy".index(axis)]
     if field == "element":
-        assert body.beam is not None and body.length is not None  # only elastic links have elements
-        return body.profile.element(0.0, body.length / body.beam.elements)[inner]
+        return body.first_element[inner]
     if field.startswith("pose_"):
         assert body.pose is not None  # a frame's bodies have one each
         return body.pose.angle if field == "pose_angle" else body.pose.at["xy".index(field[-1])]

@@ -231,6 +231,8 @@ def acting(scene: Scene, options: Options) -> Scene:
     left_out = {"rotary": not options.rotary, "shear": not options.shear}
     bodies = {name: body.without(**left_out) for name, body in scene.bodies.items()}
     gravity = scene.gravity if options.gravity else (0.0, 0.0)
+    if gravity == scene.gravity and all(body is scene.bodies[name] for name, body in bodies.items()):
+        return scene
     return scene.seen(bodies=bodies, gravity=gravity)
 
 

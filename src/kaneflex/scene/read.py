@@ -47,7 +47,7 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     raw = scene.raw
     for setting in settings:
         raw = merged(raw, nested(raw, setting))
-    return _validated(raw, scene.source)
+    return _validated(raw, scene.source, scene)
 
 
 def json_schema() -> dict[str, Any]:
@@ -150,9 +150,10 @@ def _tables(table: object) -> list[dict[str, Any]]:
     return [entry for entry in table.values() if isinstance(entry, dict)] if isinstance(table, dict) else []
 
 
-def _validated(raw: dict[str, Any], source: str) -> Scene:
+def _validated(raw: dict[str, Any], source: str, like: Scene | None = None) -> Scene:
+    """The scene of its tables; those that it shares with another one are not validated again."""
     try:
-        scene = Scene.model_validate(raw)
+        scene = Scene.model_validate(raw if like is None else like.known(raw))
     except ValidationError as error:
         # A table's default that needs a broken entry is no problem of its own.
         found = [e for e in error.errors() if e["type"] != "default_factory_not_called"]

@@ -19,6 +19,7 @@ from kaneflex.scene.quantities import Acceleration, Address, Point
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
+from kaneflex.support.kept import Kept
 from kaneflex.support.units import SENSED, to_si
 
 
@@ -45,6 +46,11 @@ def _as_given(now: Any, read: Any, raw: Any) -> Any:
     if isinstance(now, SceneTable):
         return now.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
     return now
+
+
+def _if_same(now: Any, read: Any, before: Any, given: Any) -> Any:
+    """A scene's table, unchanged since it was read, for what it was read from; else what is given."""
+    return now if isinstance(now, SceneTable) and given is before and now is read else given
 
 
 class Scene(SceneTable):
@@ -85,13 +91,26 @@ class Scene(SceneTable):
 
         What was changed of the scene after it was read, as by `model_copy`, stands there in SI.
         """
-        raw = self._raw
+        raw, before, tables = self._raw, self._read, self.__dict__
         for name, field in type(self).model_fields.items():
-            now, read, key = getattr(self, name), self._read.get(name), field.alias or name
-            if now != read:
+            now, read, key = tables[name], before.get(name), field.alias or name
+            if now is not read and now != read:
                 raw = {k: value for k, value in raw.items() if k != key}
                 raw |= {} if now is None else {key: self._written(name, now, read, self._raw.get(key))}
         return raw
+
+    def known(self, raw: dict[str, Any]) -> dict[str, Any]:
+        """Other tables of a scene for the validator: what they share with those that this one was read from is its own.
+
+        An entry that is the same object in both was found valid when this scene was read, and is not read again.
+        """
+        return {key: self._known(key, given) for key, given in raw.items()}
+
+    def _known(self, key: str, given: Any) -> Any:
+        three = self.__dict__.get(key), self._read.get(key), self._raw.get(key)
+        if all(isinstance(table, dict) for table in (*three, given)):
+            return {name: _if_same(*(table.get(name) for table in three), entry) for name, entry in given.items()}
+        return _if_same(*three, given)
 
     def _written(self, table: str, now: Any, read: Any, raw: Any) -> Any:
         """A changed table as a file could say it; joints with a clearance stand there, and no contacts made of them."""
@@ -252,10 +271,13 @@ class Scene(SceneTable):
         """What the equations depend on, as plain data (see `kaneflex.scene.structure`)."""
         from kaneflex.scene.structure import structure
 
-        return structure(self)
+        return _STRUCTURES.of(self, lambda: structure(self))
 
     def structure_hash(self) -> str:
         """The structure's name: equal structures share one generated module."""
         from kaneflex.scene.structure import structure_hash
 
         return structure_hash(self)
+
+
+_STRUCTURES: Kept[Scene, dict[str, Any]] = Kept()

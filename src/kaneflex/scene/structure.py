@@ -46,18 +46,18 @@ def structure(scene: Scene) -> dict[str, Any]:
 
 def structure_hash(scene: Scene) -> str:
     """Sixteen hexadecimal digits that name the structure and the format of generated modules."""
-    return _digits({"format": FORMAT, **structure(scene)})
+    return _digits({"format": FORMAT, **scene.structure()})
 
 
 def coupled_hash(scene: Scene, shapes: Mapping[str, tuple[int, ...]]) -> str:
     """The same of the structure with so many axial and transverse shapes of each elastic link."""
     counts = {name: list(numbers) for name, numbers in shapes.items()}
-    return _digits({"format": FORMAT, "shapes": counts, **structure(scene)})
+    return _digits({"format": FORMAT, "shapes": counts, **scene.structure()})
 
 
 def pruned_hash(scene: Scene, without: Sequence[str]) -> str:
     """The same of the structure without some groups of terms."""
-    return _digits({"format": FORMAT, "without": sorted(without), **structure(scene)})
+    return _digits({"format": FORMAT, "without": sorted(without), **scene.structure()})
 
 
 def _digits(content: Mapping[str, Any]) -> str:

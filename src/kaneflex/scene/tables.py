@@ -102,7 +102,12 @@ class Overshoot:
 
 def overshoot_of_block(block: np.ndarray) -> Overshoot:
     """The farthest of a block beyond the rows on either side of it."""
-    places, values = _extremes(block.tobytes())
+    return _overshoot(block.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _overshoot(block: bytes) -> Overshoot:
+    places, values = _extremes(block)
     rows = np.sort(values[:2], axis=0)
     beyond = np.maximum(values - rows[1], rows[0] - values)
     worst = np.unravel_index(beyond.argmax(), beyond.shape)

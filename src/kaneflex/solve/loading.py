@@ -13,7 +13,7 @@ from kaneflex.fem.mobility import check_determined, check_held_twice
 from kaneflex.mechanism.closure import SWEEP, check_closure, stand
 from kaneflex.mechanism.closure_continuation import check_free, seed_loops
 from kaneflex.mechanism.energy import Energy
-from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
@@ -73,8 +73,9 @@ def load(
     options = resolve_options(scene)
     if options.dynamics == "coupled":
         return _load_coupled(scene, options, progress, started)
-    check_determined(mechanism_of(scene))
-    check_free(scene)
+    if like is None or not same_mechanism(scene, like.scene):
+        check_determined(mechanism_of(scene))
+        check_free(scene)
     scene = with_branches(scene)
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
@@ -275,7 +276,8 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     laws = {name: scene.law(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
     known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed
-    if all(np.isfinite(rigid[name]).all() for name in known):
+    whole = len(known) == len(motion.column)  # else bodies need not be placed for it
+    if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):
         return
     for name in sorted(known, key=lambda name: name not in scene.loads):
         lost = ~np.isfinite(rigid[name])

@@ -1,0 +1,52 @@
+"""Least squares over time of equations that mostly hold one unknown each: joints' reactions, body by body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+Row = dict[int, float | np.ndarray]
+"""Unknown -> its coefficient in an equation, constant or (n_times,)."""
+
+
+def least_squares(rows: Sequence[Row], right: np.ndarray) -> dict[int, np.ndarray]:
+    """Unknowns x, (n_times,) each, with the least sum of squares of ``rows`` x - ``right``, (n_rows, n_times).
+
+    An unknown that stands in one equation alone lets it hold exactly, whatever the others are: it is found from them,
+    and takes its equation away from the rest. Of a chain of bodies that leaves nothing or nearly so.
+    """
+    left, found = dict(enumerate(rows)), []
+    while (pivot := _alone(left)) is not None:
+        found.append((*pivot, left.pop(pivot[0])))
+    solved = _normal_equations(left, right)
+    for row, unknown, coefficients in reversed(found):
+        rest = right[row] - sum(a * solved[k] for k, a in coefficients.items() if k != unknown)
+        solved[unknown] = rest / coefficients[unknown]
+    return solved
+
+
+def _alone(left: dict[int, Row]) -> tuple[int, int] | None:
+    """An equation and an unknown that stands in no other one, with a constant coefficient that is not zero."""
+    places: dict[int, list[int]] = {}
+    for row, coefficients in left.items():
+        for unknown in coefficients:
+            places.setdefault(unknown, []).append(row)
+    for unknown, where in places.items():
+        value = left[where[0]][unknown]
+        if len(where) == 1 and np.ndim(value) == 0 and value:
+            return where[0], unknown
+    return None
+
+
+def _normal_equations(left: dict[int, Row], right: np.ndarray) -> dict[int, np.ndarray]:
+    """A^T A x = A^T b at every instant."""
+    unknowns = sorted({unknown for coefficients in left.values() for unknown in coefficients})
+    if not unknowns:
+        return {}
+    matrix = np.zeros((right.shape[1], len(left), len(unknowns)))
+    for row, coefficients in enumerate(left.values()):
+        for unknown, value in coefficients.items():
+            matrix[:, row, unknowns.index(unknown)] = value
+    turned, b = matrix.transpose(0, 2, 1), right[list(left)].T[..., None]
+    return dict(zip(unknowns, np.linalg.solve(turned @ matrix, turned @ b)[..., 0].T, strict=True))
