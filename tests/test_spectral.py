@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from numba import njit
+from scipy.linalg import expm
 from scipy.sparse import csr_array
 
 import kaneflex
 from kaneflex import load, simulate
+from kaneflex.integrate.disturbances import monodromy
+from kaneflex.integrate.fourier import circle, differentiated, transform
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.run import Run, integrate
-from kaneflex.integrate.spectral import periodic_orbit
+from kaneflex.integrate.run import Run, cycle_map, integrate
+from kaneflex.integrate.spectral import Grid, periodic_orbit
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.scene import with_settings
 
@@ -64,6 +68,50 @@ def test_a_motion_made_up_is_found_to_rounding(shift):
     assert orbit.reason == "" and orbit.error < 1e-12
     for found, expected in zip(orbit.at(150), motion(0.4 + PERIOD / 150 * np.arange(150)), strict=True):
         np.testing.assert_allclose(found.T, expected, rtol=0, atol=1e-10 * abs(expected).max())
+
+
+@njit
+def transformed(re, im, cosine, sine):
+    return transform(re, im, np.empty_like(re), np.empty_like(im), cosine, sine)[:2]
+
+
+@njit
+def rates_of(re, im, cosine, sine, omega):
+    differentiated(re, im, np.empty_like(re), np.empty_like(im), cosine, sine, omega)
+
+
+@pytest.mark.parametrize("count", [8, 16, 64, 128, 2048])
+def test_eight_rows_are_transformed_at_once(count):
+    x = np.random.default_rng(1).standard_normal((2, count, 8))
+    re, im = transformed(*x.reshape(2, 8, count).copy(), *circle(count))
+    expected = np.fft.fft(x[0] + 1j * x[1], axis=0)
+    np.testing.assert_allclose((re + 1j * im).reshape(count, 8), expected, rtol=0, atol=1e-14 * count)
+
+
+def test_rates_are_those_of_the_trigonometric_polynomial():
+    count, omega = 64, 5.0
+    t, order = 2 * np.pi / omega / count * np.arange(count), np.arange(8)
+    z = np.cos(np.outer(t, order * omega) + order)
+    re, im = z.reshape(8, count).copy(), np.zeros((8, count))
+    rates_of(re, im, *circle(count), omega)
+    slow, fast = re.reshape(count, 8) / (omega * count / 8), im.reshape(count, 8)
+    np.testing.assert_allclose(slow, -order * omega * np.sin(np.outer(t, order * omega) + order), atol=1e-11)
+    np.testing.assert_allclose(fast, -((order * omega) ** 2) * z, atol=1e-10)
+
+
+def test_a_cycle_of_held_equations_is_that_of_time_steps():
+    """Gyroscopic and circulatory, and asymmetric: all 2 n multipliers, and with constant matrices the matrix itself."""
+    system, table, _ = made_up()
+    moved = monodromy(Grid.of(system, table, 0.0, PERIOD, 64))
+    exact = cycle_map(system, table, 0.0, PERIOD, 4096)
+    found, expected = (np.sort_complex(np.linalg.eigvals(each)) for each in (moved, exact.monodromy))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * abs(expected).max())
+
+    still = monodromy(Grid.of(system, lambda t: table(0.0 * t), 0.0, PERIOD, 64))
+    M, C, K = (system.dense(name, table(np.zeros(1))[0]) for name in "MCK")
+    step = PERIOD / 256
+    rate = np.block([[np.zeros((2, 2)), np.eye(2) / step], [-step * np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    np.testing.assert_allclose(still, expm(PERIOD * rate), rtol=0, atol=2e-8 * abs(still).max())
 
 
 def test_more_harmonics_than_instants_are_read_right():

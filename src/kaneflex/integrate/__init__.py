@@ -4,7 +4,9 @@ run, batch                integrate one system; several of them side by side
 methods, outcome          which methods there are; how a run ended
 system, streams           what is integrated; its table, in pieces, in segments of time or runs side by side
 stepping, periodic        drive the loops over a run, and to the motion that repeats itself
-spectral, instants        that motion by its harmonics, without steps; the compiled parts of it
+spectral, disturbances    that motion by its harmonics, without steps; whether it attracts its neighbours
+instants, corrections     the compiled parts of that
+fourier                   Fourier transforms of eight rows at once
 steppers                  the compiled loops for any matrices
 dense, banded             those of Newmark's family for few coordinates and for long chains
 lanes, matrices, inverse  eight numbers in a register, and the compiled parts made of them

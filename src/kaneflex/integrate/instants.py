@@ -1,186 +1,118 @@
-"""Compiled parts of the spectral solver: banded matrices and vectors at all instants of a cycle at once.
+"""Compiled parts of the spectral solver: the equations at all instants of a cycle, and the mean of them.
 
-Arrays are (rows, N): the N values of a number lie side by side, so that the innermost loops, over the instants, fill
-the registers.
+Instant l N / 8 + b of N is lane l of block b: a lane goes through an eighth of the cycle, block after block. Arrays are
+(blocks, rows, LANES). Those of vectors have as many rows as fill whole squares, the last ones zero.
 """
 
 import numpy as np
 from numba import njit
 
-from kaneflex.integrate import lanes
-from kaneflex.integrate.lanes import FASTMATH
+from kaneflex.integrate import lanes, matrices
+from kaneflex.integrate.lanes import FASTMATH, LANES, absolute, everywhere, lane_sum, less, load, root, store
+from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
 ROUNDING = 1e-13
 """Share of a diagonal entry that is taken for nothing."""
-_made_of_parts = made_of(lanes.__file__)
-_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH)
+_made_of_parts = made_of(lanes.__file__, matrices.__file__)
+_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
 @_cached
 @_made_of_parts
-def factorise(w, stiffness, factor):
-    """Cholesky's factor of the symmetric part, a band of w, at every instant; False where it is not positive definite.
+def equations(n, w, ends, what, values, rows):
+    """M, C and K by their slots, then F, at all instants; Cholesky's factor of K; whether it is positive definite.
 
-    Row i, column j <= i is in row i (w + 1) + j - i + w, the diagonal as its reciprocal.
+    ends, what, values: of each of them the scalars that enter it and their factors, as in a compressed sparse matrix
+    rows: the table, shape (N, n_scalars)
+
+    The factor is that of K's symmetric part: row i, column j <= i in slot i (w + 1) + j - i + w, the diagonal as its
+    reciprocal. Where K is not positive definite everywhere it is the root of the mean of K's diagonal.
     """
-    n, count = stiffness.shape[0] // (2 * w + 1), stiffness.shape[1]
-    for i in range(n):
-        for j in range(max(0, i - w), i + 1):
-            entry = factor[i * (w + 1) + j - i + w]
-            below, above = stiffness[i * (2 * w + 1) + j - i + w], stiffness[j * (2 * w + 1) + i - j + w]
-            for t in range(count):
-                entry[t] = 0.5 * (below[t] + above[t])
-            for k in range(max(0, i - w), j):
-                left, right = factor[i * (w + 1) + k - i + w], factor[j * (w + 1) + k - j + w]
-                for t in range(count):
-                    entry[t] -= left[t] * right[t]
-            if j < i:
-                reciprocal = factor[j * (w + 1) + w]
-                for t in range(count):
-                    entry[t] *= reciprocal[t]
-                continue
-            lost = 0
-            for t in range(count):
-                lost += 0 if entry[t] > ROUNDING * abs(below[t]) else 1
-                entry[t] = 1.0 / np.sqrt(abs(entry[t]))
-            if lost:
-                return False
-    return True
+    blocks, count = rows.shape[0] // LANES, len(ends) - 1
+    scalars, sums = np.empty((1, rows.shape[1], LANES)), np.empty((blocks, count, LANES))
+    factor, width = np.zeros((blocks, n * (w + 1), LANES)), 2 * w + 1
+    stiffness, good = 2 * n * width, True
+    for b in range(blocks):
+        for lane in range(LANES):
+            for k in range(rows.shape[1]):
+                scalars[0, k, lane] = rows[lane * blocks + b, k]
+        for row in range(count):
+            total = 0.0 * load(scalars, (0, 0))
+            for k in range(ends[row], ends[row + 1]):
+                total += values[k] * load(scalars, (0, what[k]))
+            store(sums, (b, row), total)
+        for i in range(n):
+            for j in range(max(0, i - w), i + 1):
+                below = load(sums, (b, stiffness + i * width + j - i + w))
+                entry = 0.5 * (below + load(sums, (b, stiffness + j * width + i - j + w)))
+                row, column = i * (w + 1) - i + w, j * (w + 1) - j + w
+                for k in range(max(0, i - w), j):
+                    entry -= load(factor, (b, row + k)) * load(factor, (b, column + k))
+                if j < i:
+                    store(factor, (b, row + j), entry * load(factor, (b, column + j)))
+                else:
+                    good = good and everywhere(less(ROUNDING * absolute(below), entry))
+                    store(factor, (b, row + j), 1.0 / root(absolute(entry)))
+    if not good:
+        factor[:] = 0.0
+        diagonal = np.empty(n)
+        for i in range(n):
+            diagonal[i] = np.abs(sums[:, stiffness + i * width + w]).mean()
+        largest = diagonal.max()
+        for i in range(n):
+            factor[:, i * (w + 1) + w] = 1.0 / np.sqrt(diagonal[i] + (largest if largest > 0.0 else 1.0) * ROUNDING)
+    return sums, factor, good
 
 
-@_cached
-@_made_of_parts
-def solve_lower(w, factor, x):
+@compiled
+def solve_lower(n, w, factor, b, x):
     """L^-1 x in place."""
-    for i in range(x.shape[0]):
+    for i in range(n):
+        row = i * (w + 1) - i + w
+        known = load(x, (b, i))
         for k in range(max(0, i - w), i):
-            entry = factor[i * (w + 1) + k - i + w]
-            for t in range(x.shape[1]):
-                x[i, t] -= entry[t] * x[k, t]
-        reciprocal = factor[i * (w + 1) + w]
-        for t in range(x.shape[1]):
-            x[i, t] *= reciprocal[t]
+            known -= load(factor, (b, row + k)) * load(x, (b, k))
+        store(x, (b, i), known * load(factor, (b, row + i)))
 
 
-@_cached
-@_made_of_parts
-def solve_upper(w, factor, x):
+@compiled
+def solve_upper(n, w, factor, b, x):
     """L^-T x in place."""
-    for i in range(x.shape[0] - 1, -1, -1):
-        reciprocal = factor[i * (w + 1) + w]
-        for t in range(x.shape[1]):
-            x[i, t] *= reciprocal[t]
+    for back in range(n):
+        i = n - 1 - back
+        row = i * (w + 1) - i + w
+        known = load(x, (b, i)) * load(factor, (b, row + i))
+        store(x, (b, i), known)
         for k in range(max(0, i - w), i):
-            entry = factor[i * (w + 1) + k - i + w]
-            for t in range(x.shape[1]):
-                x[k, t] -= entry[t] * x[i, t]
+            store(x, (b, k), load(x, (b, k)) - load(factor, (b, row + k)) * known)
 
 
-@_cached
-@_made_of_parts
-def add_product(w, matrix, x, out):
-    """Add a banded matrix times x, at every instant."""
-    n = x.shape[0]
+@compiled
+def multiply(n, w, sums, first, b, x, row, out):
+    """The matrix whose slots begin at `first` times x, to row `row` of `out`."""
     for i in range(n):
+        slot = first + i * (2 * w + 1) - i + w
+        total = 0.0 * load(x, (b, i))
         for j in range(max(0, i - w), min(n, i + w + 1)):
-            entry = matrix[i * (2 * w + 1) + j - i + w]
-            for t in range(x.shape[1]):
-                out[i, t] += entry[t] * x[j, t]
+            total += load(sums, (b, slot + j)) * load(x, (b, j))
+        store(out, (row, i), total)
 
 
 @_cached
 @_made_of_parts
-def residual(w, mass, damping, stiffness, z, v, a):
-    """M a + C v + K z."""
-    out = np.empty_like(z)
-    n = z.shape[0]
-    for i in range(n):
-        out[i, :] = 0.0
-        for j in range(max(0, i - w), min(n, i + w + 1)):
-            slot = i * (2 * w + 1) + j - i + w
-            m, c, k = mass[slot], damping[slot], stiffness[slot]
-            for t in range(z.shape[1]):
-                out[i, t] += m[t] * a[j, t] + c[t] * v[j, t] + k[t] * z[j, t]
-    return out
-
-
-@_cached
-@_made_of_parts
-def into_modes(w, factor, shapes, rest):
-    """L^-1 rest, in place, and its shares in the modes, shape (m, N)."""
-    solve_lower(w, factor, rest)
-    taken = np.empty((shapes.shape[1], rest.shape[1]))
-    for k in range(shapes.shape[1]):
-        taken[k, :] = 0.0
-        for i in range(shapes.shape[0]):
-            for t in range(rest.shape[1]):
-                taken[k, t] += shapes[i, k] * rest[i, t]
-    return taken
-
-
-@_cached
-@_made_of_parts
-def out_of_modes(shapes, taken, answered, rest):
-    """The modes' answers, and what the others answer at once: what of the rest the modes have not taken."""
-    n, m = shapes.shape
-    if n == m:
-        rest[:] = 0.0
-        taken[:] = 0.0
-    for k in range(m):
-        for i in range(n):
-            for t in range(rest.shape[1]):
-                rest[i, t] += shapes[i, k] * (answered[k, t] - taken[k, t])
-    return rest
-
-
-@_cached
-@_made_of_parts
-def conjugate(steps, changes, count, rest, z):
-    """One step of GCR with row `count`, made orthogonal to those before; the square of what is left."""
-    step, change = steps[count].ravel(), changes[count].ravel()
-    left, moved = rest.ravel(), z.ravel()
-    for k in range(count):
-        old_step, old_change = steps[k].ravel(), changes[k].ravel()
-        along = 0.0
-        for t in range(change.size):
-            along += old_change[t] * change[t]
-        for t in range(change.size):
-            change[t] -= along * old_change[t]
-            step[t] -= along * old_step[t]
-    length, along = 0.0, 0.0
-    for t in range(change.size):
-        length += change[t] * change[t]
-        along += change[t] * left[t]
-    scale = 1.0 / np.sqrt(length) if length > 0.0 else 0.0
-    square = 0.0
-    for t in range(change.size):
-        change[t] *= scale
-        step[t] *= scale
-        moved[t] += along * scale * step[t]
-        left[t] -= along * scale * change[t]
-        square += left[t] * left[t]
-    return square
-
-
-@_cached
-@_made_of_parts
-def mean_products(w, factor, mass, damping, stiffness, shapes):
-    """Means over the instants of L^-1 A L^-T x, for A each of the matrices and x each row of shapes: (n, rows)."""
-    rows, n = shapes.shape
-    found = np.empty((n, rows)), np.empty((n, rows)), np.empty((n, rows))
-    x, product = np.empty((n, factor.shape[1])), np.empty((n, factor.shape[1]))
-    for row in range(rows):
-        for i in range(n):
-            x[i, :] = shapes[row, i]
-        solve_upper(w, factor, x)
-        for matrix, out in ((mass, found[0]), (damping, found[1]), (stiffness, found[2])):
-            product[:] = 0.0
-            add_product(w, matrix, x, product)
-            solve_lower(w, factor, product)
+def mean_products(n, w, sums, factor, every, shapes):
+    """Means over one block in so many of L^-1 A L^-T x, for A each of M, C, K, x each row of shapes: (3, n, rows)."""
+    found = np.zeros((3, n, shapes.shape[0]))
+    x, product = np.empty((len(sums), n, LANES)), np.empty((len(sums), n, LANES))
+    for b in range(0, len(sums), every):
+        for row in range(shapes.shape[0]):
             for i in range(n):
-                total = 0.0
-                for t in range(product.shape[1]):
-                    total += product[i, t]
-                out[i, row] = total / product.shape[1]
-    return found
+                store(x, (b, i), shapes[row, i])
+            solve_upper(n, w, factor, b, x)
+            for matrix in range(3):
+                multiply(n, w, sums, matrix * n * (2 * w + 1), b, x, b, product)
+                solve_lower(n, w, factor, b, product)
+                for i in range(n):
+                    found[matrix, i, row] += lane_sum(load(product, (b, i)))
+    return found / (len(sums) // every * LANES)

@@ -150,16 +150,27 @@ def lane_sum(typing, lanes):
     return types.float64(lanes), lower
 
 
+def _unary(name):
+    """What LLVM calls `name` of a number, in each lane."""
+
+    def lower(context, builder, sig, args):
+        which = f"llvm.{name}.v{LANES}f64" if sig.args[0] == _lanes else f"llvm.{name}.f64"
+        shape = ir.FunctionType(args[0].type, [args[0].type])
+        return builder.call(cgutils.get_or_insert_function(builder.module, shape, which), args)
+
+    return lower
+
+
 @intrinsic
 def absolute(typing, number):
     """The absolute value, in each lane."""
+    return number(number), _unary("fabs")
 
-    def lower(context, builder, sig, args):
-        name = f"llvm.fabs.v{LANES}f64" if sig.args[0] == _lanes else "llvm.fabs.f64"
-        shape = ir.FunctionType(args[0].type, [args[0].type])
-        return builder.call(cgutils.get_or_insert_function(builder.module, shape, name), args)
 
-    return number(number), lower
+@intrinsic
+def root(typing, number):
+    """The square root, in each lane."""
+    return number(number), _unary("sqrt")
 
 
 @intrinsic
@@ -189,29 +200,52 @@ def everywhere(typing, true):
     return types.boolean(true), lower
 
 
+def _transposed(builder, rows, columns):
+    """A square of numbers, its rows at these addresses, transposed to those by three rounds of swaps."""
+    vectors = [builder.load(row, align=8) for row in rows]
+    for half in (4, 2, 1):  # swap the off-diagonal blocks of this size
+        low = [k if not k & half else LANES + k - half for k in range(LANES)]
+        high = [k + half if not k & half else LANES + k for k in range(LANES)]
+        for k in (k for k in range(LANES) if not k & half):
+            pair = vectors[k], vectors[k + half]
+            masks = (ir.Constant(ir.VectorType(_INT, LANES), order) for order in (low, high))
+            vectors[k], vectors[k + half] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+    for vector, column in zip(vectors, columns, strict=True):
+        builder.store(vector, column, align=8)
+
+
+def _places_of_square(context, builder, kinds, args):
+    """Addresses of its rows in an array (slots, LANES) from `start` on, and in one (LANES, slots) at `place`."""
+    lanes, start, rows, to = args
+    values = context.make_array(kinds[2])(context, builder, rows)
+    width = builder.extract_value(values.shape, 1)
+    slots, numbers = [], []
+    for k in range(LANES):
+        slots.append(address(context, builder, kinds[:2], lanes, builder.add(start, start.type(k))))
+        place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), to)])
+        numbers.append(builder.bitcast(place, ir.PointerType(VECTOR)))
+    return slots, numbers
+
+
 @intrinsic
 def transpose(typing, lanes, start, rows, place):
-    """Square of an array (slots, LANES), transposed, to a place of an array (LANES, slots): three rounds of swaps."""
+    """Square of an array (slots, LANES), transposed, to a place of an array (LANES, slots)."""
 
     def lower(context, builder, sig, args):
-        source, first, target, to = args
-        kinds = sig.args
-        vectors = []
-        for k in range(LANES):
-            place = builder.add(first, first.type(k))
-            vectors.append(builder.load(address(context, builder, kinds[:2], source, place), align=8))
-        for half in (4, 2, 1):  # swap the off-diagonal blocks of this size
-            low = [k if not k & half else LANES + k - half for k in range(LANES)]
-            high = [k + half if not k & half else LANES + k for k in range(LANES)]
-            for k in (k for k in range(LANES) if not k & half):
-                pair = vectors[k], vectors[k + half]
-                masks = (ir.Constant(ir.VectorType(_INT, LANES), order) for order in (low, high))
-                vectors[k], vectors[k + half] = (builder.shuffle_vector(*pair, mask) for mask in masks)
-        values = context.make_array(kinds[2])(context, builder, target)
-        width = builder.extract_value(values.shape, 1)
-        for k, vector in enumerate(vectors):
-            place = builder.gep(values.data, [builder.add(builder.mul(width, width.type(k)), to)])
-            builder.store(vector, builder.bitcast(place, ir.PointerType(VECTOR)), align=8)
+        slots, numbers = _places_of_square(context, builder, sig.args, args)
+        _transposed(builder, slots, numbers)
+        return context.get_dummy_value()
+
+    return types.void(lanes, start, rows, place), lower
+
+
+@intrinsic
+def transpose_back(typing, lanes, start, rows, place):
+    """The inverse of `transpose`, with the same arguments."""
+
+    def lower(context, builder, sig, args):
+        slots, numbers = _places_of_square(context, builder, sig.args, args)
+        _transposed(builder, numbers, slots)
         return context.get_dummy_value()
 
     return types.void(lanes, start, rows, place), lower
@@ -256,7 +290,7 @@ def eliminate_row(typing, band, place, above, row, width):
             builder.store(numbers[half + right], pointer("above", begin, right), align=8)
             numbers[half + right] = builder.fmul(numbers[half + right], reciprocal, flags=flags)
         numbers[half] = reciprocal
-        for k, number in enumerate(numbers):
+        for k, number in enumerate(numbers, strict=True):
             builder.store(number, pointer("band", first, k), align=8)
         return pivot
 

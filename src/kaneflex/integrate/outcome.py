@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
+
+Floquet = np.ndarray | Callable[[], np.ndarray] | None
 
 
 class Outcome(Enum):
@@ -26,8 +30,7 @@ class Trajectory:
     times: shape (n_out,), in s
     z, v, a: shape (n_out, n), displacements, velocities, accelerations; they satisfy the equation
     outcome, message: how it ended; the message adds time and reason
-    multipliers: complex, shape (2 n,), Floquet multipliers of the *discrete* equations by decreasing modulus;
-        None where none were computed
+    floquet: the multipliers, or what computes them: eigenvalues that not everybody reads
     ns_per_step: wall time of a step in the compiled loop, without compiling and without the table, in ns
     solver: what solved the equations, and why that, in words; empty where nothing was chosen
 
@@ -40,6 +43,14 @@ class Trajectory:
     a: np.ndarray
     outcome: Outcome
     message: str
-    multipliers: np.ndarray | None
+    floquet: Floquet
     ns_per_step: float
     solver: str = ""
+
+    @cached_property
+    def multipliers(self) -> np.ndarray | None:
+        """Complex, shape (2 n,), Floquet multipliers of the *discrete* equations by decreasing modulus.
+
+        None where none were computed.
+        """
+        return self.floquet() if callable(self.floquet) else self.floquet

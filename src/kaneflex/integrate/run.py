@@ -8,20 +8,20 @@ from functools import partial
 
 import numpy as np
 
+from kaneflex.integrate.disturbances import FEWEST, monodromy
 from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.modal import constants, forces
-from kaneflex.integrate.outcome import Outcome, Trajectory
-from kaneflex.integrate.periodic import LONGEST_STEP, Beginning, Cycle, over_a_cycle, periodic_state, repeated
-from kaneflex.integrate.spectral import periodic_orbit
+from kaneflex.integrate.outcome import Floquet, Outcome, Trajectory
+from kaneflex.integrate.periodic import LONGEST_STEP, Beginning, Cycle, leading, over_a_cycle, periodic_state, repeated
+from kaneflex.integrate.spectral import Orbit, periodic_orbit
 from kaneflex.integrate.stepping import Progress, Setup, State, Stored, advance
 from kaneflex.integrate.streams import CoefficientStream, Table, one_after_the_other
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 
-_JUDGING = 180
-"""Steps of a cycle, at least, by which it is judged whether disturbances grow."""
-_CLEAR = 0.5
-"""What is left of a disturbance after a cycle from which on coarse steps don't tell whether it grows."""
+_CLEAR, _SQUARED = 0.5, 4
+"""What is left of a disturbance after a cycle from which on held equations don't tell whether it grows; as often the
+matrix of a cycle is squared to see it."""
 Start = str | tuple[np.ndarray, np.ndarray]
 
 
@@ -93,8 +93,7 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
     orbit = periodic_orbit(run.system, run.table, run.t0, period, run.tolerance)
     if orbit.reason:
         return replace(integrate(replace(run, method="radau"), progress), solver=f"radau, in steps: {orbit.reason}")
-    judged = _judged(run, progress)
-    outcome, message = judged.outcome, judged.message
+    outcome, message, multipliers = _judged(run, orbit, progress)
     if outcome is Outcome.UNSTABLE:
         message += "; what is shown is the periodic motion, which any disturbance leaves"
     elif outcome is not Outcome.COMPLETED:
@@ -105,26 +104,36 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
     z, v, a = (part[at % steps] for part in orbit.at(steps))
     ns_per_step = 1e9 * (time.perf_counter() - started) / steps
     times = run.t0 + run.step * at
-    return Trajectory(times, z, v, a, outcome, message, judged.multipliers, ns_per_step, orbit.said)
+    return Trajectory(times, z, v, a, outcome, message, multipliers, ns_per_step, orbit.said)
 
 
-def _judged(run: Run, progress: Progress | None) -> Beginning:
-    """Whether disturbances of a periodic motion grow: by a quarter of its steps, or by all where that leaves a doubt.
+def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome, str, Floquet]:
+    """Whether disturbances of a periodic motion grow, what to say of it, and the Floquet multipliers.
 
-    Of vibrations far faster than any of these steps, as in a machine that hardly moves, they say nothing.
+    By steps that hold the equations still, or by those of radau where these leave a doubt. Of vibrations far faster
+    than any of them, as in a machine that hardly moves, they say nothing.
     """
-    steps = _steps_of_cycle(run)
-    period = run.step * steps
-    for count in (max(steps // 4, min(steps, _JUDGING)), steps):
-        cycle = replace(run, method="radau", step=period / count, period_steps=count, n_steps=count)
-        setup = set_up(cycle, progress)
-        if setup.stream.step > LONGEST_STEP * setup.scales[1]:
-            said = "whether disturbances grow is not known: the steps are too long to tell"
-            return Beginning(None, None, Outcome.COMPLETED, said)
-        judged = _naming_the_steps(periodic_state(setup, count), cycle)
-        if judged.outcome is Outcome.COMPLETED and np.abs(judged.multipliers).max() < _CLEAR:
-            break
-    return judged
+    steps, grid = _steps_of_cycle(run), orbit.grid
+    if run.step * steps / FEWEST * grid.fastest > LONGEST_STEP:
+        return Outcome.COMPLETED, "whether disturbances grow is not known: the steps are too long to tell", None
+    moved = monodromy(grid)
+    if _decay(moved) < _CLEAR:
+        return Outcome.COMPLETED, "", partial(_eigenvalues, moved)
+    cycle = replace(run, method="radau", n_steps=steps)
+    judged = periodic_state(set_up(cycle, progress), steps)
+    return judged.outcome, judged.message, judged.multipliers
+
+
+def _decay(matrix: np.ndarray) -> float:
+    """No less than its spectral radius, and not much more: the root of a power's norm."""
+    power = matrix
+    for _ in range(_SQUARED):
+        power = power @ power
+    return float(np.linalg.norm(power)) ** (0.5**_SQUARED)
+
+
+def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
+    return leading(np.linalg.eigvals(matrix), len(matrix) // 2)
 
 
 def _steps_of_cycle(run: Run) -> int:

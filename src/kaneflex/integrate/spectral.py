@@ -11,21 +11,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from kaneflex.integrate.instants import (
-    ROUNDING,
-    add_product,
-    conjugate,
-    factorise,
-    into_modes,
-    mean_products,
-    out_of_modes,
-    residual,
-    solve_upper,
-)  # fmt: skip
+from kaneflex.integrate.corrections import NO_MOTION, TOO_SLOW, corrected
+from kaneflex.integrate.fourier import circle
+from kaneflex.integrate.instants import equations, mean_products
+from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.streams import Table
 from kaneflex.integrate.system import AffineSystem
 
@@ -43,141 +35,114 @@ _CORRECTIONS = 40
 """On one grid, at most."""
 _SLOWEST, _SLOWEST_ESTIMATE = 0.85, 0.97
 """Contraction of a correction, over some of them, from which time steps are cheaper, and an estimate too dear."""
-_PATIENCE = 8
 _OVER_TAIL = 0.2
 """Of what the grid leaves out: a remainder that is worth no further correction on it."""
 SURE = 0.02
 """Share of a motion's error to which it is estimated."""
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    """Not by BLAS, whose threads would wait for each other in products as small as these."""
-    return float(np.einsum("it,it->", a, b))
-
-
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The equations at the instants of one cycle.
+    """The equations at the instants of one cycle, as `equations` has them.
 
-    half_bandwidth: of the matrices
     omega: 2 pi / period [rad/s]
-    M, C, K: shape (n (2 w + 1), N), slots as in `AffineSystem`; F: shape (n, N)
-    factor: L as `factorise` has it; where K is not positive definite everywhere, the root of its mean diagonal
+    sums: M, C and K by their slots, then F, shape (N / LANES, 3 n (2 w + 1) + n, LANES)
+    factor: of K, shape (N / LANES, n (w + 1), LANES)
+    modes: of the mean equations in y, shape (n, m), and their mass, damping and stiffness, (3, squares, LANES)
     """
 
+    n: int
     half_bandwidth: int
     omega: float
-    M: np.ndarray
-    C: np.ndarray
-    K: np.ndarray
-    F: np.ndarray
+    sums: np.ndarray
     factor: np.ndarray
-    coarser: Grid | None = None
+    modes: tuple[np.ndarray, np.ndarray]
 
     @classmethod
     def of(
         cls, system: AffineSystem, table: Table, t0: float, period: float, instants: int, coarser: Grid | None = None
     ) -> Grid:
-        """The equations at so many instants, an even number, from t0 on."""
-        rows = np.ascontiguousarray(table(t0 + period / instants * np.arange(instants)).T)
-        mass, damping, stiffness, load = (getattr(system, name) @ rows for name in ("M", "C", "K", "F"))
-        w = system.half_bandwidth
-        factor = np.zeros((system.n * (w + 1), instants))
-        if not factorise(w, stiffness, factor):
-            factor[:] = 0.0
-            diagonal = np.abs(stiffness[w :: 2 * w + 1]).mean(axis=1)
-            factor[w :: w + 1] = 1.0 / np.sqrt(diagonal + (diagonal.max() or 1.0) * ROUNDING)[:, None]
-        return cls(w, 2.0 * np.pi / period, mass, damping, stiffness, load, factor, coarser)
+        """The equations at so many instants, a power of two from eight on, from t0 on; modes are those of `coarser`."""
+        rows = np.asarray(table(t0 + period / instants * np.arange(instants)), dtype=float, order="C")
+        n, w = system.n, system.half_bandwidth
+        sums, factor, _ = equations(n, w, *system.sums, rows)
+        modes = _modes(n, w, sums, factor) if coarser is None else coarser.modes
+        return cls(n, w, 2.0 * np.pi / period, sums, factor, modes)
 
     @property
     def instants(self) -> int:
-        return self.F.shape[1]
+        return LANES * len(self.sums)
 
-    @cached_property
+    @property
     def frequencies(self) -> np.ndarray:
         """Angular frequency [rad/s] of each harmonic, shape (N / 2 + 1,)."""
         return self.omega * np.arange(self.instants // 2 + 1)
 
-    @cached_property
-    def modes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Modes of the mean equations in y, shape (n, m), the slowest first, and their mass, damping and stiffness.
+    @property
+    def slowest(self) -> float:
+        """Angular frequency [rad/s] of the slowest vibration of the mean equations; 0 where there is none."""
+        mass, _, stiffness = self.modes[1].reshape(3, -1)
+        return float(np.sqrt(np.abs(stiffness[0]) / mass[0])) if mass[0] > 0.0 else 0.0
 
-        The means are those of FEWEST instants: more would hardly change them.
-        """
-        if self.coarser is not None:
-            return self.coarser.modes
-        n = len(self.F)
-        shapes = np.eye(n) if n <= _MODES else self._slowest()
-        every = max(1, self.instants // FEWEST)
-        mass, damping, stiffness = (shapes.T @ mean for mean in self._means(shapes, every))
-        _, found = np.linalg.eigh(0.5 * (mass + mass.T))
-        found = found[:, ::-1][:, :_MODES]
-        return shapes @ found, *(np.einsum("ji,jk,ki->i", found, each, found) for each in (mass, damping, stiffness))
-
-    @cached_property
-    def answers(self) -> np.ndarray:
-        """What each mode of the mean answers to a unit load in every harmonic, complex, shape (m, N / 2 + 1)."""
-        _, mass, damping, stiffness = self.modes
-        rate = self.frequencies.copy()
-        rate[-1] = 0.0  # the highest harmonic of an even number has no derivative at the instants
+    @property
+    def fastest(self) -> float:
+        """About the angular frequency [rad/s] of the fastest vibration, at the first instant."""
+        width = 2 * self.half_bandwidth + 1
+        mass, stiffness = (self.sums[0, k + self.half_bandwidth : k + self.n * width : width, 0]
+                           for k in (0, 2 * self.n * width))  # fmt: skip
         with np.errstate(divide="ignore", invalid="ignore"):
-            return 1.0 / (stiffness[:, None] - np.outer(mass, self.frequencies**2) + 1j * np.outer(damping, rate))
-
-    def _slowest(self) -> np.ndarray:
-        """An orthonormal basis of about the slowest modes, by subspace iteration (Bathe 2013)."""
-        n = len(self.F)
-        basis = np.linalg.qr(np.random.default_rng(0).standard_normal((n, min(n, _MODES + _SPARE))))[0]
-        for _ in range(_SUBSPACE):
-            basis = np.linalg.qr(self._means(basis, max(1, self.instants // _SAMPLES))[0])[0]
-        return basis
-
-    def _means(self, shapes: np.ndarray, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Means over one instant in so many of L^-1 M L^-T times shapes (n, m), and of C and K, each (n, m)."""
-        matrices = (np.ascontiguousarray(each[:, ::every]) for each in (self.factor, self.M, self.C, self.K))
-        return mean_products(self.half_bandwidth, *matrices, np.ascontiguousarray(shapes.T))
+            squares = np.abs(stiffness / mass)
+        return float(np.sqrt(squares[np.isfinite(squares)].max(initial=0.0)))
 
     def rates(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """z' and z'' at the instants of the trigonometric polynomial through z (n, N)."""
-        n, harmonics, rate = len(z), np.fft.rfft(z, axis=1), 1j * self.frequencies
-        both = np.empty((2 * n, len(rate)), dtype=complex)
-        np.multiply(harmonics, rate, out=both[:n])
-        np.multiply(both[:n], rate, out=both[n:])
-        both[:n, -1] = 0.0  # the highest harmonic of an even number has no derivative at the instants
-        found = np.fft.irfft(both, self.instants, axis=1)
-        return found[:n], found[n:]
+        harmonics, rate = np.fft.rfft(z, axis=1), 1j * self.frequencies
+        slow, fast = harmonics * rate, harmonics * rate**2
+        slow[:, -1] = 0.0  # the highest harmonic of an even number has no derivative at the instants
+        return np.fft.irfft(slow, self.instants, axis=1), np.fft.irfft(fast, self.instants, axis=1)
 
-    def forces(self, z: np.ndarray) -> np.ndarray:
-        """M z'' + C z' + K z, shape (n, N)."""
-        return residual(self.half_bandwidth, self.M, self.C, self.K, z, *self.rates(z))
+    def corrected(
+        self, z: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
+        slowest: float = _SLOWEST,
+    ) -> Orbit:  # fmt: skip
+        """The motion on this grid, from one that is near if there is any: as far as this grid is worth it.
 
-    def correction(self, rest: np.ndarray) -> np.ndarray:
-        """What the mean equations answer to loads (n, N), in y; overwrites them."""
-        taken = into_modes(self.half_bandwidth, self.factor, self.modes[0], rest)
-        harmonics = np.fft.rfft(taken, axis=1)
-        harmonics *= self.answers
-        return out_of_modes(self.modes[0], taken, np.fft.irfft(harmonics, self.instants, axis=1), rest)
+        share: of the first remainder, that is enough
+        """
+        start = np.empty((self.n, 0)) if z is None else z
+        system = (self.n, self.half_bandwidth, self.sums, self.factor, *self.modes, circle(self.instants), self.omega)
+        found, left, tail, ended = corrected(*system, start, tolerance, share, over_tail, slowest, _CORRECTIONS)
+        reason = ""
+        if ended == NO_MOTION:
+            reason = "the mean equations have no periodic motion"
+        if ended == TOO_SLOW:
+            factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
+            reason = f"a correction leaves {factor:.2f} of the remainder"
+        return Orbit(self, found, len(left) - 1, left[-1], tail, reason)
 
-    def displacements(self, y: np.ndarray) -> np.ndarray:
-        """L^-T y."""
-        z = y.copy()
-        solve_upper(self.half_bandwidth, self.factor, z)
-        return z
 
-    def size(self, z: np.ndarray) -> float:
-        """Root of twice the strain energy, added up over the instants: the length of y."""
-        product = np.zeros_like(z)
-        add_product(self.half_bandwidth, self.K, z, product)
-        return math.sqrt(abs(_dot(z, product)))
+def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Modes of the mean equations in y, the slowest first, as `Grid` has them.
 
-    def tail(self, z: np.ndarray) -> float:
-        """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out."""
-        product = np.zeros_like(z)
-        add_product(self.half_bandwidth, self.M, z, product)
-        harmonics = np.fft.rfft(z, axis=1)
-        kinetic = self.frequencies**2 * np.einsum("ik,ik->k", harmonics.conj(), np.fft.rfft(product, axis=1)).real
-        add_product(self.half_bandwidth, self.K, z, np.multiply(product, 0.0, out=product))
-        energy = np.abs(kinetic) + np.abs(np.einsum("ik,ik->k", harmonics.conj(), np.fft.rfft(product, axis=1)).real)
-        return float(np.sqrt(energy[3 * self.instants // 8 :].sum() / (energy.sum() or 1.0)))
+    The means are those of FEWEST instants: more would hardly change them.
+    """
+
+    def means(shapes: np.ndarray, instants: int) -> np.ndarray:
+        every = max(1, len(sums) * LANES // instants)
+        return mean_products(n, w, sums, factor, every, np.ascontiguousarray(shapes.T))
+
+    shapes = np.eye(n)
+    if n > _MODES:  # about the slowest, by subspace iteration (Bathe 2013)
+        shapes = np.linalg.qr(np.random.default_rng(0).standard_normal((n, min(n, _MODES + _SPARE))))[0]
+        for _ in range(_SUBSPACE):
+            shapes = np.linalg.qr(means(shapes, _SAMPLES)[0])[0]
+    matrices = shapes.T @ means(shapes, FEWEST)
+    found = np.linalg.eigh(0.5 * (matrices[0] + matrices[0].T))[1][:, ::-1][:, :_MODES]
+    m = found.shape[1]
+    numbers = np.zeros((3, -(-m // LANES) * LANES))
+    numbers[2] = 1.0
+    numbers[:, :m] = ((found.T @ matrices) * found.T).sum(axis=2)
+    return np.ascontiguousarray(shapes @ found), numbers.reshape(3, -1, LANES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +189,8 @@ def _sampled(harmonics: np.ndarray, instants: int, count: int) -> np.ndarray:
 
     A harmonic that so few instants can't tell from a lower one is added to it.
     """
+    if count > instants:
+        return np.fft.irfft(harmonics, count, axis=1) * (count / instants)
     both = np.zeros((len(harmonics), count), dtype=complex)
     for first in range(0, harmonics.shape[1], count):
         block = harmonics[:, first : first + count]
@@ -246,7 +213,7 @@ def improved(grid: Grid, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
     None where corrections contract too slowly.
     """
-    found = _corrected(grid, z, 0.0, SURE)
+    found = grid.corrected(z, 0.0, SURE, 0.0, _SLOWEST_ESTIMATE)
     return None if found.reason else (found.z, *grid.rates(found.z))
 
 
@@ -259,44 +226,15 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
     while True:
         grid = Grid.of(system, table, t0, period, instants, grid)
         z = None if z is None else at_instants(z, instants)
-        found = _corrected(grid, z, tolerance)
+        found = grid.corrected(z, tolerance)
         corrections += found.corrections
         if found.reason or found.error <= tolerance:
             break
         fewer = math.log2(max(before / found.tail, 1.0 + 1e-9))  # a resonance may keep the tail of a coarse grid up
         more = 1.0 if instants < _TELLING else max(math.log2(found.tail / tolerance) / fewer, 1.0)
-        if math.log2(instants) + more > math.log2(MOST) or 2 * grid.M.size > _MOST_NUMBERS:
+        if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
             reason = f"its harmonics die away too slowly: {share}"
             return replace(found, corrections=corrections, reason=reason)
         z, before, instants = found.z, found.tail, 2 * instants
     return replace(found, corrections=corrections)
-
-
-def _corrected(grid: Grid, z: np.ndarray | None, tolerance: float, share: float = 0.0) -> Orbit:
-    """The motion on one grid, from one that is near if there is any: as far as this grid is worth it.
-
-    share: of the first remainder, that is enough.
-    """
-    rest = grid.correction(grid.F.copy() if z is None else grid.F - grid.forces(z))
-    left = math.sqrt(_dot(rest, rest))
-    size = left if z is None else grid.size(z)
-    z = np.zeros_like(rest) if z is None else z
-    if not np.isfinite(left):
-        return Orbit(grid, z, 0, left, 1.0, "the mean equations have no periodic motion")
-    steps, changes = np.empty((2, _CORRECTIONS, *rest.shape))
-    slowest = _SLOWEST_ESTIMATE if share else _SLOWEST
-    history, tail = [left / (size or 1.0)], np.inf
-    for count in range(_CORRECTIONS):
-        steps[count] = grid.displacements(rest)
-        changes[count] = grid.correction(grid.forces(steps[count]))
-        history.append(math.sqrt(conjugate(steps, changes, count, rest, z)) / (size or 1.0))
-        if history[-1] <= max(0.1 * history[0], tolerance):
-            tail = grid.tail(z)
-            if history[-1] <= max(tolerance, share * history[0], 0.0 if share else _OVER_TAIL * tail):
-                return Orbit(grid, z, count + 1, history[-1], tail)
-        if count >= _PATIENCE and history[-1] > slowest**_PATIENCE * history[-1 - _PATIENCE]:
-            break
-    factor = (history[-1] / history[0]) ** (1.0 / (len(history) - 1))
-    reason = f"a correction leaves {factor:.2f} of the remainder"
-    return Orbit(grid, z, len(history) - 1, history[-1], tail, reason)

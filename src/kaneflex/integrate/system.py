@@ -99,6 +99,16 @@ class AffineSystem:
         return matrix
 
     @cached_property
+    def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where the terms of each slot of M, then C, then K, then F end, their scalars and their numbers."""
+        matrices = [getattr(self, name) for name in (*_MATRICES, "F")]
+        before = np.cumsum([0, *(matrix.nnz for matrix in matrices)])
+        each = [matrix.indptr[1:] + first for matrix, first in zip(matrices, before[:-1], strict=True)]
+        ends = np.concatenate([before[:1], *each]).astype(np.uint64)
+        what = np.concatenate([matrix.indices for matrix in matrices]).astype(np.uint64)
+        return ends, what, np.concatenate([matrix.data for matrix in matrices])
+
+    @cached_property
     def packed(self) -> Packed:
         """The same numbers, in the layout of the compiled steppers."""
         packed = pack((self,))
