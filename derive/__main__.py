@@ -14,6 +14,7 @@ from kaneflex.derive.emit import laws_text, tables_text
 from kaneflex.derive.friction import friction_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
+from kaneflex.derive.spatial_elements import spatial_element_texts
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import coupled_hash
@@ -32,7 +33,7 @@ SCENES = {{
 
 def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
-    texts = {f"{name}.py": text for name, text in element_texts().items()}
+    texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"], texts["friction.py"] = contact_text(), friction_text()
     texts["prescribed.py"] = prescribed_text(texts["body.py"])

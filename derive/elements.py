@@ -7,6 +7,8 @@ scalar at 1 and the others at 0 it gives the constant matrix before that scalar'
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import sympy as sm
 
 from kaneflex.derive import emit
@@ -74,7 +76,7 @@ def _text(module: str, element: Element, printed: dict[str, str], texts: dict[st
             *(text for text in own if text in data.values()),
             emit.literal("OPERATIONS", counts, emit.OPERATIONS),
         ]),
-        kernels="\n\n".join([*(text for text in own if text in blocks), _every_matrix()]),
+        kernels="\n\n".join([*(text for text in own if text in blocks), every_matrix(ELEMENT_TERMS, 6)]),
     )  # fmt: skip
 
 
@@ -111,20 +113,21 @@ def _stores(matrix: sm.Matrix) -> tuple[tuple[str, sm.Expr], ...]:
     )
 
 
-def _every_matrix() -> str:
-    """The loop over elements that calls every kernel."""
+def every_matrix(terms: Iterable[tuple[str, str, str, tuple[str, ...]]], size: int) -> str:
+    """The loop over elements of this size that calls every kernel."""
     lines = [
         "@njit(**OPTIONS)",
         "def element_matrices(p, s, out):",
         '    """Every kernel of many elements, each at several scalars.',
         "",
         "    p: a row of ELEMENT_PARAMETERS an element. s: rows of LINK_SCALARS. out: zeros, elements x rows of s x",
-        '    KERNELS x 6 x 6; of F the first row is stored."""',
+        f'    KERNELS x {size} x {size}; of F the first row is stored."""',
         "    for e in range(p.shape[0]):",
         "        for k in range(s.shape[0]):",
     ]
+    moving = {kernel for _, _, kernel, factors in terms if factors}
     for k, kernel in enumerate(ELEMENT_KERNELS):
-        arguments = "p[e], s[k]" if any(factors for _, _, of, factors in ELEMENT_TERMS if of == kernel) else "p[e]"
+        arguments = "p[e], s[k]" if kernel in moving else "p[e]"
         lines.append(f"            {kernel}({arguments}, out[e, k, {k}{', 0' * (kernel == 'F')}])")
     return "\n".join(lines) + "\n"
 

@@ -76,7 +76,8 @@ class NumbaPrinter(PythonCodePrinter):
 class Kernel:
     """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
 
-    One that ``returns`` has no array: its outputs are numbers by names of their own.
+    One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
+    program's own, which read its outputs.
     """
 
     program: Program
@@ -85,6 +86,7 @@ class Kernel:
     doc: str
     zeros: bool = False
     returns: bool = False
+    calls: tuple[str, ...] = ()
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -116,6 +118,7 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
         body.append(f"return {', '.join(_bare(text(expression)) for _, expression in program.outputs)}")
     else:
         body += [" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items()]
+    body += kernel.calls
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
     code = "\n".join(f"    {line}" for line in body or ["pass"])
     return f"@njit(**OPTIONS)\ndef {program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"

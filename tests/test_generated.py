@@ -33,11 +33,13 @@ from kaneflex.support.contract import (
     LINK_SCALARS,
     REQUIRED_ATTRIBUTES,
 )
+from kaneflex.support.spatial_contract import SPATIAL_BEAMS
 
 FOLDER = Path(kaneflex.generated.__file__).parent
 EVERY = sorted(kaneflex.generated.STRUCTURES.values())
 NAMES = [name for name in EVERY if not name.endswith("_coupled")]
-SHARED = "body", "contact", "friction", "joints", "prescribed", "tables", "__init__"
+ELEMENTS = *BEAMS, *SPATIAL_BEAMS
+SHARED = "shape_integrals", "body", "contact", "friction", "joints", "prescribed", "tables", "__init__"
 KERNELS = {"M": M, "K_s": K_s, "K_d": K_d, "K_g": K_g, "C": C, "F": F}
 
 # Operations of one call on the engine. Fewer is welcome: then lower the number here.
@@ -57,7 +59,7 @@ def module(name: str):
 # ---- what is committed ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*EVERY, *BEAMS, *SHARED])
+@pytest.mark.parametrize("name", [*EVERY, *ELEMENTS, *SHARED])
 def test_committed_text_is_the_derived_text(derived, name):
     assert (FOLDER / f"{name}.py").read_text(encoding="utf-8") == derived[f"{name}.py"]
 
@@ -143,7 +145,7 @@ def functions(name: str) -> dict[str, ast.FunctionDef]:
     return {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
-@pytest.mark.parametrize("name", [*EVERY, *BEAMS, "body", "contact", "joints", "tables"])
+@pytest.mark.parametrize("name", [*EVERY, *ELEMENTS, "body", "contact", "joints", "tables"])
 def test_a_kernel_that_is_called_from_another_file_leaves_its_digest_there(name):
     """numba keeps what it compiled until the caller's own file changes: so it has to change with the callee's."""
     text = (FOLDER / f"{name}.py").read_text(encoding="utf-8")
@@ -160,7 +162,7 @@ def test_a_kernel_that_is_called_from_another_file_leaves_its_digest_there(name)
 def test_every_kernel_is_printed_once():
     """No two modules have one of an element or a table in common, but for the loop over a module's own kernels."""
     where: dict[str, str] = {}
-    for name in [*EVERY, *BEAMS, "body", "contact", "joints", "tables"]:
+    for name in [*EVERY, *ELEMENTS, "body", "contact", "joints", "tables"]:
         for kernel, node in functions(name).items():
             if kernel in ELEMENT_KERNELS or kernel.startswith("table"):
                 assert where.setdefault(ast.unparse(node), name) == name, f"{kernel} of {name}"

@@ -28,8 +28,6 @@ class MechanismKernels(Protocol):
 
 _TABLES = ("table", ".seed_c", ".seed_s", ".seed_slide")
 """Last words of the numbers in p that say where a table begins."""
-_NODES = 6
-"""Displacements and rotations of an element's two nodes."""
 _ROWS = {"tabulate": ("times",), "element_matrices": ("p", "s")}
 """Kernel -> the arguments of which each row has one in out, by out's axes."""
 _PLACES = {"x": "i", "out": "k"}
@@ -68,12 +66,14 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
 def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     """Kernel -> argument -> its shape; -1 for any length."""
     count = len(module.ELEMENT_PARAMETERS)
+    # displacements and rotations of an element's two nodes; in the plane there is no a_z
+    nodes = 12 if "a_z" in {name for name, *_ in module.LINK_SCALARS} else 6
     element: dict[str, Shape] = {"p": (count,), "s": (len(module.LINK_SCALARS),)}
     found: dict[str, dict[str, Shape]] = {}
-    found |= {name: element | {"out": (_NODES, _NODES)} for name in ELEMENT_KERNELS if name != "F"}
-    found["F"] = element | {"out": (_NODES,)}
+    found |= {name: element | {"out": (nodes, nodes)} for name in ELEMENT_KERNELS if name != "F"}
+    found["F"] = element | {"out": (nodes,)}
     rows: dict[str, Shape] = {"p": (-1, count), "s": (-1, len(module.LINK_SCALARS))}
-    found["element_matrices"] = rows | {"out": (-1, -1, len(ELEMENT_KERNELS), _NODES, _NODES)}
+    found["element_matrices"] = rows | {"out": (-1, -1, len(ELEMENT_KERNELS), nodes, nodes)}
     if not hasattr(module, "PARAMETERS"):  # a module of elements
         return found
     numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}

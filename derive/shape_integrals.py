@@ -1,0 +1,193 @@
+"""Integrals of products of a spatial element's shape functions, which are numbers, and the module that holds them.
+
+With s = x/length the functions of ``shapes.beam_shape`` over (v_1, l theta_1, v_2, l theta_2) are of the form
+n + c bubble: n and the bubble, a polynomial that vanishes at both nodes, are the same for every section, and
+
+    c = beta P + alpha Q,    beta = 1/(1 + phi),  alpha = (1 - beta) growth/6
+
+alone knows of shear and of the growth of E I over the element, relative to its mean. So the integral over an element of
+two functions' product with a power of s is a table of numbers, one row and one column more than the nodes have, and one
+loop adds it to an element's matrix, whichever theory it is of. n, bubble, P and Q are found here, not typed in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+
+from sympy import Expr, ImmutableMatrix, S, Symbol, cancel, diff, integrate
+
+from kaneflex.derive import emit
+from kaneflex.derive.shapes import E_I, E_I_rise, beam_section, beam_shape, beta_s, length, x
+from kaneflex.support.contract import FORMAT
+
+s, growth = Symbol("s", real=True), Symbol("growth", real=True)
+
+POWERS = {
+    ("LINEAR", "LINEAR"): 2, ("LINEAR", "DEFLECTION"): 2, ("DEFLECTION", "DEFLECTION"): 2,
+    ("LINEAR", "ROTATION"): 2, ("ROTATION", "ROTATION"): 2,
+    ("CURVATURE", "CURVATURE"): 2, ("SLOPE", "SLOPE"): 4, ("GRADIENT", "GRADIENT"): 4,
+}  # fmt: skip
+"""Functions whose products are integrated -> with how many powers of s, from 1 on."""
+LOAD_POWERS = {"LINEAR": 3, "DEFLECTION": 3, "ROTATION": 2}
+"""The same of functions alone."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Shape functions over the nodes' coordinates as rows of polynomials in s, the bubble last.
+
+    rows: LINEAR (1 at one node) and GRADIENT, its derivative by s; DEFLECTION v, SLOPE l v', ROTATION l theta,
+    CURVATURE l^2 theta'. P, Q: rows of the bubble's size c.
+    """
+
+    rows: dict[str, tuple[Expr, ...]]
+    P: tuple[Expr, ...]
+    Q: tuple[Expr, ...]
+
+
+@cache
+def family() -> Family:
+    """What the planar element's shape functions are made of."""
+    shape = beam_shape(beam_section(varying=True), shear=True)
+    strains = {name: row for name, row, _ in shape.strains}
+    deflection = _scaled(shape.displacement[1, :], 0)
+    c = deflection.applyfunc(lambda entry: entry.coeff(s, 3))
+    P = c.subs({beta_s: 1, growth: 0})
+    Q = ((c - beta_s * P) * 6 / (growth * (1 - beta_s))).applyfunc(cancel)
+    assert not (P.free_symbols | Q.free_symbols), "the bubble's size is not beta P + alpha Q"
+    shear = _scaled(strains["shear"], 1)
+    assert (shear + P / 2 - growth * Q / 12).expand().is_zero_matrix, "the shear strain is not -1/2 (P - growth/6 Q)"
+    rows = {"LINEAR": (1 - s, s, S.Zero), "GRADIENT": (-S.One, S.One, S.Zero)}
+    rows["DEFLECTION"] = _apart(deflection, c)
+    rows["SLOPE"] = _apart(_scaled(shape.slope, 1), c)
+    rows["ROTATION"] = _apart(_scaled(shape.rotation, 1), c)
+    rows["CURVATURE"] = _apart(_scaled(strains["bending"], 2), c)
+    return Family(rows, tuple(P), tuple(Q))
+
+
+def _scaled(row: ImmutableMatrix, power: int) -> ImmutableMatrix:
+    """length^power times a row of the plane, by (v_1, l theta_1, v_2, l theta_2) and s."""
+    units = (0, 1, 0, 1)
+    entries = [row[k] * length ** (power - unit) for k, unit in zip((1, 2, 4, 5), units, strict=True)]
+    return ImmutableMatrix([entries]).subs({x: s * length, E_I_rise: growth * E_I}).expand()
+
+
+def _apart(row: ImmutableMatrix, c: ImmutableMatrix) -> tuple[Expr, ...]:
+    """n and the bubble of row = n + c bubble."""
+    bubble = cancel(diff(row[0], beta_s) / diff(c[0], beta_s))
+    rest = (row - c * bubble).expand()
+    assert not (rest.free_symbols | bubble.free_symbols) - {s}, "a shape function is not n + c bubble"
+    return (*rest, bubble)
+
+
+@cache
+def table(left: str, right: str, power: int) -> ImmutableMatrix:
+    """int_0^1 s^power left_i right_j ds, its last row and column those of the bubbles."""
+    rows = family().rows
+    return ImmutableMatrix([[_integral(s**power * i * j) for j in rows[right]] for i in rows[left]])
+
+
+def load_table(name: str, power: int) -> ImmutableMatrix:
+    """int_0^1 s^power function_i ds, a column."""
+    return ImmutableMatrix([_integral(s**power * i) for i in family().rows[name]])
+
+
+def _integral(polynomial: Expr) -> Expr:
+    return integrate(polynomial.expand(), (s, 0, 1))
+
+
+def shape_integrals_text() -> str:
+    """The module of the tables and of the loops that read them."""
+    names = [f"{left}_{right}" for left, right in POWERS]
+    stacks = {
+        name: [table(*pair, power) for power in range(count)]
+        for name, (pair, count) in zip(names, POWERS.items(), strict=True)
+    }
+    stacks |= {name: [load_table(name, power).T for power in range(count)] for name, count in LOAD_POWERS.items()}
+    stacks["SHEAR_SHEAR"] = [ImmutableMatrix(5, 5, lambda i, j: int(i == j == 4))]
+    return emit.MODULE.format(
+        title="Integrals of products of a spatial element's shape functions, generated by kaneflex. Do not edit.",
+        about="\n".join([f"Format {FORMAT}, SymPy {emit.version()}; made by: make derive", "", *_ABOUT]),
+        imports="import numpy as np\nfrom numba import njit",
+        constants=f"FORMAT = {FORMAT}",
+        tables="\n".join([
+            "# Rows and columns of an element's nodes: u, theta_x; v, theta_z; w, -theta_y. Those that turn.",
+            "U = np.array((0, 6))\nT = np.array((3, 9))\nV = np.array((1, 5, 7, 11))\nW = np.array((2, 4, 8, 10))",
+            "TURNS = np.array((4, 5, 10, 11))\n",
+            "# (beta, alpha) of what has no bubble, and of a beam without shear.",
+            "NONE = (0.0, 0.0)\nHERMITE = (1.0, 0.0)\n",
+            "# Of the bubble's size.",
+            *(f"{name} = np.array({tuple(map(float, getattr(family(), name)))})" for name in "PQ"),
+            "",
+            *(_stack(name, matrices) for name, matrices in stacks.items()),
+        ]),
+        kernels=_LOOPS,
+    )  # fmt: skip
+
+
+def _stack(name: str, matrices: list[ImmutableMatrix]) -> str:
+    """A table with a matrix for each power of s; of a function alone, with a row for each."""
+
+    def row(entries: Iterable[Expr]) -> str:
+        return f"({', '.join(repr(int(entry.p) / int(entry.q)) for entry in entries)})"
+
+    lines = [f"{name} = np.array(("]
+    for matrix in matrices:
+        rows = [row(matrix[i, :]) for i in range(matrix.rows)]
+        line = rows[0] if len(rows) == 1 else f"({', '.join(rows)})"
+        lines += [f"    {line},"] if len(line) < 110 else ["    (", *(f"        {r}," for r in rows), "    ),"]
+    return "\n".join([*lines, "))\n"])
+
+
+_ABOUT = (
+    "Entry [k, i, j] of a table is int_0^1 s^k f_i g_j ds with s = x/length and the functions that it is named by:",
+    "DEFLECTION v, SLOPE l v', ROTATION l theta, CURVATURE l^2 theta' over (v_1, l theta_1, v_2, l theta_2); LINEAR is",
+    "1 at one node, GRADIENT its derivative. The last row and column are those of a bubble, whose size by the nodes is",
+    "c = beta P + alpha Q: beta = 1/(1 + phi), alpha = (1 - beta) growth/6 with the flexibility in shear phi and the",
+    "growth of E I over the element by its mean.",
+)
+
+_LOOPS = '''@njit(**OPTIONS)
+def add(out, table, k, rows, columns, r, c, f, g):
+    """Add f times a table to these rows and columns of out, and g times its transpose at their transposes.
+
+    r, c: (beta, alpha) of the functions that the rows and the columns belong to."""
+    m = rows.shape[0]
+    n = columns.shape[0]
+    for i in range(m):
+        of_row = r[0] * P[i] + r[1] * Q[i]
+        for j in range(n):
+            of_column = c[0] * P[j] + c[1] * Q[j]
+            value = table[k, i, j] + table[k, i, n] * of_column
+            value += of_row * (table[k, m, j] + table[k, m, n] * of_column)
+            out[rows[i], columns[j]] += f * value
+            out[columns[j], rows[i]] += g * value
+
+
+@njit(**OPTIONS)
+def add_load(out, table, k, rows, r, f):
+    """Add f times a table of functions alone to these rows of out."""
+    m = rows.shape[0]
+    for i in range(m):
+        out[rows[i]] += f * (table[k, i] + table[k, m] * (r[0] * P[i] + r[1] * Q[i]))
+
+
+@njit(**OPTIONS)
+def turn(out, length):
+    """From length v', length w' to theta_z = v' and theta_y = -w': the rows and columns of a matrix."""
+    for k in range(4):
+        factor = -length if k % 2 == 0 else length
+        for i in range(12):
+            out[TURNS[k], i] *= factor
+        for i in range(12):
+            out[i, TURNS[k]] *= factor
+
+
+@njit(**OPTIONS)
+def turn_load(out, length):
+    """The same of a load."""
+    for k in range(4):
+        out[TURNS[k]] *= -length if k % 2 == 0 else length
+'''

@@ -1,0 +1,133 @@
+"""A slice of a link in space through Kane's method: the affine form that every spatial beam element is made of.
+
+A slice of the length dx has the mass rho_A dx and stands at (X + u, v, w) in the link's frame; its section, with the
+rotary inertias rho_I_y, rho_I_z and their sum about x, is turned by theta_x, theta_y, theta_z. The frame moves with the
+acceleration a of its origin less gravity, with omega and epsilon, all in link axes. An unmodified ``KanesMethod`` gives
+fr + fr*; at rest in the frame its derivatives by the accelerations, speeds and coordinates are -M, -C, -K and its value
+is F, each a sum of scalars of the motion x constant matrices. Which scalars there are is found by collecting
+coefficients. The planar slice is the special case w = theta_x = theta_y = 0.
+
+To first order in the equations the section's rotation counts to second order, so that in space the order of rotations
+matters: here bending turns the axis's tangent the shortest way, then the section by theta_x about the tangent. That
+prefers neither of the two planes of bending (Hodges and Dowell 1974, NASA TN D-7818, discuss the choice).
+"""
+
+from collections.abc import Mapping
+from functools import cache
+
+from sympy import Expr, ImmutableMatrix, Matrix, Poly, S, Symbol, eye, symbols
+from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, Vector, dynamicsymbols, inertia
+
+from kaneflex.derive.spatial_symbols import MOTION, a, epsilon, omega, rho_A, rho_I_y, rho_I_z
+from kaneflex.support.spatial_contract import SPATIAL_NODE
+
+X = Symbol("X", real=True)
+"""The slice's distance from the link's origin."""
+
+Affine = Mapping[tuple[str, Expr], ImmutableMatrix]
+"""(matrix, monomial of the motion) -> constant 6 x 6 before q'', q', q, or 6 x 1."""
+
+
+@cache
+def slice_equations() -> Affine:
+    """M q'' + C q' + K q = F of a slice, per unit of length: M, C, K, F by the monomials of MOTION.
+
+    Entries are polynomials in rho_A, rho_I_y, rho_I_z and X. A few seconds.
+    """
+    rows, q, q_d, q_dd = _kane()
+    at_rest = dict.fromkeys((*q, *q_d, *q_dd), S.Zero)
+    found = {"F": rows.xreplace(at_rest)}
+    for target, variables in (("M", q_dd), ("C", q_d), ("K", q)):
+        found[target] = -rows.jacobian(variables).xreplace(at_rest)
+    affine = {
+        (target, monomial): matrix
+        for target in "MCKF"
+        for monomial, matrix in _by_monomials(ImmutableMatrix(found[target]).expand()).items()
+    }
+    left = set().union(*(matrix.free_symbols for matrix in affine.values())) - {rho_A, rho_I_y, rho_I_z, X}
+    assert not left, f"the equations depend on {sorted(map(str, left))} beside the acceleration a - g"
+    return affine
+
+
+def _by_monomials(matrix: ImmutableMatrix) -> dict[Expr, ImmutableMatrix]:
+    """Monomial of the motion -> the constant matrix before it."""
+    found: dict[Expr, Matrix] = {}
+    for i in range(matrix.rows):
+        for j in range(matrix.cols):
+            for powers, coefficient in Poly(matrix[i, j], *MOTION).terms():
+                monomial = S.One
+                for symbol, power in zip(MOTION, powers, strict=True):
+                    monomial *= symbol**power
+                if coefficient != 0:
+                    found.setdefault(monomial, Matrix.zeros(*matrix.shape))[i, j] = coefficient
+    return {monomial: ImmutableMatrix(matrix) for monomial, matrix in found.items()}
+
+
+def _kane() -> tuple[Matrix, tuple[Symbol, ...], tuple[Symbol, ...], tuple[Symbol, ...]]:
+    """The slice's own six rows of fr + fr* in plain symbols, with those of q, q', q''.
+
+    Generalised speeds: velocity of the frame's origin and angular velocity in link axes, and the six rates. The frame
+    needs no coordinates, so that no angle of it appears.
+    """
+    q, u = dynamicsymbols(" ".join(SPATIAL_NODE)), dynamicsymbols(" ".join(f"{name}_rate" for name in SPATIAL_NODE))
+    v, w = dynamicsymbols("v_x v_y v_z"), dynamicsymbols("w_x w_y w_z")
+    g = symbols("g_x g_y g_z")
+    inertial, link, section = ReferenceFrame("inertial"), ReferenceFrame("link"), ReferenceFrame("section")
+    origin, point = Point("origin"), Point("point")
+
+    def in_link(components) -> Vector:
+        return sum((c * axis for c, axis in zip(components, link, strict=True)), Vector(0))
+
+    link.set_ang_vel(inertial, in_link(w))
+    origin.set_vel(inertial, in_link(v))
+    point.set_pos(origin, in_link((X + q[0], q[1], q[2])))
+    point.set_vel(link, in_link(u[:3]))
+    point.v1pt_theory(origin, inertial, link)
+    section.orient_explicit(link, section_rotation(*q[3:]))
+    section.set_ang_vel(link, in_link(section_angular_velocity(q[3:], u[3:])))
+    body = RigidBody("slice", point, section, rho_A, (inertia(section, rho_I_y + rho_I_z, rho_I_y, rho_I_z), point))
+
+    time = dynamicsymbols._t
+    kinematics = [q_i.diff(time) - u_i for q_i, u_i in zip(q, u, strict=True)]
+    kane = KanesMethod(inertial, q_ind=q, u_ind=[*v, *w, *u], kd_eqs=kinematics)
+    fr, fr_star = kane.kanes_equations([body], [(point, rho_A * in_link(g))])
+
+    plain_q, plain_d, plain_dd = (symbols(f"{name}_1:7") for name in ("q", "qd", "qdd"))
+    plain_v = symbols("v_x v_y v_z")
+    plain = dict(zip([*q, *u, *(u_i.diff(time) for u_i in u)], [*plain_q, *plain_d, *plain_dd], strict=True))
+    plain |= dict(zip([*v, *w, *(w_i.diff(time) for w_i in w)], [*plain_v, *omega, *epsilon], strict=True))
+    # a = dv/dt + omega x v, and gravity acts as an acceleration -g of the frame: v and g must then drop out.
+    carried = Matrix(omega).cross(Matrix(plain_v))
+    plain |= {v[i].diff(time): a[i] + g[i] - carried[i] for i in range(3)}
+    return (fr + fr_star)[6:, :].xreplace(plain), plain_q, plain_d, plain_dd
+
+
+def section_rotation(theta_x: Expr, theta_y: Expr, theta_z: Expr) -> Matrix:
+    """Link axes from section axes, 3 x 3, to second order: bending the shortest way, then theta_x."""
+    bending, torsion = _skew(S.Zero, theta_y, theta_z), _skew(theta_x, S.Zero, S.Zero)
+    return (eye(3) + bending + bending**2 / 2) * (eye(3) + torsion + torsion**2 / 2)
+
+
+def section_angular_velocity(theta: tuple[Expr, ...], rate: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    """Of that rotation, in link axes, to second order: beta' + 1/2 beta x beta' by bending, theta_x' at the tangent."""
+    _, y, z = theta
+    x_rate, y_rate, z_rate = rate
+    return x_rate + (y * z_rate - z * y_rate) / 2, y_rate + z * x_rate, z_rate - y * x_rate
+
+
+def _skew(x: Expr, y: Expr, z: Expr) -> Matrix:
+    return Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+def tension(mass_before: Expr, moment_before: Expr) -> Expr:
+    """Axial force of the rigid link at a slice, from P_0, the mass of the link before it and its first moment.
+
+    A slice is in equilibrium under dP and the inertia in Kane's row of u: dP/dX = -F_u = rho_A (a_x - (omega_y^2 +
+    omega_z^2) X).
+    """
+    found = S.Zero
+    for (target, monomial), matrix in slice_equations().items():
+        if target == "F" and matrix[0, 0] != 0:
+            for (power,), number in Poly(-matrix[0, 0] / rho_A, X).terms():
+                found += monomial * number * (mass_before, moment_before)[power]
+    return found

@@ -1,0 +1,257 @@
+"""The spatial beam element: Kane's slice against Lagrange's equations, kernels against closed forms and the plane."""
+
+import importlib
+
+import closed_forms_spatial as by_hand
+import numpy as np
+import pytest
+import sympy as sm
+from sympy.physics.mechanics import dynamicsymbols
+
+import kaneflex
+from kaneflex.derive import spatial_slice
+from kaneflex.derive.spatial_symbols import MOTION, epsilon, omega, rho_A, rho_I_y, rho_I_z
+from kaneflex.fem.shape_functions import shape_functions
+from kaneflex.support.contract import ELEMENT_KERNELS, beam_module
+from kaneflex.support.spatial_contract import SPATIAL_BEAMS
+
+SEEDS = range(3)
+SIZES = {
+    "rho_A": 1.1, "rho_I_y": 4e-5, "rho_I_z": 9e-5, "E_I_y": 1.5e3, "E_I_z": 3e3, "E_A": 3e7, "G_J": 800.0,
+    "I_p_A": 1.2e-4, "length": 0.3, "x_0": 0.6, "rho_A_rise": 0.3, "rho_I_y_rise": 1e-5, "rho_I_z_rise": 2e-5,
+    "E_I_y_rise": 400.0, "E_I_z_rise": 700.0, "m_0": 0.4, "S_0": 0.1, "phi_y": 0.3, "phi_z": 0.7,
+}  # fmt: skip
+
+
+def module(name):
+    return importlib.import_module(f"kaneflex.generated.{name}")
+
+
+def numbers(seed: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Parameters by name, and scalars of a motion about all axes."""
+    rng = np.random.default_rng(seed)
+    parameters = {name: size * rng.uniform(0.5, 1.5) for name, size in SIZES.items()}
+    sizes = 3 * [60.0] + 3 * [2e3] + 3 * [300.0] + [4e3]
+    scalars = [name for name, *_ in module("spatial_beam_timoshenko").LINK_SCALARS]
+    return parameters, {name: size * rng.uniform(-1, 1) for name, size in zip(scalars, sizes, strict=True)}
+
+
+def computed(name: str, parameters: dict[str, float], scalars: dict[str, float]) -> dict[str, np.ndarray]:
+    """Every kernel of a module, by ``element_matrices``."""
+    found = module(name)
+    p = np.array([[parameters.get(key, 0.0) for key, *_ in found.ELEMENT_PARAMETERS]])
+    s = np.array([[scalars.get(key, 0.0) for key, *_ in found.LINK_SCALARS]])
+    size = 12 if name in SPATIAL_BEAMS else 6
+    out = np.zeros((1, 1, len(ELEMENT_KERNELS), size, size))
+    found.element_matrices(p, s, out)
+    return {kernel: out[0, 0, k, 0] if kernel == "F" else out[0, 0, k] for k, kernel in enumerate(ELEMENT_KERNELS)}
+
+
+def assert_equal(found, expected, tolerance=1e-13):
+    scale = abs(np.asarray(expected)).max()
+    assert scale > 0
+    assert abs(found - expected).max() <= tolerance * scale
+
+
+def components(scalars, letter):
+    return np.array([scalars[f"{letter}_{axis}"] for axis in "xyz"])
+
+
+# ---- the slice --------------------------------------------------------------------------------------------------
+
+
+def test_section_rotation_is_a_rotation_to_second_order_and_turns_at_its_angular_velocity():
+    theta = dynamicsymbols("theta_x theta_y theta_z")
+    t, small = dynamicsymbols._t, sm.Symbol("small")
+    R = spatial_slice.section_rotation(*theta)
+    spin = R.diff(t) * R.T
+    turning = spatial_slice.section_angular_velocity(tuple(theta), tuple(angle.diff(t) for angle in theta))
+    expected = sm.Matrix([[0, -turning[2], turning[1]], [turning[2], 0, -turning[0]], [-turning[1], turning[0], 0]])
+    plain = dict(zip([*(angle.diff(t) for angle in theta), *theta], sm.symbols("a:3 b:3"), strict=True))
+    scale = {symbol: small * symbol for symbol in plain.values()}
+
+    def second_order(matrix):
+        powers = matrix.xreplace(plain).xreplace(scale).expand()
+        return sum((powers.applyfunc(lambda entry, k=k: entry.coeff(small, k)) for k in range(3)), sm.zeros(3))
+
+    assert (second_order(R * R.T) - sm.eye(3)).is_zero_matrix
+    assert (second_order(spin) - second_order(expected)).is_zero_matrix
+    # the tangent of the axis stays (1, v', w') with theta_z = v', theta_y = -w', however the section is twisted
+    tangent = second_order(sm.Matrix.hstack(R[:, 0], sm.zeros(3, 2)))[:, 0]
+    assert tangent[1] == plain[theta[2]] and tangent[2] == -plain[theta[1]]
+
+
+def test_slice_obeys_lagranges_equations():
+    """d/dt dT/dq' - dT/dq = 0 of T to second order, with omega(t) given; the acceleration a of the origin is Kane's."""
+    t = dynamicsymbols._t
+    q, w = dynamicsymbols("u v w theta_x theta_y theta_z"), dynamicsymbols("w_x w_y w_z")
+    theta, spin = sm.Matrix(q[3:]), sm.Matrix(w)
+    at = sm.Matrix([spatial_slice.X, 0, 0]) + sm.Matrix(q[:3])
+    velocity = at.diff(t) + spin.cross(at)
+    R = spatial_slice.section_rotation(*theta)
+    relative = spatial_slice.section_angular_velocity(tuple(theta), tuple(theta.diff(t)))
+    turning = R.T * (spin + sm.Matrix(relative))
+    J = sm.diag(rho_I_y + rho_I_z, rho_I_y, rho_I_z)
+    energy = (rho_A * velocity.dot(velocity) + (turning.T * J * turning)[0]) / 2
+    names = [sm.symbols(f"{name}_0:6") for name in ("q", "d", "a")]
+    plain = {q_i.diff(t, k): names[k][i] for k in (2, 1, 0) for i, q_i in enumerate(q)}
+    plain |= dict(zip([*(w_i.diff(t) for w_i in w), *w], [*epsilon, *omega], strict=True))
+    rest = dict.fromkeys([symbol for of in names for symbol in of], sm.S.Zero)
+    equations = spatial_slice.slice_equations()
+    for i, q_i in enumerate(q):
+        row = (energy.diff(q_i.diff(t)).diff(t) - energy.diff(q_i)).xreplace(plain)
+        for target, variables in zip("KCM", names, strict=True):
+            for j, variable in enumerate(variables):
+                expected = row.diff(variable).xreplace(rest).expand()
+                found = sum(scalar * matrix[i, j] for (of, scalar), matrix in equations.items() if of == target)
+                assert (found - expected).expand() == 0, (target, i, j)
+        load = sum(m * matrix[i, 0] for (of, m), matrix in equations.items() if of == "F" and m not in MOTION[6:])
+        assert (load + row.xreplace(rest).expand()).expand() == 0
+        weight = -rho_A if i < 3 else 0
+        assert [equations["F", MOTION[6 + k]][i, 0] for k in range(3)] == [weight * int(k == i) for k in range(3)]
+
+
+# ---- kernels ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_kernels_are_the_closed_forms(seed):
+    p, s = numbers(seed)
+    rhoA, rhoIy, rhoIz, L, x0 = (p[name] for name in ("rho_A", "rho_I_y", "rho_I_z", "length", "x_0"))
+    w, e, a = (components(s, letter) for letter in ("omega", "epsilon", "a"))
+    found = computed("spatial_beam_euler_bernoulli", p, s)
+    assert_equal(found["M"], by_hand.mass(rhoA, rhoIy + rhoIz, L))
+    assert_equal(found["K_s"], by_hand.stiffness(p["E_A"], p["E_I_y"], p["E_I_z"], p["G_J"], L))
+    assert_equal(found["C"], by_hand.gyroscopic(rhoA, L, w))
+    assert_equal(found["K_d"], by_hand.dynamic_stiffness(rhoA, rhoIy, rhoIz, L, w, e))
+    assert_equal(found["F"], by_hand.load(rhoA, rhoIy, rhoIz, L, x0, w, e, a))
+    square = w[1] ** 2 + w[2] ** 2
+    c0 = s["P_0"] + rhoA * (a[0] * x0 - square * x0**2 / 2)
+    assert_equal(found["K_g"], by_hand.geometric(c0, rhoA * (a[0] - square * x0), -rhoA * square / 2, p["I_p_A"], L))
+
+
+PLANAR = {
+    "rho_A": "rho_A", "E_A": "E_A", "E_I": "E_I_z", "length": "length", "x_0": "x_0", "rho_I": "rho_I_z",
+    "phi_s": "phi_y", "rho_A_rise": "rho_A_rise", "E_I_rise": "E_I_z_rise", "rho_I_rise": "rho_I_z_rise",
+    "m_0": "m_0", "S_0": "S_0",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPATIAL_BEAMS)
+def test_the_planar_element_is_contained(name):
+    """In a motion about z the rows u, v, theta_z are the planar module's, and nothing couples to the others."""
+    p, s = numbers(1)
+    s |= dict.fromkeys(("omega_x", "omega_y", "epsilon_x", "epsilon_y", "a_z"), 0.0)
+    options = SPATIAL_BEAMS[name]
+    planar = computed(
+        beam_module(rotary=options["shear"], **options),
+        {of_plane: p[name] for of_plane, name in PLANAR.items()},
+        {"omega": s["omega_z"], "epsilon": s["epsilon_z"], "a_x": s["a_x"], "a_y": s["a_y"], "P_0": s["P_0"]},
+    )
+    found = computed(name, p, s)
+    for kernel, expected in planar.items():
+        rows = by_hand.Y_PLANE.T
+        assert_equal(rows @ found[kernel] if kernel == "F" else rows @ found[kernel] @ rows.T, expected)
+        others = [k for k in range(12) if not rows[:, k].any()]
+        assert kernel == "F" or not (rows @ found[kernel])[:, others].any()
+
+
+@pytest.mark.parametrize("name", SPATIAL_BEAMS)
+def test_it_is_the_same_after_a_quarter_turn_about_its_axis(name):
+    """y, z -> z, -y: only the names of the two planes change."""
+    p, s = numbers(2)
+    turned_p = {key: p[_swapped(key)] for key in p}
+    turned_s = dict(s)
+    for letter in ("omega", "epsilon", "a"):
+        turned_s |= {f"{letter}_y": s[f"{letter}_z"], f"{letter}_z": -s[f"{letter}_y"]}
+    block = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    turn = np.kron(np.eye(4), block)
+    found, turned = computed(name, p, s), computed(name, turned_p, turned_s)
+    for kernel, matrix in found.items():
+        assert_equal(turned[kernel], turn @ matrix if kernel == "F" else turn @ matrix @ turn.T)
+
+
+def _swapped(name: str) -> str:
+    """The parameter that stands for the other plane."""
+    return "".join({"y": "z", "z": "y"}.get(letter, letter) if f"_{letter}" in name else letter for letter in name)
+
+
+_GAUSS = np.polynomial.legendre.leggauss(6)
+
+
+@pytest.mark.parametrize("name", SPATIAL_BEAMS)
+def test_kernels_are_integrals_of_the_slice(name):
+    """By Gauss's quadrature with the runtime's shape functions, of every slice matrix of Kane's."""
+    p, s = numbers(0)
+    shear, varying = SPATIAL_BEAMS[name]["shear"], SPATIAL_BEAMS[name]["varying"]
+    if not varying:
+        p |= {key: 0.0 for key in p if key.endswith("_rise")}
+    if not shear:
+        p |= {"phi_y": 0.0, "phi_z": 0.0}
+    L = p["length"]
+    symbols = [*MOTION, rho_A, rho_I_y, rho_I_z, spatial_slice.X]
+    totals = {target: sm.zeros(6, 1 if target == "F" else 6) for target in "MCKF"}
+    for (target, scalar), matrix in spatial_slice.slice_equations().items():
+        totals[target] += scalar * matrix
+    totals = {target: sm.lambdify(symbols, total) for target, total in totals.items()}
+    expected = dict.fromkeys(totals, 0.0)
+    for point, weight in zip(*_GAUSS, strict=True):
+        x, w = L * (1 + point) / 2, L * weight / 2
+        N = rows_of_slice(x, p, shear)
+        here = [p[k] + p[f"{k}_rise"] * (x / L - 0.5) for k in ("rho_A", "rho_I_y", "rho_I_z")]
+        for target, function in totals.items():
+            matrix = np.array(function(*(s[str(symbol)] for symbol in MOTION), *here, p["x_0"] + x), dtype=float)
+            expected[target] = expected[target] + w * (N.T @ matrix if target == "F" else N.T @ matrix @ N)
+    found = computed(name, p, s)
+    assert_equal(found["C"], expected["C"])
+    assert_equal(found["K_d"], expected["K"])
+    assert_equal(found["F"], expected["F"][:, 0])
+    expected = expected["M"]
+    for plane, stiffness, flexibility in ((by_hand.V, "E_I_z", "phi_y"), (by_hand.W, "E_I_y", "phi_z")):
+        correction = p["rho_A"] * p[flexibility] * L**4 / (144 * p[stiffness])
+        expected = expected + correction * plane @ found["K_s"] @ plane
+    assert_equal(found["M"], expected)
+
+
+def rows_of_slice(x: float, p: dict[str, float], shear: bool) -> np.ndarray:
+    """u, v, w and the rotations that have inertia at x, over the twelve coordinates."""
+    L = p["length"]
+    in_y = shape_functions(x, L, p["phi_y"], p["E_I_z_rise"] / p["E_I_z"]) @ by_hand.Y_PLANE.T
+    in_z = shape_functions(x, L, p["phi_z"], p["E_I_y_rise"] / p["E_I_y"]) @ by_hand.Z_PLANE.T
+    twist = np.zeros(12)
+    twist[[3, 9]] = 1 - x / L, x / L
+    return np.array([in_y[0], in_y[1], in_z[1], twist, -in_z[2] * shear, in_y[2] * shear])
+
+
+@pytest.mark.parametrize("name", SPATIAL_BEAMS)
+def test_rigid_motions(name):
+    """K_s leaves them alone; the load of an acceleration of the frame is -M times the rigid motion."""
+    p, _ = numbers(2)
+    start, end = p["x_0"], p["x_0"] + p["length"]
+    rigid = {f"a_{axis}": np.tile(np.eye(6)[k], 2) for k, axis in enumerate("xyz")}
+    rigid["epsilon_x"] = np.tile(np.eye(6)[3], 2)
+    rigid["epsilon_y"] = np.array([0, 0, -start, 0, 1, 0, 0, 0, -end, 0, 1, 0])
+    rigid["epsilon_z"] = np.array([0, start, 0, 0, 0, 1, 0, end, 0, 0, 0, 1])
+    for scalar, motion in rigid.items():
+        found = computed(name, p, {scalar: 1.0})
+        assert abs(found["K_s"] @ motion).max() <= 1e-12 * abs(found["K_s"]).max()
+        assert_equal(found["F"], -found["M"] @ motion, 1e-12)
+
+
+def test_propeller_moment_turns_a_blade_flat_into_its_plane_of_rotation():
+    """A section that is wide in the plane of rotation is stiffened against torsion by omega^2 (rho I_z - rho I_y)."""
+    p, _ = numbers(0)
+    assert p["rho_I_z"] > p["rho_I_y"]
+    K_d = computed("spatial_beam_timoshenko", p, {"omega_z": 1.0})["K_d"]
+    turned = np.tile(np.eye(6)[3], 2)
+    assert turned @ K_d @ turned == pytest.approx((p["rho_I_z"] - p["rho_I_y"]) * p["length"], rel=1e-13)
+
+
+def test_checked_kernels_want_twelve_coordinates():
+    found = module("spatial_beam_euler_bernoulli")
+    p, out = np.ones(len(found.ELEMENT_PARAMETERS)), np.zeros((12, 12))
+    safe = kaneflex.checked(found)
+    safe.M(p, out)
+    assert_equal(out, by_hand.mass(1.0, 2.0, 1.0))
+    with pytest.raises(ValueError, match=r"M: out has shape \(6, 6\), \(12, 12\) is wanted"):
+        safe.M(p, np.zeros((6, 6)))
