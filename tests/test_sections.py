@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import quad
 
 from kaneflex.scene import read_scene
-from kaneflex.scene.sections import Shape
+from kaneflex.scene.sections import Shape, torsion_constant
 from kaneflex.support.errors import SceneError
 
 SCENE = """
@@ -314,3 +314,66 @@ def test_an_axially_rigid_beam_between_two_joints(tmp_path):
         "bodies.arm.beam.axially_rigid = True: joints at end, start would be tied to each other by its length. "
         "Leave axially_rigid out, or join the beam at one point only."
     )
+
+
+# ---- in space ---------------------------------------------------------------------------------------------------
+
+
+# J / (a b^3) of a rectangle a x b: Timoshenko & Goodier, Theory of Elasticity, section 109, the table's k_1.
+TORSION = {1.0: 0.1406, 1.2: 0.166, 1.5: 0.196, 2.0: 0.229, 2.5: 0.249, 3.0: 0.263, 4.0: 0.281, 5.0: 0.291, 10.0: 0.312}
+
+
+@pytest.mark.parametrize("ratio", TORSION)
+def test_torsion_constant_of_a_rectangle(ratio):
+    J = torsion_constant(2e-3 * ratio, 2e-3)
+    assert J == torsion_constant(2e-3, 2e-3 * ratio)
+    assert J / (ratio * 2e-3**4) == pytest.approx(TORSION[ratio], abs=6e-4)
+
+
+def test_torsion_constant_by_the_membrane():
+    """J = 4 int phi dA of Prandtl's function in a square, -laplace phi = 1, as a double sine series."""
+    odd = range(1, 4001, 2)
+    total = sum(1 / (m**2 * n**2 * (m**2 + n**2)) for m in odd for n in odd if m * n < 4001)
+    assert torsion_constant(1.0, 1.0) == pytest.approx(4 * 64 / math.pi**6 * total, rel=1e-6)
+
+
+def test_torsion_constant_of_a_strip():
+    """Long strips have a b^3/3 less the ends' 0.630 b^4/3; that of 25 x 1.6 mm is far below I_p."""
+    assert torsion_constant(1.0, 1e-6) == pytest.approx(1e-18 / 3 * (1 - 0.63025e-6), rel=1e-11)
+    found = Shape.model_validate({"rectangle": ["25 mm", "1.6 mm"]})
+    strip = found.spatial_numbers_of(found.dimensions, 0.3)
+    assert 60 < (strip.I_y + strip.I_z) / strip.J < 70
+
+
+SPATIAL = {
+    "rectangle": (["20 mm", "10 mm"], 20 * 10**3 / 12, 10 * 20**3 / 12, 0.228682 * 20 * 10**3, 13 / 15.3),
+    "circle": ("6 mm", math.pi * 6**4 / 64, math.pi * 6**4 / 64, math.pi * 6**4 / 32, 7.8 / 8.8),
+    "tube": (["30 mm", "2 mm"], *[math.pi / 4 * (15**4 - 13**4)] * 2, math.pi / 2 * (15**4 - 13**4), 0.534950),
+    "I": (
+        ["20 mm", "13 mm", "3.5 mm", "3.94 mm"],
+        (2 * 3.5 * 13**3 + 13 * 3.94**3) / 12,
+        (13 * 20**3 - 9.06 * 13**3) / 12,
+        (2 * 13 * 3.5**3 + 16.5 * 3.94**3) / 3,
+        13 / 15.3 * 2 * 13 * 3.5 / (2 * 13 * 3.5 + 13 * 3.94),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SPATIAL)
+def test_shapes_in_space(kind):
+    """I_y, I_z, J and the shear along z, worked out by hand; what the plane knows of a shape is the same."""
+    written, I_y, I_z, J, k_z = SPATIAL[kind]
+    shape = Shape.model_validate({kind: written})
+    found = shape.spatial_numbers_of(shape.dimensions, 0.3)
+    assert (found.I_y, found.I_z) == pytest.approx((I_y * 1e-12, I_z * 1e-12), rel=1e-12)
+    assert pytest.approx(J * 1e-12, rel=2e-6) == found.J
+    assert found.k_z == pytest.approx(k_z, rel=2e-5)
+    assert found.in_plane == shape.numbers_of(shape.dimensions, 0.3)
+    unknown = shape.spatial_numbers_of(shape.dimensions, None)
+    assert unknown.k_y is None and unknown.k_z is None and unknown.J == found.J
+
+
+def test_the_weak_axis_of_a_shape_is_the_strong_one_of_the_shape_turned():
+    upright, flat = (Shape.model_validate({"rectangle": sides}) for sides in ([0.02, 0.01], [0.01, 0.02]))
+    one, other = (shape.spatial_numbers_of(shape.dimensions, 0.3) for shape in (upright, flat))
+    assert (one.I_y, one.I_z, one.J) == pytest.approx((other.I_z, other.I_y, other.J), rel=1e-15)

@@ -1,4 +1,4 @@
-"""Shapes of cross-sections: rectangle, circle, tube and I, with area, second moment and shear coefficient."""
+"""Shapes of cross-sections: rectangle, circle, tube and I, with areas, second moments, torsion and shear."""
 
 from __future__ import annotations
 
@@ -52,28 +52,74 @@ class SectionNumbers(NamedTuple):
     kappa: float | None
 
 
-def _rectangle(nu: float, height: float, width: float) -> SectionNumbers:
-    """kappa by Cowper (1966), J. Applied Mechanics 33, 335-340; 5/6 where nu = 0."""
-    return SectionNumbers(height * width, width * height**3 / 12, 10 * (1 + nu) / (12 + 11 * nu))
+class SpatialSectionNumbers(NamedTuple):
+    """Numbers of a section with its height along y and its width along z, its principal axes.
+
+    Area A [m^2]; I_y = int z^2 dA and I_z = int y^2 dA [m^4]; J, Saint-Venant's constant of torsion [m^4], which is
+    I_y + I_z of round sections alone; k_y, k_z: areas in shear along y and z are k_y A and k_z A, None where nobody
+    knows them.
+    """
+
+    A: float
+    I_y: float
+    I_z: float
+    J: float
+    k_y: float | None
+    k_z: float | None
+
+    @property
+    def in_plane(self) -> SectionNumbers:
+        """What bending in the plane of the height knows of it."""
+        return SectionNumbers(self.A, self.I_z, self.k_y)
 
 
-def _circle(nu: float, diameter: float) -> SectionNumbers:
-    """kappa by Cowper (1966)."""
-    kappa = 6 * (1 + nu) / (7 + 6 * nu)
-    return SectionNumbers(math.pi * diameter**2 / 4, math.pi * diameter**4 / 64, kappa)
+def torsion_constant(height: float, width: float) -> float:
+    """J [m^4] of a rectangle by Saint-Venant's series, to rounding (Timoshenko & Goodier, Theory of Elasticity, 109).
+
+    J = a b^3/3 (1 - 192 b/(pi^5 a) sum tanh(n pi a/2b)/n^5) over odd n with a >= b; of the sum what tanh lacks of 1 is
+    left to add up, since sum 1/n^5 = 31/32 zeta(5).
+    """
+    a, b = max(height, width), min(height, width)
+    lacks = sum(2 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1) / n**5 for n in range(1, 16, 2))
+    return a * b**3 / 3 * (1 - 192 * b / (math.pi**5 * a) * (_ODD_FIFTHS - lacks))
 
 
-def _tube(nu: float, diameter: float, wall: float) -> SectionNumbers:
-    """kappa by Cowper (1966), m the ratio of the inner to the outer radius."""
+_ODD_FIFTHS = 31 / 32 * 1.0369277551433699
+"""Sum of 1/n^5 over odd n."""
+
+
+def _rectangle(nu: float, height: float, width: float) -> SpatialSectionNumbers:
+    """Shear by Cowper (1966), J. Applied Mechanics 33, 335-340; 5/6 where nu = 0."""
+    k = 10 * (1 + nu) / (12 + 11 * nu)
+    J = torsion_constant(height, width)
+    return SpatialSectionNumbers(height * width, height * width**3 / 12, width * height**3 / 12, J, k, k)
+
+
+def _round(A: float, I: float, k: float) -> SpatialSectionNumbers:
+    return SpatialSectionNumbers(A, I, I, 2 * I, k, k)
+
+
+def _circle(nu: float, diameter: float) -> SpatialSectionNumbers:
+    """Shear by Cowper (1966)."""
+    return _round(math.pi * diameter**2 / 4, math.pi * diameter**4 / 64, 6 * (1 + nu) / (7 + 6 * nu))
+
+
+def _tube(nu: float, diameter: float, wall: float) -> SpatialSectionNumbers:
+    """Shear by Cowper (1966), m the ratio of the inner to the outer radius."""
     inner = diameter - 2 * wall
     m = inner / diameter
     square = (1 + m**2) ** 2
     kappa = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m**2)
-    return SectionNumbers(math.pi * (diameter**2 - inner**2) / 4, math.pi * (diameter**4 - inner**4) / 64, kappa)
+    return _round(math.pi * (diameter**2 - inner**2) / 4, math.pi * (diameter**4 - inner**4) / 64, kappa)
 
 
-def _i_section(nu: float, height: float, width: float, flange: float, web: float) -> SectionNumbers:
-    """kappa by Cowper (1966) for thin walls, with the height between the middles of the flanges; A and I are exact."""
+def _i_section(nu: float, height: float, width: float, flange: float, web: float) -> SpatialSectionNumbers:
+    """A, I_y and I_z are exact, torsion and shear those of thin walls.
+
+    Along the height shear by Cowper (1966), the height taken between the middles of the flanges; along the width the
+    two flanges alone carry it, each as a rectangle. J is the sum of the strips' length thickness^3/3 (Timoshenko &
+    Goodier, Theory of Elasticity, 110), the web's length taken between the middles of the flanges.
+    """
     clear = height - 2 * flange
     middle = height - flange
     m, n = 2 * width * flange / (middle * web), width / middle
@@ -81,10 +127,17 @@ def _i_section(nu: float, height: float, width: float, flange: float, web: float
     denominator += 30 * n**2 * (m + m**2) + 5 * nu * n**2 * (8 * m + 9 * m**2)
     kappa = 10 * (1 + nu) * (1 + 3 * m) ** 2 / denominator
     area = 2 * width * flange + web * clear
-    return SectionNumbers(area, (width * height**3 - (width - web) * clear**3) / 12, kappa)
+    return SpatialSectionNumbers(
+        A=area,
+        I_y=(2 * flange * width**3 + clear * web**3) / 12,
+        I_z=(width * height**3 - (width - web) * clear**3) / 12,
+        J=(2 * width * flange**3 + middle * web**3) / 3,
+        k_y=kappa,
+        k_z=10 * (1 + nu) / (12 + 11 * nu) * 2 * width * flange / area,
+    )
 
 
-_SHAPES: dict[str, Callable[..., SectionNumbers]] = {
+_SHAPES: dict[str, Callable[..., SpatialSectionNumbers]] = {
     "rectangle": _rectangle,
     "circle": _circle,
     "tube": _tube,
@@ -123,5 +176,9 @@ class Shape(SceneTable):
 
     def numbers_of(self, dimensions: tuple[float, ...], nu: float | None) -> SectionNumbers:
         """Area, second moment of area and shear coefficient of this kind of shape at Poisson's ratio `nu`."""
+        return self.spatial_numbers_of(dimensions, nu).in_plane
+
+    def spatial_numbers_of(self, dimensions: tuple[float, ...], nu: float | None) -> SpatialSectionNumbers:
+        """The same with those of bending across the height and of torsion; the height lies along y."""
         numbers = _SHAPES[self.kind](nu if nu is not None else 0.0, *dimensions)
-        return numbers if nu is not None else numbers._replace(kappa=None)
+        return numbers if nu is not None else numbers._replace(k_y=None, k_z=None)
