@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from test_friction import CRANK, ROD, solved
 
 from kaneflex import SceneError
@@ -291,6 +292,95 @@ def test_a_rod_that_slides_and_has_no_force_is_named(tmp_path, mu):
 def test_friction_at_a_rigid_contact_is_checked_as_at_any(tmp_path):
     with pytest.raises(SceneError, match=r"floor.*friction\.radius.*no meaning at a contact"):
         solved(tmp_path, DISC.replace("mu = 0.1", "mu = 0.1, radius = 0.1"))
-    bristles = 'law = "lugre", mu = 0.1, bristle_stiffness = "1e6 N/m"'
-    with pytest.raises(SceneError, match=r"contacts\.hit.*bristles at guide, law lugre.*Take friction by law stribeck"):
-        solved(tmp_path, STRUCK.replace("mu = 0.5", bristles))
+
+
+def bristly(mu, damping):
+    return f'law = "lugre", mu = {mu}, bristle_stiffness = "1e5 N/m", bristle_damping = "{damping} N s/m"'
+
+
+@pytest.mark.parametrize("damping", [0, 300])
+def test_bristles_give_way_in_an_impact(tmp_path, damping):
+    """Their force has a size by itself: a guide that is hit jumps as one that doesn't rub, and keeps its speed where
+    nothing presses.
+    """
+    found = solved(tmp_path, STRUCK.replace("mu = 0.5", bristly(0.5, damping)))
+    (impact,) = found.impacts
+    p = 1.6 * 5 / (0.8**2 / 2 + 1)
+    assert impact.impulse == pytest.approx(p, rel=1e-12)
+    assert found.series["x"].values[-1] == pytest.approx(p * 0.8 / 2 * (0.1 - impact.begin), rel=1e-9)
+    assert abs(found.trajectory.frictions.lost).max() < 1e-12
+
+
+@pytest.mark.parametrize("integrator", ["radau", "gauss"])
+def test_a_disc_that_is_thrown_on_a_floor_of_bristles_comes_to_roll(tmp_path, integrator):
+    """Its own equations, by another integrator, from where it has fallen on."""
+    settings = ["floor.contact.restitution=0", "solve.duration=1 s", f"solve.integrator={integrator}"]
+    found = solved(tmp_path, DISC.replace("mu = 0.1", bristly(0.1, 300)), *settings)
+    (fallen,), record = found.impacts, found.trajectory.frictions
+
+    def rates(t, y):
+        slip, dry = y[0] + 0.1 * y[1], 0.1 * 2 * G
+        bends = slip - 1e5 * abs(slip) * y[2] / dry
+        drag = 1e5 * y[2] + 300 * bends
+        return [-drag / 2, -drag * 0.1 / 0.01, bends]
+
+    after = found.times > fallen.begin
+    own = solve_ivp(
+        rates, (fallen.begin, 1), [2, 0, 0], method="Radau", rtol=1e-10, atol=1e-14, t_eval=found.times[after]
+    )
+    assert found.trajectory.v[after, 0] == pytest.approx(own.y[0], abs=1e-7)
+    assert found.trajectory.v[after, 2] == pytest.approx(own.y[1], abs=1e-6)
+    assert record.bristles[after, 0] == pytest.approx(-own.y[2], abs=1e-10)  # along the normal turned by 90 deg
+    assert (record.mode[after] == 4).all() and (record.mode[~after] == 0).all()
+
+
+def test_a_disc_that_bounces_on_bristles_keeps_its_spin_until_it_rests(tmp_path):
+    found = solved(tmp_path, DISC.replace("mu = 0.1", bristly(0.1, 0)), "solve.duration=1 s")
+    rests = next(impact for impact in found.impacts if impact.lasts)
+    before = found.times < rests.begin
+    assert (found.trajectory.v[before][:, [0, 2]] == [2, 0]).all() and len(found.impacts) > 10
+    slowed = 0.1 * G * (found.times[-1] - rests.begin)
+    assert found.trajectory.v[-1, 0] == pytest.approx(2 - slowed, rel=1e-4)
+
+
+def test_a_block_on_its_corners_hangs_on_its_bristles(tmp_path):
+    """Pulled by half of what makes it slide, it stays within its bristles' reach, its weight on two corners."""
+    corner = '[contacts.NAME]\npoint_on_line = ["block.NAME", "ground"]\nnormal = [0, 1]\n'
+    corner += f'contact = {{law = "newton", restitution = 0}}\nfriction = {{{bristly(0.5, 600)}}}\n'
+    text = DISC[: DISC.index("[bodies")] + """
+[bodies.block]
+mass = "2 kg"
+inertia = "0.01 kg m^2"
+centre = [0, 0]
+points = {left = [-0.1, -0.05], right = [0.1, -0.05]}
+free = {at = [0, "0.05 m"]}
+[loads]
+pull = {force_on = "block", direction = [1, 0], law = "0.25 * 2 * 9.81"}
+""" + corner.replace("NAME", "left") + corner.replace("NAME", "right") + DISC[DISC.index("[sensors]") :].replace(
+        'position = "disc"', 'position = "block"'
+    )
+    found = solved(tmp_path, text, "solve.duration=1 s")
+    push, drag = found.trajectory.contacts.force[-1], found.trajectory.frictions.force[-1]
+    assert drag.sum() == pytest.approx(0.25 * 2 * G, rel=1e-6)
+    assert push == pytest.approx([G - 0.25 * 2 * G * 0.25, G + 0.25 * 2 * G * 0.25], rel=1e-6)  # arms 0.05 over 0.2
+    most = 0.5 * push / 1e5  # z' = x' (1 - z/most) while both go up
+    assert (1e5 * most * (1 - np.exp(-found.series["x"].values[-1] / most))).sum() == pytest.approx(
+        drag.sum(), rel=2e-2
+    )
+    assert abs(found.trajectory.v[-1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("mu", [0.1, 1.0])
+def test_a_mechanism_of_bristles_is_hit(tmp_path, mu):
+    text = CRANK.replace("[joints]", 'ball = {mass = "1 kg"}\n[joints]\nlane = {prismatic = ["ground", "ball"]}', 1)
+    text = text.replace('"ball"]}', '"ball"], direction = [1, 0]}')
+    text = text.replace("mu = 0.15", bristly(mu, 0))
+    text = text.replace("{mu = 0.1,", f"{{{bristly(mu, 0).replace('N/m', 'N m/rad').replace('N s/m', 'N m s/rad')},")
+    text = text.replace("[sensors]", """lane = {free = true, position = "0.42 m", initial_speed = -1}
+[contacts.hit]
+circle_on_circle = ["ball", "piston"]
+radii = ["10 mm", "10 mm"]
+contact = {law = "newton", restitution = 0.6}
+[sensors]""")
+    found = solved(tmp_path, text, "solve.duration=0.5 s")
+    assert found.impacts and np.isfinite(found.trajectory.q).all() and found.trajectory.contacts.gap.min() > -1e-12

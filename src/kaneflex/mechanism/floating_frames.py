@@ -61,7 +61,7 @@ def stations(scene: Scene, link: str) -> list[Station]:
             if own.body == link:
                 station = at(own)
                 station.joined = True
-                station.turned |= stiff or name in torques
+                station.turned |= stiff or name in torques or joint.has_backlash
                 station.clamped |= stiff and other.body in placed
     for load in scene.forces.values():
         if load.force_on.body == link:

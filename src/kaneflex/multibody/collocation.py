@@ -43,14 +43,16 @@ DONE, TOO_SMALL, SINGULAR, NO_CONVERGENCE, PAUSED, TURNED, CASCADE, RESTED, PARA
 equations Newton's method does not solve, after as many steps as it may try, where other coordinates should be
 independent, where contacts change over and over without time between, where other contacts rest than before,
 where no way to stick or slip agrees with what friction there is."""
+_FAR = 100.0
+"""Lengths of a step over which its polynomial says nothing any more."""
 
 
 @njit(**OPTIONS)
 def _first_guess(m, table, h, length, here):
-    """Stages as the last step's polynomial goes on, or as the motion stands where there is none."""
+    """Stages as the last step's polynomial goes on, or as the motion stands where that says nothing."""
     apart()
     plan, w, c = m.plan, m.w, table.nodes
-    n, r = plan[COORDINATES], plan[REACTIONS]
+    n, r, length = plan[COORDINATES], plan[REACTIONS], length if _FAR * length > h else 0.0
     for i in range(3):
         x = 1.0 + c[i] * h / length if length > 0.0 else 0.0
         w_0, w_1, w_2 = basis(c, x, 0), basis(c, x, 1), basis(c, x, 2)

@@ -1,14 +1,14 @@
 """What unit impulses along the rows of rigid sides do to these rows, in the compiled integration, and to everything.
 
 Rows are those of contacts that touch and of holds that may stick or slip beside them. Cuts stay closed, drives held,
-and what bodies were lent is taken back.
+and what bodies were lent is taken back. Where the rows exert forces, bristles exert what these bring with them.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
-from kaneflex.multibody import holds
+from kaneflex.multibody import bending, holds
 from kaneflex.multibody.closed_factors import column, reach
 from kaneflex.multibody.complementarity import listed
 from kaneflex.multibody.tables import (
@@ -32,7 +32,9 @@ def weigh(m, A, rows):
         return False
     cuts, total, S = m.pivots[KEPT], m.pivots[KEPT] + m.pivots[YIELDING], plan[SCHUR]
     for r in range(cuts + rows, total):
-        A[S + (total + 1) * r] += holds.compliance(m, m.pivots[plan[TOUCHING] + r - cuts], 0.0, 0.0)
+        n = m.pivots[plan[TOUCHING] + r - cuts]
+        if not bending.by_force(m, n, r, total, 0.0, A):
+            A[S + (total + 1) * r] += holds.compliance(m, n, 0.0, 0.0)
     for s in range(total - rows):
         q = _turn(m, s, rows)
         if A[S + (total + 1) * q] == 0.0:

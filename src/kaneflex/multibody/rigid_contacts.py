@@ -29,9 +29,9 @@ from kaneflex.multibody.impulses import answer, share, weigh
 from kaneflex.multibody.loops import follow, mend, middle
 from kaneflex.multibody.rows import copy, give, works_at
 from kaneflex.multibody.tables import (
-    ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DUE, FLANK, GAP, GAP_RATE,
-    IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, POWER, PUSH_NOW, RATE, REACTIONS,
-    RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH, WHAT, WORKS, apart, larger,
+    ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE, FLANK, GAP,
+    GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, POWER, PUSH_NOW, RATE,
+    REACTIONS, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH, WHAT, WORKS, apart, larger,
     of_contacts,
 )  # fmt: skip
 
@@ -126,7 +126,7 @@ def _collided(m, here, A, count, slips):
         if not follow(m, t):
             return -1.0
         rigid_friction.wait(m, t, count, slips)
-        if not mend(m, t, A, 0.0, 1) or (slips and not weigh(m, A, count + slips)):
+        if not mend(m, t, A, 0.0, 1) or (m.plan[HOLDS] < m.plan[DRIVES] and not weigh(m, A, count + slips)):
             return -1.0
         again = _press(m, t, count, slips)
         if again <= 0:

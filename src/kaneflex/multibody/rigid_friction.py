@@ -3,7 +3,7 @@
 Coulomb's law of impulses: along a contact's face at most mu times the impulse that presses it, against the slip that is
 left (Moreau 1988; Glocker & Pfeiffer 1995, Nonlinear Dyn. 7, 471). A joint's friction has mu times the impulse of the
 joint's own reactions; as that is no linear law of them, it is found by iteration. What has a size by itself, as a
-preload or a compliant contact's force, has no impulse: what it holds gives way.
+preload, a compliant contact's force or that of bristles, has no impulse: what it holds gives way.
 
 Then forces: what has a speed slips, what has none is a row of the problem that says which contacts rest, and begins as
 that finds it; ``sticking.decide`` has the last word.
@@ -14,15 +14,16 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.mechanism.friction import LAWS
+from kaneflex.multibody.bristles import LUGRE
 from kaneflex.multibody.complementarity import (
     ACCELERATIONS, BESIDE, FORCES, IMPULSES, MAY, NEW, OLD, PRESSES, RATIO, WANTED, listed, vector,
 )  # fmt: skip
 from kaneflex.multibody.contact_numbers import at, rigid
 from kaneflex.multibody.holds import (
-    ARM, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, pressed, row_of,
+    ARM, BENDS, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, pressed, row_of,
 )  # fmt: skip
 from kaneflex.multibody.rows import works_at
-from kaneflex.multibody.sticking import no_rate, no_speed
+from kaneflex.multibody.sticking import lets_go, no_rate, no_speed
 from kaneflex.multibody.tables import (
     ACTS, ALONG, BEFORE, BEGUN_AT, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LIMIT, MODE, NOW, NUMBERS_AT,
     OPTIONS, PLACE, REACTION, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart, larger, of_holds,
@@ -46,7 +47,9 @@ def gather(m, touching):
     plan, w, found = m.plan, m.w, touching
     for n in range(-count(m), 0):
         law = w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + LAW_AT]
-        if law < 0.0 or law == VISCOUS:
+        if law == LUGRE:
+            w[number_at(m, n) + MODE] = IDLE
+        if law < 0.0 or law >= VISCOUS:
             continue
         k, presses = row_of(m, n), _pressing(m, n, touching)
         stuck = w[k + MODE] == STUCK
@@ -116,9 +119,15 @@ def joints_ask(m, A, touching, slips, part):
 @of_holds(None)
 @njit(**OPTIONS)
 def wait(m, t, touching, slips):
-    """After an impact, or none: what has a speed slips that way, what has none waits for the problem of forces."""
+    """After an impact, or none: what has a speed slips that way, what has none waits for the problem of forces.
+
+    Bristles of sides that touch exert what they do where nothing is known of rigid sides' forces.
+    """
     apart()
     w, p, rows, jumped = m.w, vector(m, IMPULSES), touching + slips, False
+    for n in range(-count(m), 0):
+        if w[m.acts[m.plan[DRIVES] + n, NUMBERS_AT] + LAW_AT] == LUGRE and _pressing(m, n, touching) >= -1:
+            w[number_at(m, n) + MODE] = BENDS
     for i in range(touching):
         jumped = jumped or w[p + i] > 0.0
     for r in range(touching, rows):
@@ -159,6 +168,8 @@ def settle(m, here, touching, slips):
     apart()
     plan, w, f, p = m.plan, m.w, vector(m, FORCES), vector(m, IMPULSES)
     work = works_at(m) + plan[WORKS] - plan[ACTS] + plan[CONTACTS]
+    for n in range(-count(m), 0):
+        lets_go(m, n)
     for r in range(touching, touching + slips):
         n = m.pivots[listed(m) + r]
         k, i = number_at(m, n), int(w[vector(m, PRESSES) + r])

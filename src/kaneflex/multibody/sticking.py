@@ -212,18 +212,27 @@ def decide(m, t, A):
 
 
 @njit(**OPTIONS)
+def lets_go(m, n):
+    """Whether a hold is one of a contact that is open, which holds nothing; its bristles stand again."""
+    plan, w, k, j = m.plan, m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+    of = plan[CONTACT] + CONTACT_SIZE * (int(w[j + OF_AT]) - plan[CONTACTS])
+    if m.acts[plan[DRIVES] + n, WHAT] != ALONG or w[of + BEGUN_AT] != 0.0:
+        return False
+    w[k + MODE] = IDLE
+    w[k + STUCK_AT] *= w[j + LAW_AT] != bristles.LUGRE
+    return True
+
+
+@njit(**OPTIONS)
 def _stand(m, n, t):
     """A first choice for a hold; whether it has no speed, so that there are others: DUE is below zero then."""
-    plan, w, k, j = m.plan, m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
+    w, k, j = m.w, number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
     shifts, before, v = w[k + DUE] > 0.0, w[k + MODE], w[k + SLIP]
     if w[k + DUE] < 0.0:
         return 1
     if w[j + LAW_AT] < 0.0:
         return 0
-    of = plan[CONTACT] + CONTACT_SIZE * (int(w[j + OF_AT]) - plan[CONTACTS])
-    if m.acts[plan[DRIVES] + n, WHAT] == ALONG and w[of + BEGUN_AT] == 0.0:
-        w[k + MODE] = IDLE
-        w[k + STUCK_AT] *= w[j + LAW_AT] != bristles.LUGRE  # which stand again
+    if lets_go(m, n):
         return 0
     if w[j + LAW_AT] >= 2.0:
         w[k + MODE] = BENDS if w[j + LAW_AT] == bristles.LUGRE else FLOWS

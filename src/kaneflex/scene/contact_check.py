@@ -58,11 +58,6 @@ def _in_law(scene: Scene, load: str) -> tuple[str, ...]:
 
 def contact_problems(scene: Scene) -> Iterator[Problem]:
     """What is wrong with the contacts of a scene as it moves."""
-    bends = [name for name, friction in scene.frictions.items() if friction.law == "lugre"]
-    rigid = [key_of(name, contact) for name, contact in scene.contacts.items() if contact.law == "newton"]
-    if bends and rigid:
-        reason = f"with bristles at {bends[0]}, law lugre, impacts by Newton's law are not available in this version"
-        yield Problem(rigid[0], None, reason, "Take friction by law stribeck, or a contact with a stiffness")
     seen = set()
     for name, contact in scene.contacts.items():
         key = key_of(name, contact)
@@ -117,9 +112,6 @@ def _side(scene: Scene, key: str, contact: Contact, side: Address) -> Iterator[P
     elif body.elastic and contact.joint is not None and contact.kind == "point-line":
         reason = f"{side.body} is elastic and would slide through its own deformation"
         yield Problem(key, str(side), reason, "Let the guide hold a rigid body")
-    elif body.elastic and contact.kind == "angle":
-        reason = f"{side.body} is elastic, and flanks on elastic bodies are not available in this version"
-        yield Problem(key, str(side), reason, "Let a rigid body have the flanks, welded to it")
     elif body.elastic and body.beam.axially_rigid:
         reason = f"{side.body} is axially rigid"
         yield Problem(key, str(side), reason, "Leave axially_rigid out, or let another body touch")
