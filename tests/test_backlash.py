@@ -103,6 +103,36 @@ def test_rigid_flanks_are_met_at_instants_in_closed_form(tmp_path):
     assert "play 0.5 deg, rigid, newton returns 0.8" in contact_line(solution.model.scene.contacts["coupling_1"])
 
 
+def test_flanks_of_an_elastic_arm_are_those_of_a_hub_that_is_welded_to_it(tmp_path):
+    """A hub next to nothing: both arms turn with the same section, and feel the same torque, modes and all."""
+    beam = 'beam = {material = "steel", section = {rectangle = ["10 mm", "8 mm"]}, elements = 6}'
+    arm = f'arm = {{length = "0.4 m", {beam}}}'
+    wheel = 'wheel = {mass = "2 kg", inertia = "0.02 kg m^2"}'
+    read_there = """[sensors]
+moment = {bending_moment = "arm.mid"}
+root = {bending_moment = "arm.start"}
+tip = {displacement = "arm.end", component = "y"}"""
+    text = SCENE.replace("CONTACT", '{stiffness = "1e5 N m/rad^1.5", restitution = 0.8}')
+    text = text.replace("[sensors]", read_there)
+    own = text.replace(wheel, arm).replace('"wheel"', '"arm"')
+    hub = text.replace(wheel, f'wheel = {{mass = "1e-6 kg", inertia = "1e-9 kg m^2"}}\n{arm}')
+    hub = hub.replace("[drives]", '[joints.fast]\nweld = ["wheel", "arm"]\n[drives]')
+    found = []
+    for name, scene in (("own", own), ("hub", hub)):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(scene)
+        settings = "solve.duration=14 ms", "solve.steps=280", "solve.modes=1"
+        found.append(simulate(load(with_settings(read_scene(path), settings))))
+    one, other = found
+    assert len(one.impacts) == len(other.impacts) > 1
+    for impact, alike in zip(one.impacts, other.impacts, strict=True):
+        assert impact.begin == pytest.approx(alike.begin, rel=1e-3)
+    for name in ("angle", "on", "tip", "moment", "root"):
+        values = one.series[name].values
+        assert values == pytest.approx(other.series[name].values, abs=5e-3 * abs(values).max()), name
+    assert one.trajectory.energy.drift < 1e-6
+
+
 def test_a_law_may_jump_beside_contacts(tmp_path):
     """A torque from 0.5 ms on: where and how fast it then meets the flank, and what of its speed comes back."""
     jump = "loads={push={torque_at='coupling', law='2*step(t - 0.0005)'}}"

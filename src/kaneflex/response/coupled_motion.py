@@ -382,6 +382,9 @@ class FloatingScalars(RigidMotion):
         """Global force of a contact on its second side, and its moments on both about their points."""
         record, contact = self.coupled.trajectory.contacts, mechanism_of(self.coupled.model.scene).contacts[name]
         force = np.zeros(len(self.times)) if record is None else record.force[:, record.names.index(name)]
+        if contact.kind == "angle":
+            turn, none = contact.direction[0] * force, np.zeros(len(self.times))
+            return {"force_x": none, "force_y": none, "moment": -turn, "moment_second": turn}
         (x, y, angle), second = (self.coupled.moving_place(side.body, side.at)[0] for side in contact.sides)
         gap = second[0] - x, second[1] - y
         direction = rotate(np.cos(angle), np.sin(angle), contact.direction)
