@@ -207,9 +207,9 @@ def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective:
     size = len(coordinates)
     total = {name: Affine.zero(size, size) for name in ("M", "C_s", "C_d", "K_s", "K_d", "K_c", "K_g")}
     total["F"] = Affine.zero(size, 1)
-    for part, L in placed:
+    for matrices, L in _by_motion(placed):
         L_T = L.T
-        pushes = {key: L_T @ part.matrices[key] for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g", "F")}
+        pushes = {key: L_T @ matrices[key] for key in ("M", "C_s", "C_d", "K_s", "K_d", "K_g", "F")}
         total["F"] += pushes.pop("F")
         for key, push in pushes.items():
             total[key] += push @ L
@@ -219,6 +219,16 @@ def assemble(placed: Iterable[Placed], coordinates: tuple[str, ...], convective:
             total["K_d"] += pushes["C_d"] @ rate + pushes["M"] @ rate.rate
             total["K_c"] += pushes["C_s"] @ rate
     return ElasticEquations(coordinates, **total)
+
+
+def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine], Affine]]:
+    """The matrices of the parts that move by the same L, added up."""
+    found: dict[int, tuple[Mapping[str, Affine], Affine]] = {}
+    for part, L in placed:
+        before = found.get(id(L), (None, L))[0]
+        whole = {key: before[key] + own for key, own in part.matrices.items()} if before else part.matrices
+        found[id(L)] = whole, L
+    return found.values()
 
 
 def spin_or_euler(monomial: Monomial) -> str:

@@ -92,7 +92,7 @@ class Link:
 
     def locate(self, x: float) -> tuple[int, float]:
         """The element at distance x [m] from the start, and how far behind its own start that is."""
-        e = int(np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, len(self.nodes) - 2))
+        e = min(max(int(np.searchsorted(self.nodes, x, side="right")) - 1, 0), len(self.nodes) - 2)
         return e, x - self.nodes[e]
 
     def length_of(self, e: int) -> float:

@@ -27,7 +27,7 @@ _FEW = 10_000
 
 def kept(matrix: Matrix | list) -> Matrix:
     """The matrix as an array if it is small, else sparse."""
-    if issparse(matrix):
+    if not isinstance(matrix, np.ndarray) and issparse(matrix):
         return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FEW else csr_array(matrix)
     matrix = np.asarray(matrix, dtype=float)
     return matrix if matrix.size <= _FEW else csr_array(matrix)
@@ -54,7 +54,7 @@ def entries(matrix: Matrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _is_there(matrix: Matrix) -> bool:
     """Whether an entry is not zero."""
-    return bool(matrix.count_nonzero() if issparse(matrix) else matrix.any())
+    return bool(np.count_nonzero(matrix) if isinstance(matrix, np.ndarray) else matrix.count_nonzero())
 
 
 def _add(terms: dict[Monomial, Matrix], monomial: Monomial, matrix: Matrix) -> None:

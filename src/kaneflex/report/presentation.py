@@ -133,8 +133,6 @@ def at_drive(model: Model) -> str:
 
 def parts(scene: Scene) -> str:
     """What a mechanism is made of, moved and loaded by, and what is measured."""
-    from kaneflex.response.sensors import describe
-
     closing = scene.loop_joints()
     blocks = [
         f"{scene.name}: {scene.description}",
@@ -146,7 +144,7 @@ def parts(scene: Scene) -> str:
         block("springs", {name: _spring(spring) for name, spring in scene.springs.items()}),
         block("contacts", {name: contact_line(contact) for name, contact in scene.contacts.items()}),
         block("friction", {name: friction_line(friction) for name, friction in scene.frictions.items()}),
-        block("sensors", {name: describe(sensor) for name, sensor in scene.sensors.items()}),
+        block("sensors", {name: sensor.meaning for name, sensor in scene.sensors.items()}),
         block("events", {name: _event(scene, event) for name, event in scene.events.items()}),
     ]
     return "\n".join(filter(None, blocks))

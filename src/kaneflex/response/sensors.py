@@ -29,9 +29,9 @@ def measure(motion: Motion) -> dict[str, Series]:
     reader = _Reader(motion)
     measured = {}
     for name, sensor in motion.model.scene.sensors.items():
-        measured[name] = Series(reader.read(sensor), sensor.unit, describe(sensor))
+        measured[name] = Series(reader.read(sensor), sensor.unit, sensor.meaning)
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces:
-            meaning = f"{describe(sensor)}, of the rigid mechanism"
+            meaning = f"{sensor.meaning}, of the rigid mechanism"
             measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
     return measured
 
@@ -39,21 +39,6 @@ def measure(motion: Motion) -> dict[str, Series]:
 def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
     """Values of one sensor (n_times,) in its SI unit."""
     return _Reader(motion).read(sensor)
-
-
-def describe(sensor: Sensor) -> str:
-    """One line for people: kind, place, component, axes."""
-    kind = sensor.kind.replace("_", " ")
-    text = f"{kind} of {sensor.target}"
-    if sensor.kind in ("displacement", "velocity", "acceleration", "position", "joint_force"):
-        text += f", {sensor.component}" + ("" if sensor.component == "angle" else f" in {sensor.axes} axes")
-    if sensor.kind == "displacement":
-        text += f", relative to {sensor.relative_to}"
-    if sensor.kind == "acceleration" and sensor.reading == "accelerometer":
-        text += ", as an accelerometer reads (a - g)"
-    if sensor.kind == "strain":
-        text += f", fibre {sensor.fibre:g} m above the axis"
-    return text
 
 
 def _address(sensor: Sensor) -> Address:

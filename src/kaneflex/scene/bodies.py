@@ -153,7 +153,7 @@ class Body(SceneTable):
             points |= {"mid": (self.length / 2, 0.0), "end": (self.length, 0.0)}
         return points
 
-    @property
+    @cached_property
     def points_all(self) -> dict[str, tuple[float, float]]:
         """Every named point, own and given, in m in the body's axes."""
         return self._own_points() | self.points

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -116,11 +117,11 @@ class Joint(SceneTable):
             except Fault as fault:
                 raise Fault(fault.reason, fault.cure, below=f"clearance.{fault.below}") from None
 
-    @property
+    @cached_property
     def kind(self) -> str:
         return first_given(self, ("revolute", "prismatic", "weld"))
 
-    @property
+    @cached_property
     def addresses(self) -> tuple[Address, Address]:
         return getattr(self, self.kind)
 
@@ -202,7 +203,7 @@ class Load(SceneTable):
     def si_unit(self) -> str:
         return "N m" if self.torque_at else "N/m" if self.spread_on else "N"
 
-    @property
+    @cached_property
     def kind(self) -> str:
         """Which of "value", "law" and "table" gives the size."""
         return the_one_given(self, ("value", "law", "table"))
@@ -252,7 +253,7 @@ class Damping(SceneTable):
         the_one_given(self, ("rayleigh", "modal", "viscous"))
         return self
 
-    @property
+    @cached_property
     def kind(self) -> str:
         return first_given(self, ("rayleigh", "modal", "viscous"))
 

@@ -118,7 +118,21 @@ class Sensor(SceneTable):
         """The address measured at, or the joint's or drive's name."""
         return getattr(self, self.kind)
 
-    @property
+    @cached_property
+    def meaning(self) -> str:
+        """One line for people: kind, place, component, axes."""
+        text = f"{self.kind.replace('_', ' ')} of {self.target}"
+        if self.kind in (*MOTION_KINDS, "joint_force"):
+            text += f", {self.component}" + ("" if self.component == "angle" else f" in {self.axes} axes")
+        if self.kind == "displacement":
+            text += f", relative to {self.relative_to}"
+        if self.kind == "acceleration" and self.reading == "accelerometer":
+            text += ", as an accelerometer reads (a - g)"
+        if self.kind == "strain":
+            text += f", fibre {self.fibre:g} m above the axis"
+        return text
+
+    @cached_property
     def unit(self) -> str:
         """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1."""
         return (_UNITS_OF_ANGLE if self.component == "angle" else _UNITS)[self.kind]
