@@ -14,7 +14,7 @@ BASELINE = {
     "cli": 5,
     "fem": 39,
     "integrate": 79,
-    "mechanism": 31,
+    "mechanism": 28,
     "multibody": 72,
     "peers": 24,
     "plots": 48,

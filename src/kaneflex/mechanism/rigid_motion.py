@@ -55,11 +55,14 @@ class RigidMotion:
     values: np.ndarray
 
     def __getitem__(self, name: str) -> np.ndarray:
-        if name in self.motion.column:
-            return self._series[self.motion.column[name]]
-        if name not in self._constants:
-            self._constants[name] = np.full(len(self.times), self.motion.module.CONSTANTS[name])
-        return self._constants[name]
+        if name not in self._series:
+            column = self.motion.column.get(name)
+            self._series[name] = (
+                np.full(len(self.times), self.motion.module.CONSTANTS[name])
+                if column is None
+                else np.ascontiguousarray(self.values[:, column])
+            )
+        return self._series[name]
 
     def __contains__(self, name: str) -> bool:
         return name in self.motion.column or name in self.motion.module.CONSTANTS
@@ -82,13 +85,9 @@ class RigidMotion:
         return self._products[names]
 
     @cached_property
-    def _series(self) -> np.ndarray:
-        """The scalars, each of them in one piece: half of the time of all that is computed from them."""
-        return np.ascontiguousarray(self.values.T)
-
-    @cached_property
-    def _constants(self) -> dict[str, np.ndarray]:
-        """Series of the module's constants that were asked for."""
+    def _series(self) -> dict[str, np.ndarray]:
+        """Scalars that were asked for, each of them in one piece: half of the time of all that is computed from them.
+        """
         return {}
 
     @cached_property

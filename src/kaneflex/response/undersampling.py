@@ -31,7 +31,8 @@ def between_steps(model: Model) -> list[str]:
     steps = min(options.steps, _SAMPLES // within)
     seen = model.motion.at(model.step * np.arange(steps + 1))
     spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
-    rigid = model.motion.at(np.union1d(spread, _instants_of_rows(scene, seen)))
+    instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted runs
+    rigid = model.motion.at(instants)
     found = []
     for name, drive in scene.drives.items():
         turned = abs(np.diff(seen[f"{name}.angle"])).max()
