@@ -12,10 +12,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BASELINE = {
     "cli": 5,
-    "fem": 39,
+    "fem": 33,
     "integrate": 79,
     "mechanism": 28,
-    "multibody": 72,
+    "multibody": 71,
     "peers": 24,
     "plots": 48,
     "report": 6,

@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kaneflex.fem.coordinate_map import Frame, to_link_axes
-from kaneflex.fem.links import MATRIX_OF_GROUP, Link, Part
+from kaneflex.fem.element_terms import MATRIX_OF_GROUP
+from kaneflex.fem.links import Link, Part
 from kaneflex.mechanism.affine import Affine, Monomial
 from kaneflex.mechanism.rigid_bodies import Carried
 from kaneflex.scene import Scene

@@ -7,25 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
+from kaneflex.fem.element_terms import chain, terms_of_elements
 from kaneflex.fem.shape_functions import shape_functions
-from kaneflex.mechanism.affine import Affine, Matrix, Monomial, as_array, from_entries, solve
+from kaneflex.mechanism.affine import Affine, Monomial, as_array, solve
 from kaneflex.scene import Scene
-from kaneflex.support.contract import ELEMENT_KERNELS, LINK_SCALARS
 
-MATRIX_OF_GROUP = {
-    "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
-    "damping": "C_s", "load": "F",
-}  # fmt: skip
-"""Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
-
-_UNITS = np.eye(len(LINK_SCALARS) + 1, len(LINK_SCALARS), -1)
-"""Scalars of a link: all zero, then each at 1 in its turn."""
-_ROW = {(): 0} | {(name,): k for k, (name, *_) in enumerate(LINK_SCALARS, start=1)}
-_NODES = 2 * 3
-"""Coordinates of an element."""
 _SAME = 1e-9
 """Points closer than this share of a link's length are one."""
 
@@ -45,14 +35,15 @@ class Part:
         Names of the local coordinates.
     matrices : mapping
         M, C_s, C_d, K_s, K_d, K_g (n x n) and F (n x 1), affine in the motion's scalars.
-    place : mapping of int to (int, int, int or None)
-        Node -> rows of u, v, theta; None where a reduction has absorbed the rotation.
+    place : mapping of int to tuple of int or None
+        Node -> rows of u, v, theta, in space of u, v, w, theta_x, theta_y, theta_z; None where a reduction has absorbed
+        a rotation.
     """
 
     name: str
     coordinates: tuple[str, ...]
     matrices: Mapping[str, Affine]
-    place: Mapping[int, tuple[int, int, int | None]]
+    place: Mapping[int, tuple[Any, ...]]
 
     @property
     def size(self) -> int:
@@ -102,9 +93,12 @@ class Link:
     def shape(self, e: int, local: float) -> np.ndarray:
         """Rows u, v, theta, v' of an element's shape functions at ``local`` [m] from its start, (4, 6)."""
         if (e, local) not in self._shapes:
-            growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
-            self._shapes[e, local] = shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
+            self._shapes[e, local] = self._shape_at(e, local)
         return self._shapes[e, local]
+
+    def _shape_at(self, e: int, local: float) -> np.ndarray:
+        growth = self.parameters["E_I_rise"][e] / self.parameters["E_I"][e]
+        return shape_functions(local, self.length_of(e), self.parameters["phi_s"][e], growth)
 
     @cached_property
     def _shapes(self) -> dict[tuple[int, float], np.ndarray]:
@@ -152,16 +146,9 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     of_element = [body.profile.element(a, b - a) for a, b in pairwise(nodes)]
     parameters = {parameter: np.array([values[parameter] for values in of_element]) for parameter in of_element[0]}
     sums: dict[tuple[str, Monomial], np.ndarray] = {}
-    at_units = _at_units(module, parameters)
-    for _, group, kernel, factors in module.TERMS:
-        if group == "damping":
-            if scene.damping is None or scene.damping.kind != "viscous":
-                continue
-            blocks = scene.damping.viscous.mu * _of_unit_density(module, parameters)
-        else:
-            blocks = at_units[:, _ROW[factors[:1]], ELEMENT_KERNELS.index(kernel)]
-            blocks = blocks[:, 0, :, None] if kernel == "F" else blocks
-        key = MATRIX_OF_GROUP[group], tuple(_scalar(name, factor) for factor in factors)
+    viscous = None if scene.damping is None else scene.damping.viscous
+    mu = None if viscous is None else viscous.mu
+    for key, blocks in terms_of_elements(module, parameters, lambda factor: _scalar(name, factor), mu):
         sums[key] = sums.get(key, 0.0) + blocks
     known = {scalar for scalar, *_ in module.SCALARS}
     for point, x in forced_points(scene, name).items():
@@ -174,32 +161,9 @@ def build_link(scene: Scene, name: str, module: ModuleType, elements: int) -> Li
     for key, blocks in _spread_terms(scene, name, nodes, parameters):
         sums[key] = sums.get(key, 0.0) + blocks
     coordinates, place = node_coordinates(name, len(nodes), body.beam.axially_rigid)
-    size = len(coordinates)
-    matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
     element_terms = tuple((key, monomial, blocks) for (key, monomial), blocks in sums.items())
-    for key, monomial, blocks in element_terms:
-        matrices[key] += Affine.term(monomial, _chain(blocks, place, size))
-    part = Part(name, coordinates, matrices, place)
+    part = Part(name, coordinates, chain(sums.items(), place, len(coordinates)), place)
     return Link(name, nodes, parameters, element_terms, part)
-
-
-def _at_units(module: ModuleType, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Every kernel of every element at each of _UNITS, (elements, units, kernels, 6, 6); of F the first row is filled.
-
-    A kernel is linear in the monomials of the scalars, none of which has two of them, so this is the constant matrix
-    before each.
-    """
-    p = np.column_stack([parameters[parameter] for parameter, *_ in module.ELEMENT_PARAMETERS])
-    found = np.zeros((len(p), len(_UNITS), len(ELEMENT_KERNELS), _NODES, _NODES))
-    module.element_matrices(p, _UNITS, found)
-    return found
-
-
-def _of_unit_density(module: ModuleType, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
-    """int N^T N dx of every element: what K_d = -omega^2 int rho A N^T N dx is for omega = 1 and rho A = -1."""
-    count = len(parameters["rho_A"])
-    unit = {"rho_A": np.full(count, -1.0), "rho_A_rise": np.zeros(count)}
-    return _at_units(module, {**parameters, **unit})[:, _ROW["omega",], ELEMENT_KERNELS.index("K_d")]
 
 
 _GAUSS = np.polynomial.legendre.leggauss(4)
@@ -259,23 +223,15 @@ def _scalar(link: str, factor: str) -> str:
 
 
 def node_coordinates(
-    link: str, nodes: int, axially_rigid: bool
-) -> tuple[tuple[str, ...], dict[int, tuple[int, int, int]]]:
-    """Names of a link's coordinates and the rows of each node's u, v, theta; one u for all if it does not stretch."""
+    link: str, nodes: int, axially_rigid: bool, dofs: tuple[str, ...] = DOFS
+) -> tuple[tuple[str, ...], dict[int, tuple[int, ...]]]:
+    """Names of a link's coordinates and the rows of each node's `dofs`; one u for all if it does not stretch."""
+    n = len(dofs)
     if axially_rigid:
-        bending = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in DOFS[1:])
-        return (f"{link}.{DOFS[0]}", *bending), {i: (0, 2 * i + 1, 2 * i + 2) for i in range(nodes)}
-    names = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in DOFS)
-    return names, {i: (3 * i, 3 * i + 1, 3 * i + 2) for i in range(nodes)}
-
-
-def _chain(blocks: np.ndarray, place: Mapping[int, tuple[int, int, int]], size: int) -> Matrix:
-    """Overlap the elements' matrices (elements, 6, 6), or vectors (elements, 6, 1), along the chain."""
-    square = blocks.shape[2] == 6
-    ends = np.array([place[e] + place[e + 1] for e in range(len(blocks))])
-    rows = np.broadcast_to(ends[:, :, None], blocks.shape)
-    columns = np.broadcast_to(ends[:, None, :], blocks.shape) if square else np.zeros_like(rows)
-    return from_entries((size, size if square else 1), rows, columns, blocks)
+        others = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in dofs[1:])
+        return (f"{link}.{dofs[0]}", *others), {i: (0, *range((n - 1) * i + 1, (n - 1) * i + n)) for i in range(nodes)}
+    names = tuple(f"{link}.{i}.{dof}" for i in range(nodes) for dof in dofs)
+    return names, {i: tuple(range(n * i, n * (i + 1))) for i in range(nodes)}
 
 
 def with_rayleigh(part: Part, alpha: float, beta: float) -> Part:
@@ -315,9 +271,8 @@ def craig_bampton(
     names = [part.coordinates[row] for row in held]
     names += [f"{part.name}.mode_{k + 1}" for k in range(basis.shape[1] - len(held))]
     row_of = {row: k for k, row in enumerate(held)}
-    place = {
-        node: (row_of[u], row_of[v], row_of.get(theta)) for node, (u, v, theta) in part.place.items() if v in row_of
-    }
+    # a node has its place where its displacement across the link is held; of its rotations some may be absorbed
+    place = {node: tuple(row_of.get(row) for row in rows) for node, rows in part.place.items() if rows[1] in row_of}
     return Part(part.name, tuple(names), matrices, place), basis
 
 

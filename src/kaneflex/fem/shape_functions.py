@@ -28,3 +28,24 @@ def shape_functions(x: float, length: float, phi_s: float = 0.0, growth: float =
     shape[2] += 6 * (s - s**2) * bow
     strain = c * np.array([0, -1 / length, -1 / 2, 0, 1 / length, -1 / 2]) - bow
     return np.vstack([shape, shape[2] + strain])
+
+
+def spatial_shape_functions(
+    x: float, length: float, phi: tuple[float, float] = (0.0, 0.0), growth: tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
+    """Rows u, v, w, theta_x, theta_y, theta_z, v', w' over u, v, w, theta_x, theta_y, theta_z of both nodes, (8, 12).
+
+    phi and growth: of the x-y plane, then of the x-z plane, where theta_y = -w' without shear.
+    """
+    found = np.zeros((8, 12))
+    u, v, theta, slope = shape_functions(x, length, phi[0], growth[0])
+    _, w, minus_theta_y, slope_z = shape_functions(x, length, phi[1], growth[1])
+    signs = np.array([1, 1, -1, 1, 1, -1])
+    found[np.ix_((0, 1, 5, 6), _Y_PLANE)] = u, v, theta, slope
+    found[np.ix_((2, 4, 7), _Z_PLANE)] = w * signs, -minus_theta_y * signs, slope_z * signs
+    found[3, [3, 9]] = u[[0, 3]]
+    return found
+
+
+_Y_PLANE, _Z_PLANE = (0, 1, 5, 6, 7, 11), (0, 2, 4, 6, 8, 10)
+"""The planar element's coordinates u, v, theta in each plane of bending."""

@@ -1,0 +1,116 @@
+"""An element's terms as numbers: the constant matrix before each product of the motion's scalars, of many elements.
+
+What is here reads a generated module of elements and its TERMS, of the plane or of space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import product
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.mechanism.affine import Affine, Matrix, Monomial, from_entries
+from kaneflex.support.contract import ELEMENT_KERNELS
+
+MATRIX_OF_GROUP = {
+    "inertia": "M", "gyroscopic": "C_d", "elastic": "K_s", "spin": "K_d", "euler": "K_d", "geometric": "K_g",
+    "damping": "C_s", "load": "F",
+}  # fmt: skip
+"""Where a term of the generated module belongs in M q'' + (C_s + C_d) q' + (K_s + K_d + K_g) q = F."""
+
+Parameters = Mapping[str, np.ndarray]
+"""Every parameter of an element by its name in the contract, (elements,) each."""
+
+
+def element_size(module: ModuleType) -> int:
+    """Coordinates of an element of this module."""
+    return 12 if "a_z" in {name for name, *_ in module.LINK_SCALARS} else 6
+
+
+class Blocks:
+    """Matrices of elements before the monomials of TERMS, taken apart by the module's own kernels.
+
+    A kernel is linear in the monomials. So with one scalar at 1 it gives the matrix before that scalar and its square,
+    of which an entry never has both; with two at 1, less what it gives where one of them is -1, twice the matrix before
+    their product: what does not hold the product is the same number in both and cancels to the last bit.
+    """
+
+    def __init__(self, module: ModuleType, parameters: Parameters) -> None:
+        self._module, self._parameters = module, parameters
+        self._names = [name for name, *_ in module.LINK_SCALARS]
+        mixed = sorted({factors for *_, factors in module.TERMS if len(set(factors)) > 1})
+        points = [{}, *({name: 1.0} for name in self._names)]
+        points += [dict(zip(factors, (1.0, sign), strict=True)) for factors, sign in product(mixed, (1.0, -1.0))]
+        self._row = {tuple(sorted(point.items())): k for k, point in enumerate(points)}
+        self._scalars = np.array([[point.get(name, 0.0) for name in self._names] for point in points])
+        self._found = self._at(parameters)
+
+    def before(self, kernel: str, factors: Sequence[str]) -> np.ndarray:
+        """The matrices (elements, n, n) of a kernel before this monomial, of F the loads (elements, n, 1)."""
+        if len(set(factors)) > 1:
+            one, other = factors
+            blocks = (self._values(kernel, {one: 1.0, other: 1.0}) - self._values(kernel, {one: 1.0, other: -1.0})) / 2
+        else:
+            blocks = self._values(kernel, dict.fromkeys(factors, 1.0))
+        return blocks[:, 0, :, None] if kernel == "F" else blocks
+
+    def of_unit_density(self) -> np.ndarray:
+        """int N^T N dx (elements, n, n), by what K_d holds before the squares of omega's components.
+
+        With rho A = -1 and no rotary inertia each is int N^T N dx of the displacement across its axis: in the plane
+        that is all of it, in space their sum is twice.
+        """
+        turning = [name for name in self._names if name.startswith("omega")]
+        none = np.zeros_like(self._parameters["rho_A"])
+        unit = {name: none for name in self._parameters if name.startswith("rho_")} | {"rho_A": none - 1.0}
+        found = self._at({**self._parameters, **unit})
+        return np.sum([self._values("K_d", {name: 1.0}, found) for name in turning], axis=0) / max(1, len(turning) - 1)
+
+    def _values(self, kernel: str, point: Mapping[str, float], found: np.ndarray | None = None) -> np.ndarray:
+        found = self._found if found is None else found
+        return found[:, self._row[tuple(sorted(point.items()))], ELEMENT_KERNELS.index(kernel)]
+
+    def _at(self, parameters: Parameters) -> np.ndarray:
+        """Every kernel of every element at each of the scalars, (elements, scalars, kernels, n, n)."""
+        p = np.column_stack([parameters[name] for name, *_ in self._module.ELEMENT_PARAMETERS])
+        n = element_size(self._module)
+        found = np.zeros((len(p), len(self._scalars), len(ELEMENT_KERNELS), n, n))
+        self._module.element_matrices(p, self._scalars, found)
+        return found
+
+
+def terms_of_elements(
+    module: ModuleType, parameters: Parameters, called: Callable[[str], str], mu: float | None = None
+) -> Iterator[tuple[tuple[str, Monomial], np.ndarray]]:
+    """Every term of the module with its matrix for each element, (elements, n, n), of F (elements, n, 1).
+
+    Keys are the matrix of the equations that it belongs to and its monomial, of scalars as they are ``called``.
+    mu: damping by a force for each length and velocity [N s/m^2], None where there is none.
+    """
+    blocks = Blocks(module, parameters)
+    for _, group, kernel, factors in module.TERMS:
+        if group == "damping" and mu is None:
+            continue
+        found = mu * blocks.of_unit_density() if group == "damping" else blocks.before(kernel, factors)
+        yield (MATRIX_OF_GROUP[group], tuple(called(factor) for factor in factors)), found
+
+
+def chain(
+    terms: Iterable[tuple[tuple[str, Monomial], np.ndarray]], place: Mapping[int, Sequence[int]], size: int
+) -> dict[str, Affine]:
+    """M, C_s, C_d, K_s, K_d, K_g and F of a chain of elements, whose node i has the rows place[i]."""
+    matrices = {key: Affine.zero(size, 1 if key == "F" else size) for key in set(MATRIX_OF_GROUP.values())}
+    for (key, monomial), blocks in terms:
+        matrices[key] += Affine.term(monomial, _overlapped(blocks, place, size))
+    return matrices
+
+
+def _overlapped(blocks: np.ndarray, place: Mapping[int, Sequence[int]], size: int) -> Matrix:
+    """The elements' matrices, or vectors, added up where they share a node."""
+    square = blocks.shape[2] > 1
+    ends = np.array([(*place[e], *place[e + 1]) for e in range(len(blocks))])
+    rows = np.broadcast_to(ends[:, :, None], blocks.shape)
+    columns = np.broadcast_to(ends[:, None, :], blocks.shape) if square else np.zeros_like(rows)
+    return from_entries((size, size if square else 1), rows, columns, blocks)

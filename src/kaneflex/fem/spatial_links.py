@@ -1,0 +1,121 @@
+"""Elastic links in space as chains of finite elements, in the axes of their own floating frame.
+
+x runs along the link, y and z are the principal axes of its sections. A node has u, v, w, theta_x, theta_y, theta_z.
+What becomes of a link's matrices, reduction and assembly, does not ask how many coordinates its nodes have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.fem.element_terms import chain, terms_of_elements
+from kaneflex.fem.links import Link, Part, node_coordinates
+from kaneflex.fem.shape_functions import spatial_shape_functions
+from kaneflex.scene.sections import SpatialSectionNumbers
+from kaneflex.support.spatial_contract import SPATIAL_NODE
+
+_GAUSS = np.polynomial.legendre.leggauss(5)  # exact for the products with x of every linearly tapered shape
+_VARYING = ("rho_A", "rho_I_y", "rho_I_z", "E_I_y", "E_I_z")
+
+
+class SpatialProperties(NamedTuple):
+    """Of a beam at one place.
+
+    rho_A mass per length [kg/m], rho_I_y and rho_I_z rotary inertias per length [kg m], E_A axial, E_I_y and E_I_z
+    bending, G_J torsional stiffness [N, N m^2, N m^2], G_A_y and G_A_z stiffnesses in shear along y and z [N], inf
+    where the theory knows no shear.
+    """
+
+    rho_A: float
+    rho_I_y: float
+    rho_I_z: float
+    E_A: float
+    E_I_y: float
+    E_I_z: float
+    G_J: float
+    G_A_y: float = math.inf
+    G_A_z: float = math.inf
+
+
+def spatial_properties(
+    section: SpatialSectionNumbers, E: float, G: float, rho: float, shear: bool = False
+) -> SpatialProperties:
+    """Of a section of one material: E and G [Pa], rho [kg/m^3]; ``shear``: whether the theory knows it.
+
+    Raises
+    ------
+    ValueError
+        With shear, for a section whose coefficients of shear nobody knows.
+    """
+    A, I_y, I_z, J, k_y, k_z = section
+    if not shear:
+        return SpatialProperties(rho * A, rho * I_y, rho * I_z, E * A, E * I_y, E * I_z, G * J)
+    if k_y is None or k_z is None:
+        raise ValueError(f"k_y = {k_y}, k_z = {k_z}: shear needs both; give the material a Poisson's ratio")
+    return SpatialProperties(rho * A, rho * I_y, rho * I_z, E * A, E * I_y, E * I_z, G * J, G * k_y * A, G * k_z * A)
+
+
+def spatial_element_parameters_of(at: Callable[[float], SpatialProperties], nodes: np.ndarray) -> dict[str, np.ndarray]:
+    """Every parameter of a link's elements by its name in ``kaneflex.support.spatial_contract``, (elements,) each.
+
+    A varying property is the linear function that is nearest to it in the mean square over the element, as in the
+    plane; those that the element holds constant take their means. Sections must not jump but at nodes [m].
+    """
+    found: dict[str, list[float]] = {}
+    mass = moment = 0.0
+    for a, b in pairwise(nodes):
+        shares, places = _GAUSS[1] / 2, (a + b) / 2 + (b - a) / 2 * _GAUSS[0]
+        rows = [at(x) for x in places]
+        values = {name: np.array([getattr(row, name) for row in rows]) for name in SpatialProperties._fields}
+        mean = {name: float(shares @ of_places) for name, of_places in values.items()}
+        rise = {f"{name}_rise": float(6 * (shares * _GAUSS[0]) @ values[name]) for name in _VARYING}
+        here = {name: mean[name] for name in SpatialProperties._fields[:7]} | rise
+        here |= {"I_p_A": (mean["E_I_y"] + mean["E_I_z"]) / mean["E_A"], "length": b - a, "x_0": a}
+        here |= {"phi_y": 12 * mean["E_I_z"] / (mean["G_A_y"] * (b - a) ** 2), "m_0": mass, "S_0": moment}
+        here |= {"phi_z": 12 * mean["E_I_y"] / (mean["G_A_z"] * (b - a) ** 2)}
+        mass += mean["rho_A"] * (b - a)
+        moment += float((b - a) * shares @ (values["rho_A"] * places))
+        for name, number in here.items():
+            found.setdefault(name, []).append(number)
+    return {name: np.array(numbers) for name, numbers in found.items()}
+
+
+class SpatialLink(Link):
+    """An elastic link in space; element matrices are 12 x 12, and nodes have the coordinates of SPATIAL_NODE."""
+
+    def _shape_at(self, e: int, local: float) -> np.ndarray:
+        """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of an element's shape functions, (8, 12)."""
+        of = {name: numbers[e] for name, numbers in self.parameters.items()}
+        growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
+        return spatial_shape_functions(local, self.length_of(e), (of["phi_y"], of["phi_z"]), growth)
+
+
+def build_spatial_link(
+    name: str, nodes: np.ndarray, at: Callable[[float], SpatialProperties], module: ModuleType, mu: float | None = None
+) -> SpatialLink:
+    """Assemble a link's constant matrices from the element kernels of a module of ``SPATIAL_BEAMS``.
+
+    Parameters
+    ----------
+    name : str
+        The body's; the scalars of its motion are called ``name.link.omega_x`` and so on.
+    nodes : ndarray (elements + 1,)
+        Distances from the link's start [m], ascending from 0.
+    at : callable
+        Distance from the start [m] -> the section's properties there.
+    module : ModuleType
+        Like ``kaneflex.generated.spatial_beam_timoshenko``. Sections that vary ask for a ``_varying`` one.
+    mu : float, optional
+        Damping by a force for each length and velocity [N s/m^2].
+    """
+    parameters = spatial_element_parameters_of(at, nodes)
+    terms = [(*key, blocks) for key, blocks in terms_of_elements(module, parameters, f"{name}.link.{{}}".format, mu)]
+    coordinates, place = node_coordinates(name, len(nodes), axially_rigid=False, dofs=SPATIAL_NODE)
+    matrices = chain((((key, monomial), blocks) for key, monomial, blocks in terms), place, len(coordinates))
+    return SpatialLink(name, nodes, parameters, tuple(terms), Part(name, coordinates, matrices, place))
