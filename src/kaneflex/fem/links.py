@@ -105,6 +105,24 @@ class Link:
         """Those that were asked for: sensors ask at the same places, and the points of a study share a link."""
         return {}
 
+    def sums(self, kept: tuple[bool, ...], alpha: float, beta: float) -> Mapping[tuple[str, Monomial], np.ndarray]:
+        """By "M", "C", "K" or "F" and monomial the sums of the element terms that are kept, and of alpha M + beta K_s
+        in C; (elements, 6, 6 or 1) each."""
+        if (kept, alpha, beta) not in self._sums:
+            found: dict[tuple[str, Monomial], np.ndarray] = {}
+            for (key, monomial, blocks), here in zip(self.element_terms, kept, strict=True):
+                weight = 0.0 if monomial else {"M": alpha, "K_s": beta}.get(key, 0.0)
+                for name, factor in ((key[0], float(here)), ("C", weight)):
+                    if factor:
+                        found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
+            self._sums[kept, alpha, beta] = found
+        return self._sums[kept, alpha, beta]
+
+    @cached_property
+    def _sums(self) -> dict[tuple, Mapping[tuple[str, Monomial], np.ndarray]]:
+        """Those that were asked for: the points of a study share a link."""
+        return {}
+
     def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
         """u, v, theta of each node in turn, (3 n_nodes, n_times), from the part's coordinates."""
         return coordinates[[row for rows in self.part.place.values() for row in rows]]

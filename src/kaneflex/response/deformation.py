@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import accumulate
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from kaneflex.fem.assembly import load_on_link, spin_or_euler
 from kaneflex.fem.links import Link
@@ -60,24 +58,28 @@ class Deformation:
 
     def foreshortening(self, x: float) -> np.ndarray:
         """1/2 int_0^x v'^2 and its rates, (3, n_times)."""
-        e, local = self.link.locate(x)
-        return self._shortened_before[e] + self._shortened(e, local)
+        node, (e, local) = self.link.node_at(x), self.link.locate(x)
+        if node is not None:
+            return self._shortened_at_nodes[node]
+        return self._shortened_at_nodes[e] + self._shortened(slice(e, e + 1), np.array([local]))[0]
 
     @cached_property
-    def _shortened_before(self) -> list[np.ndarray]:
-        """Foreshortening of the elements before each."""
-        lengths = [self.link.length_of(e) for e in range(len(self.link.nodes) - 2)]
-        own = (self._shortened(e, length) for e, length in enumerate(lengths))
-        return list(accumulate(own, initial=np.zeros((3, self.q.shape[1]))))
+    def _shortened_at_nodes(self) -> np.ndarray:
+        """Foreshortening of all elements before each node, (n_nodes, 3, n_times)."""
+        found = np.zeros((len(self.link.nodes), 3, self.q.shape[1]))
+        np.cumsum(self._shortened(slice(0, len(found) - 1), np.diff(self.link.nodes)), axis=0, out=found[1:])
+        return found
 
-    def _shortened(self, e: int, reach: float) -> np.ndarray:
-        """1/2 int v'^2 of an element as far as `reach` [m] from its start, and its rates, (3, n_times)."""
+    def _shortened(self, elements: slice, reach: np.ndarray) -> np.ndarray:
+        """1/2 int v'^2 of elements as far as `reach` [m] from their starts, and its rates, (elements, 3, n_times)."""
         points, weights = _GAUSS
-        slopes = np.array([self.link.shape(e, 0.5 * reach * (1 + point))[3] for point in points])
-        rows = slice(3 * e, 3 * e + 6)
-        s, s_rate, s_accel = (slopes @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
-        squares = np.array([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel])
-        return 0.5 * reach * (weights @ squares)
+        slopes = np.array([
+            [self.link.shape(e, 0.5 * far * (1 + point))[3] for point in points]
+            for e, far in enumerate(reach, elements.start)
+        ])  # fmt: skip
+        s, s_rate, s_accel = (slopes @ _of_elements(part, elements) for part in (self.q, self.q_rate, self.q_accel))
+        squares = np.stack([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel], axis=1)
+        return 0.5 * reach[:, None, None] * (weights @ squares)
 
     def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Axial force N [N, tension positive], shear force V [N] and bending moment M = E I v'' [N m] at x.
@@ -209,26 +211,19 @@ class Deformation:
 
     def forces_of(self, series: Mapping[str, np.ndarray], elements: slice) -> np.ndarray:
         """Sum of the matrices named by ``series`` times these nodal coordinates, (elements, 6, n_times)."""
-        windows = {key: sliding_window_view(part, 6, axis=0)[::3][elements].transpose(0, 2, 1)
-                   for key, part in series.items()}  # fmt: skip
-        total = np.zeros_like(next(iter(windows.values())))
+        own = {key: _of_elements(part, elements) for key, part in series.items()}
+        total = np.zeros_like(next(iter(own.values())))
         for (key, monomial), blocks in self._terms.items():
-            if key in windows:
-                part = blocks[elements] @ windows[key]
+            if key in own:
+                part = blocks[elements] @ own[key]
                 total += np.multiply(part, self.rigid.monomial(monomial), out=part) if monomial else part
         return total
 
     @cached_property
-    def _terms(self) -> dict[tuple[str, Monomial], np.ndarray]:
+    def _terms(self) -> Mapping[tuple[str, Monomial], np.ndarray]:
         """What of M, C, K and F of the elements is kept, material damping included; (elements, 6, 6 or 1) each."""
-        alpha, beta = self.model.rayleigh
-        found: dict[tuple[str, Monomial], np.ndarray] = {}
-        for key, monomial, blocks in self.link.element_terms:
-            weight = 0.0 if monomial else {"M": alpha, "K_s": beta}.get(key, 0.0)
-            for name, factor in ((key[0], float(self._keeps(key, monomial))), ("C", weight)):
-                if factor:
-                    found[name, monomial] = found.get((name, monomial), 0.0) + factor * blocks
-        return found
+        kept = tuple(self._keeps(key, monomial) for key, monomial, _ in self.link.element_terms)
+        return self.link.sums(kept, *self.model.rayleigh)
 
     @property
     def _gyroscopic(self) -> bool:
@@ -243,6 +238,11 @@ class Deformation:
         if key == "K_d":
             return options.euler if spin_or_euler(monomial) == "euler" else options.spin
         return {"C_s": options.damping, "C_d": self._gyroscopic, "K_g": options.geometric}.get(key, True)
+
+
+def _of_elements(coordinates: np.ndarray, elements: slice) -> np.ndarray:
+    """Coordinates of some elements' two nodes, (elements, 6, n_times), of all nodes' (3 n_nodes, n_times)."""
+    return coordinates[3 * np.arange(elements.start, elements.stop)[:, None] + np.arange(6)]
 
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
