@@ -107,10 +107,10 @@ class Scene(SceneTable):
         return {key: self._known(key, given) for key, given in raw.items()}
 
     def _known(self, key: str, given: Any) -> Any:
-        three = self.__dict__.get(key), self._read.get(key), self._raw.get(key)
-        if all(isinstance(table, dict) for table in (*three, given)):
-            return {name: _if_same(*(table.get(name) for table in three), entry) for name, entry in given.items()}
-        return _if_same(*three, given)
+        now, read, before = self.__dict__.get(key), self._read.get(key), self._raw.get(key)
+        if not (isinstance(now, dict) and isinstance(before, dict) and isinstance(given, dict)):
+            return _if_same(now, read, before, given)
+        return {name: _if_same(now.get(name), read.get(name), before.get(name), entry) for name, entry in given.items()}
 
     def _written(self, table: str, now: Any, read: Any, raw: Any) -> Any:
         """A changed table as a file could say it; joints with a clearance stand there, and no contacts made of them."""

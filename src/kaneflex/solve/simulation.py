@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.solve.initial import given_state
@@ -161,7 +162,7 @@ def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
     started = time.perf_counter()
     runs = {}
     for k, model in enumerate(models):
-        if _METHODS.get(model.options.dynamics) is _integrated:
+        if _METHODS.get(model.options.dynamics) is _integrated and method_named(model.options.integrator).lanes:
             with suppress(SceneError):  # simulate raises it, too
                 runs[k] = run_of(model)
     trajectories = integrate_batch(list(runs.values()))
