@@ -7,6 +7,7 @@ from test_mobility import CARRIED_RHOMBUS, THREE_CRANKS, TWO_GUIDES
 import kaneflex
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.scene import read_scene
+from kaneflex.solve.variants import Variants
 from kaneflex.support.errors import SceneError
 
 COUPLED = '\n[solve]\npreset = "coupled"\nduration = "0.5 s"\nsteps = 100\n'
@@ -54,6 +55,13 @@ def test_what_three_cranks_share_is_no_number(tmp_path):
     sensor = '\n[sensors]\nbearing = {joint_force = "far", component = "y", axes = "global"}\n'
     with pytest.raises(SceneError, match=r"sensors.bearing.*far_pin.*is not determined.*give one of the bodies a beam"):
         kaneflex.load(scene(tmp_path, text + sensor))
+
+
+def test_presets_that_need_one_joint_each_refuse_it_after_a_coupled_point(tmp_path):
+    variants = Variants(scene(tmp_path, THREE_CRANKS.replace(*ROCKED) + COUPLED))
+    variants.load(["solve.steps=50"])
+    with pytest.raises(SceneError, match=r"redundant|too many"):
+        variants.load(["solve.preset=rigid"])
 
 
 def test_the_drive_of_three_cranks_is_determined(tmp_path):

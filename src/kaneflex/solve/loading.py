@@ -73,7 +73,7 @@ def load(
     options = resolve_options(scene)
     if options.dynamics == "coupled":
         return _load_coupled(scene, options, progress, started)
-    if like is None or not same_mechanism(scene, like.scene):
+    if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
         check_determined(mechanism_of(scene))
         check_free(scene)
     scene = with_branches(scene)
