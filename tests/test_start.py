@@ -78,6 +78,15 @@ def test_a_run_from_the_last_state_of_another_is_its_continuation(settings):
     assert second.model.options.start == "given"
 
 
+def test_settings_read_a_state_anew_that_has_changed_in_its_file(tmp_path):
+    file, state = tmp_path / "state.json", '{{"displacements": {{"beam.1.v": {}}}}}'
+    file.write_text(state.format(0.001))
+    scene = with_settings(read_scene("rotating-cantilever"), [f"solve.start.file={file}"])
+    assert with_settings(scene, ["gravity=[0, -9.81]"]).solve.start.displacements == {"beam.1.v": 0.001}
+    file.write_text(state.format(0.002))
+    assert with_settings(scene, ["gravity=[0, -9.81]"]).solve.start.displacements == {"beam.1.v": 0.002}
+
+
 def test_a_state_stands_in_a_file_beside_the_scene(tmp_path):
     """Written by json.dump or by hand; what the scene itself gives comes first, in a study's scenes, too."""
     state = {"displacements": {"blade.8.v": 1e-4, "blade.7.v": "0.08 mm"}, "velocities": {"blade.8.v": "2 mm/s"}}

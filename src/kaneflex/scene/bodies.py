@@ -162,6 +162,10 @@ class Body(SceneTable):
     def elastic(self) -> bool:
         return self.beam is not None
 
+    @property
+    def says_a_file(self) -> bool:
+        return self.modal_data is not None
+
     @cached_property
     def modal(self) -> ModalData | None:
         """The modal data of a link that has them instead of a beam."""

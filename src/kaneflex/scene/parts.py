@@ -304,6 +304,10 @@ class Solve(SceneTable):
         default=0.8, description="generalised-alpha's spectral radius, 0 to 1"
     )
 
+    @property
+    def says_a_file(self) -> bool:
+        return isinstance(self.start, Start) and self.start.file is not None
+
     @field_validator("preset")
     @classmethod
     def _known_preset(cls, preset: str) -> str:

@@ -50,7 +50,8 @@ def _as_given(now: Any, read: Any, raw: Any) -> Any:
 
 def _if_same(now: Any, read: Any, before: Any, given: Any) -> Any:
     """A scene's table, unchanged since it was read, for what it was read from; else what is given."""
-    return now if isinstance(now, SceneTable) and given is before and now is read else given
+    same = isinstance(now, SceneTable) and given is before and now is read and not now.says_a_file
+    return now if same else given
 
 
 class Scene(SceneTable):

@@ -16,6 +16,11 @@ class SceneTable(BaseModel):
     # The whole scene's validator holds those of its tables, which few ask for by themselves: built on first use.
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="constants", defer_build=True)
 
+    @property
+    def says_a_file(self) -> bool:
+        """Whether numbers of a file stand in it, which may say something else by now."""
+        return False
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other entries, which knows nothing of what was computed of these ones."""
         found = super().model_copy(update=update, deep=deep)
