@@ -3,7 +3,7 @@
 Each entry (i, j) of a slice's matrices (``spatial_slice``) stands for int f N_i^T N_j dx with the shape functions of
 its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``add`` for each power of x/length
 in f, which is a polynomial by the section's growth and the link's X. Strain energy and axial tension bring such
-integrals, too. The x-z plane is the x-y plane with w' for v', and theta_y = -w' at last.
+integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _FUNCTIONS = {
 _PLANES = {"V": ("E_I_z", "phi_y"), "W": ("E_I_y", "phi_z")}
 """Nodes' coordinates of a plane of bending -> its stiffness, its flexibility in shear."""
 _SIZE = {"U": 2, "T": 2, "V": 4, "W": 4}
-_PER_ENTRY, _PER_ROW, _PER_LOAD, _TURN, _TURN_LOAD = 13, 3, 7, 96, 4
+_PER_ENTRY, _PER_SUM, _PER_LOAD = 14, 2, 8
 """Operations of the loops in ``shape_integrals``."""
 
 
@@ -83,24 +83,25 @@ class _Section:
         return P_0 + tension(*(mass.subs(along, length * s) for mass in upto))
 
     def bubble(self, functions: str, rows: str) -> str:
-        """What a kernel calls (beta, alpha) of these functions."""
+        """What a kernel calls (beta, alpha, turn) of these functions."""
         if functions in ("LINEAR", "GRADIENT"):
-            return "NONE"
-        if functions == "SHEAR":
-            return f"shear_{rows.lower()}"
-        return f"bend_{rows.lower()}" if self.shear else "HERMITE"
+            return "STRAIGHT"
+        return f"{'shear' if functions == 'SHEAR' else 'bend'}_{rows.lower()}"
 
-    def bubbles(self, rows: str) -> tuple[tuple[str, Expr], tuple[str, ...]]:
-        """The numbers of a plane's bubbles, and the statements that make pairs of them."""
+    def bubbles(self, rows: str) -> tuple[list[tuple[str, Expr]], tuple[str, ...]]:
+        """The numbers of a plane's bubbles, and the statements that make triples of them."""
         stiffness, flexibility = _PLANES[rows]
-        plane, beta = rows.lower(), 1 / (1 + PARAMETERS[flexibility])
+        plane, turn = rows.lower(), "length" if rows == "V" else "-length"
+        if not self.shear:
+            return [], (f"bend_{plane} = (1.0, 0.0, {turn})",)
+        beta = 1 / (1 + PARAMETERS[flexibility])
         numbers = [(f"beta_{plane}", beta)]
         alpha = sixth = "0.0"
         if self.varying:
             growth = PARAMETERS[f"{stiffness}_rise"] / PARAMETERS[stiffness]
             numbers += [(f"alpha_{plane}", (1 - beta) * growth / 6), (f"growth_{plane}", growth)]
             alpha, sixth = f"alpha_{plane}", f"-growth_{plane}/6.0"
-        return numbers, (f"bend_{plane} = (beta_{plane}, {alpha})", f"shear_{plane} = (1.0, {sixth})")
+        return numbers, (f"bend_{plane} = (beta_{plane}, {alpha}, {turn})", f"shear_{plane} = (1.0, {sixth}, {turn})")
 
 
 @dataclass
@@ -114,14 +115,14 @@ class _Sum:
 
     def add(self, left: tuple[str, str], right: tuple[str, str], f: Expr, g: Expr) -> None:
         """f(s) times the integral of two functions' products and g(s) times its transpose, each with its rows."""
-        if (left[0], right[0]) not in POWERS and left[0] != "SHEAR":
+        if (left[0], right[0]) not in POWERS:
             left, right, f, g = right, left, g, f
         before, beside = _powers(f), _powers(g)
         for k in sorted(before.keys() | beside.keys()):
             places = ", ".join((left[1], right[1], self.section.bubble(*left), self.section.bubble(*right)))
             factors = ", ".join(self._name(powers.get(k, S.Zero)) for powers in (before, beside))
             self.calls.append(f"add(out, {left[0]}_{right[0]}, {k}, {places}, {factors})")
-            self.operations += _SIZE[left[1]] * (_PER_ROW + _SIZE[right[1]] * _PER_ENTRY)
+            self.operations += _SIZE[left[1]] * _SIZE[right[1]] * (_PER_ENTRY + 2 * _PER_SUM)
 
     def add_load(self, functions: str, rows: str, f: Expr) -> None:
         """f(s) times the integral of functions alone."""
@@ -132,7 +133,10 @@ class _Sum:
 
     def square(self, functions: str, rows: str, f: Expr) -> None:
         """The matrix whose quadratic form is the integral of f(s) times the functions' square."""
-        self.add((functions, rows), (functions, rows), f / 2, f / 2)
+        for k, number in _powers(f).items():
+            bubble = self.section.bubble(functions, rows)
+            self.calls.append(f"add_square(out, {functions}_{functions}, {k}, {rows}, {bubble}, {self._name(number)})")
+            self.operations += _SIZE[rows] ** 2 * (_PER_ENTRY + _PER_SUM)
 
     def _name(self, number: Expr) -> str:
         if number == 0:
@@ -154,10 +158,11 @@ def _sum_of_slices(total: _Sum, target: str) -> None:
     for i, j in combinations_with_replacement(total.section.coordinates, 2):
         (left, rows, sign), (right, columns, other) = _FUNCTIONS[i], _FUNCTIONS[j]
         unit = sign * other * length / length ** [left, right].count("ROTATION")
-        if i == j:
-            unit /= 2
         f, g = (_entry(total.section, target, *at) * unit for at in ((i, j), (j, i)))
-        total.add((left, rows), (right, columns), f, g)
+        if i == j:
+            total.square(left, rows, f)
+        else:
+            total.add((left, rows), (right, columns), f, g)
 
 
 def _entry(section: _Section, target: str, i: str, j: str = "") -> Expr:
@@ -266,7 +271,7 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     _demand_terms(name, numbers)
     outputs, pairs = [], []
     text = " ".join(total.calls)
-    for rows in _PLANES if section.shear else ():
+    for rows in _PLANES:
         of_plane, made = section.bubbles(rows)
         used = [statement for statement in made if f"{statement.partition(' ')[0]}," in text]
         pairs += used
@@ -275,14 +280,13 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     inputs += [(symbol, f"s[{k}]") for k, symbol in enumerate(SCALARS)]
     raw = Program(name, tuple(symbol for symbol, _ in inputs), (), (*outputs, *numbers))
     motion = set(SCALARS) & set().union(*(number.free_symbols for _, number in numbers))
-    turned, operations = ("turn_load", _TURN_LOAD) if name == "F" else ("turn", _TURN)
     doc = _DOCS[name] + _CORRECTED * (name == "M" and section.shear)
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + " s: LINK_SCALARS." * bool(motion) + " out: zeros."
     kernel = emit.Kernel(
         share(raw), ("p", "s", "out") if motion else ("p", "out"), tuple(inputs), doc,
-        calls=(*pairs, *total.calls, f"{turned}(out, length)"),
+        calls=(*pairs, *total.calls),
     )  # fmt: skip
-    return kernel, raw, total.operations + operations
+    return kernel, raw, total.operations
 
 
 def _parameters(section: _Section) -> tuple[tuple[str, str, str], ...]:

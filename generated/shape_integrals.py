@@ -15,16 +15,13 @@ from numba import njit
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
 
-# Rows and columns of an element's nodes: u, theta_x; v, theta_z; w, -theta_y. Those that turn.
+# Rows and columns of an element's nodes: u, theta_x; v, theta_z; w, theta_y.
 U = np.array((0, 6))
 T = np.array((3, 9))
 V = np.array((1, 5, 7, 11))
 W = np.array((2, 4, 8, 10))
-TURNS = np.array((4, 5, 10, 11))
-
-# (beta, alpha) of what has no bubble, and of a beam without shear.
-NONE = (0.0, 0.0)
-HERMITE = (1.0, 0.0)
+# What add and add_load take of functions that have no bubble.
+STRAIGHT = (0.0, 0.0, 1.0)
 
 # Of the bubble's size.
 P = np.array((2.0, 1.0, -2.0, 1.0))
@@ -186,44 +183,43 @@ SHEAR_SHEAR = np.array((
 ))
 
 
-@njit(**OPTIONS)
-def add(out, table, k, rows, columns, r, c, f, g):
-    """Add f times a table to these rows and columns of out, and g times its transpose at their transposes.
+@njit(forceinline=True, **OPTIONS)
+def entry(table, k, i, j, m, n, r, c):
+    """An entry of a table with the bubbles of its row and column, whose own are the last, m and n.
 
-    r, c: (beta, alpha) of the functions that the rows and the columns belong to."""
+    r, c: (beta, alpha, turn) of the functions that the rows and the columns belong to. Every other one is a rotation:
+    turn is length for theta_z = v' and -length for theta_y = -w'."""
+    of_row = r[0] * P[i] + r[1] * Q[i]
+    of_column = c[0] * P[j] + c[1] * Q[j]
+    value = table[k, i, j] + table[k, i, n] * of_column + of_row * (table[k, m, j] + table[k, m, n] * of_column)
+    return value * (r[2] if i % 2 == 1 else 1.0) * (c[2] if j % 2 == 1 else 1.0)
+
+
+@njit(forceinline=True, **OPTIONS)
+def add_square(out, table, k, rows, r, f):
+    """Add f times a table to these rows of out and the same columns."""
+    m = rows.shape[0]
+    for i in range(m):
+        for j in range(m):
+            out[rows[i], rows[j]] += f * entry(table, k, i, j, m, m, r, r)
+
+
+@njit(forceinline=True, **OPTIONS)
+def add(out, table, k, rows, columns, r, c, f, g):
+    """Add f times a table to these rows and columns of out, and g times its transpose at their transposes."""
     m = rows.shape[0]
     n = columns.shape[0]
     for i in range(m):
-        of_row = r[0] * P[i] + r[1] * Q[i]
         for j in range(n):
-            of_column = c[0] * P[j] + c[1] * Q[j]
-            value = table[k, i, j] + table[k, i, n] * of_column
-            value += of_row * (table[k, m, j] + table[k, m, n] * of_column)
+            value = entry(table, k, i, j, m, n, r, c)
             out[rows[i], columns[j]] += f * value
             out[columns[j], rows[i]] += g * value
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def add_load(out, table, k, rows, r, f):
     """Add f times a table of functions alone to these rows of out."""
     m = rows.shape[0]
     for i in range(m):
-        out[rows[i]] += f * (table[k, i] + table[k, m] * (r[0] * P[i] + r[1] * Q[i]))
-
-
-@njit(**OPTIONS)
-def turn(out, length):
-    """From length v', length w' to theta_z = v' and theta_y = -w': the rows and columns of a matrix."""
-    for k in range(4):
-        factor = -length if k % 2 == 0 else length
-        for i in range(12):
-            out[TURNS[k], i] *= factor
-        for i in range(12):
-            out[i, TURNS[k]] *= factor
-
-
-@njit(**OPTIONS)
-def turn_load(out, length):
-    """The same of a load."""
-    for k in range(4):
-        out[TURNS[k]] *= -length if k % 2 == 0 else length
+        value = table[k, i] + table[k, m] * (r[0] * P[i] + r[1] * Q[i])
+        out[rows[i]] += f * value * (r[2] if i % 2 == 1 else 1.0)

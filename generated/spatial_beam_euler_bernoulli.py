@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against torsion alone.
 
 Operations of one call, written out -> with shared subexpressions:
-    M       657 -> 656
-    K_s     664 -> 660
-    K_d    1147 -> 1130
-    K_g    1655 -> 1618
-    C       545 -> 541
-    F       206 -> 196
+    M       643 -> 643
+    K_s     648 -> 648
+    K_d    1267 -> 1252
+    K_g    1789 -> 1752
+    C       585 -> 581
+    F       224 -> 214
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -23,9 +23,9 @@ the same kernels with a check before each call that names the argument.
 from numba import njit
 
 from kaneflex.generated.shape_integrals import (
-    CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, HERMITE, LINEAR, LINEAR_DEFLECTION,
-    LINEAR_LINEAR, NONE, SLOPE_SLOPE, T, U, V, W, add, add_load, turn, turn_load,
-)  # digest dfc3914afce9284d
+    CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load, add_square,
+)  # digest ccd45bab098cba67
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -104,12 +104,12 @@ TERMS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (657, 656),
-    'K_s': (664, 660),
-    'K_d': (1147, 1130),
-    'K_g': (1655, 1618),
-    'C': (545, 541),
-    'F': (206, 196),
+    'M': (643, 643),
+    'K_s': (648, 648),
+    'K_d': (1267, 1252),
+    'K_g': (1789, 1752),
+    'C': (585, 581),
+    'F': (224, 214),
 }
 
 
@@ -122,14 +122,14 @@ def M(p, out):
     rho_I_y = p[1]
     rho_I_z = p[2]
     length = p[8]
-    w0 = 0.5*length
-    f_0 = rho_A*w0
-    f_1 = w0*(rho_I_y + rho_I_z)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, HERMITE, HERMITE, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, HERMITE, HERMITE, f_0, f_0)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_1, f_1)
-    turn(out, length)
+    f_0 = length*rho_A
+    f_1 = length*(rho_I_y + rho_I_z)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_1)
 
 
 @njit(**OPTIONS)
@@ -142,17 +142,18 @@ def K_s(p, out):
     E_A = p[5]
     G_J = p[6]
     length = p[8]
-    w0 = 0.5/length
-    w1 = 0.5/(length*length*length)
+    w0 = 1.0/length
+    w1 = 1.0/(length*length*length)
     f_0 = E_A*w0
     f_1 = G_J*w0
     f_2 = E_I_z*w1
     f_3 = E_I_y*w1
-    add(out, GRADIENT_GRADIENT, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_1, f_1)
-    add(out, CURVATURE_CURVATURE, 0, V, V, HERMITE, HERMITE, f_2, f_2)
-    add(out, CURVATURE_CURVATURE, 0, W, W, HERMITE, HERMITE, f_3, f_3)
-    turn(out, length)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
+    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
+    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_3)
 
 
 @njit(**OPTIONS)
@@ -173,26 +174,26 @@ def K_d(p, s, out):
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
     w2 = length*rho_A
-    w3 = 0.5*w2
-    w4 = omega_x*omega_x
-    f_0 = -w3*(w0 + w1)
+    w3 = omega_x*omega_x
+    f_0 = -w2*(w0 + w1)
     f_1 = w2*(-epsilon_z + omega_x*omega_y)
     f_2 = w2*(epsilon_z + omega_x*omega_y)
     f_3 = w2*(epsilon_y + omega_x*omega_z)
     f_4 = w2*(-epsilon_y + omega_x*omega_z)
-    f_5 = -w3*(w1 + w4)
+    f_5 = -w2*(w1 + w3)
     f_6 = w2*(-epsilon_x + omega_y*omega_z)
     f_7 = w2*(epsilon_x + omega_y*omega_z)
-    f_8 = -w3*(w0 + w4)
-    f_9 = 0.5*length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, HERMITE, f_1, f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, HERMITE, f_3, f_4)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, HERMITE, HERMITE, f_5, f_5)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, HERMITE, HERMITE, f_6, f_7)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, HERMITE, HERMITE, f_8, f_8)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_9, f_9)
-    turn(out, length)
+    f_8 = -w2*(w0 + w3)
+    f_9 = length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_1, f_2)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_5)
+    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_8)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_9)
 
 
 @njit(**OPTIONS)
@@ -209,25 +210,27 @@ def K_g(p, s, out):
     a_x = s[6]
     P_0 = s[9]
     w0 = omega_y*omega_y
-    w1 = rho_A*(x_0*x_0)
-    w2 = omega_z*omega_z
-    w3 = f_0 = 0.25*(2.0*P_0 + 2.0*a_x*rho_A*x_0 - w0*w1 - w1*w2)/length
-    w4 = f_1 = 0.5*rho_A*(a_x - w0*x_0 - w2*x_0)
-    w5 = 0.25*length*rho_A*(w0 + w2)
-    f_2 = -w5
-    f_3 = I_p_A*w3
-    f_4 = I_p_A*w4
-    f_5 = -I_p_A*w5
-    add(out, SLOPE_SLOPE, 0, V, V, HERMITE, HERMITE, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, V, V, HERMITE, HERMITE, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, V, V, HERMITE, HERMITE, f_2, f_2)
-    add(out, SLOPE_SLOPE, 0, W, W, HERMITE, HERMITE, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, W, W, HERMITE, HERMITE, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, W, W, HERMITE, HERMITE, f_2, f_2)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_3, f_3)
-    add(out, GRADIENT_GRADIENT, 1, T, T, NONE, NONE, f_4, f_4)
-    add(out, GRADIENT_GRADIENT, 2, T, T, NONE, NONE, f_5, f_5)
-    turn(out, length)
+    w1 = 0.5*rho_A
+    w2 = w1*(x_0*x_0)
+    w3 = omega_z*omega_z
+    w4 = f_0 = (P_0 + a_x*rho_A*x_0 - w0*w2 - w2*w3)/length
+    w5 = f_1 = rho_A*(a_x - w0*x_0 - w3*x_0)
+    w6 = length*w1*(w0 + w3)
+    f_2 = -w6
+    f_3 = I_p_A*w4
+    f_4 = I_p_A*w5
+    f_5 = -I_p_A*w6
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
+    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
+    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
+    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
+    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
+    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_3)
+    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_4)
+    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_5)
 
 
 @njit(**OPTIONS)
@@ -244,10 +247,11 @@ def C(p, s, out):
     f_0 = -omega_z*w0
     f_1 = omega_y*w0
     f_2 = -omega_x*w0
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, HERMITE, f_0, -f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, HERMITE, f_1, -f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, HERMITE, HERMITE, f_2, -f_2)
-    turn(out, length)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, -f_0)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_1, -f_1)
+    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_2, -f_2)
 
 
 @njit(**OPTIONS)
@@ -282,14 +286,15 @@ def F(p, s, out):
     f_4 = w2*(-a_z + epsilon_y*x_0 - w5*x_0)
     f_5 = w3*(epsilon_y - w5)
     f_6 = length*(-epsilon_x*rho_I_y - epsilon_x*rho_I_z + omega_y*omega_z*rho_I_y - omega_y*omega_z*rho_I_z)
-    add_load(out, LINEAR, 0, U, NONE, f_0)
-    add_load(out, LINEAR, 1, U, NONE, f_1)
-    add_load(out, DEFLECTION, 0, V, HERMITE, f_2)
-    add_load(out, DEFLECTION, 1, V, HERMITE, f_3)
-    add_load(out, DEFLECTION, 0, W, HERMITE, f_4)
-    add_load(out, DEFLECTION, 1, W, HERMITE, f_5)
-    add_load(out, LINEAR, 0, T, NONE, f_6)
-    turn_load(out, length)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
+    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
+    add_load(out, DEFLECTION, 0, V, bend_v, f_2)
+    add_load(out, DEFLECTION, 1, V, bend_v, f_3)
+    add_load(out, DEFLECTION, 0, W, bend_w, f_4)
+    add_load(out, DEFLECTION, 1, W, bend_w, f_5)
+    add_load(out, LINEAR, 0, T, STRAIGHT, f_6)
 
 
 @njit(**OPTIONS)

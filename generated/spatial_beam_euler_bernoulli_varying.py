@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against torsion alone.
 
 Operations of one call, written out -> with shared subexpressions:
-    M      1224 -> 1222
-    K_s    1116 -> 1108
-    K_d    2289 -> 2197
-    K_g    2232 -> 2141
-    C      1009 -> 991
-    F       435 -> 394
+    M      1292 -> 1292
+    K_s    1170 -> 1166
+    K_d    2625 -> 2542
+    K_g    2444 -> 2357
+    C      1185 -> 1167
+    F       465 -> 424
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -23,10 +23,10 @@ the same kernels with a check before each call that names the argument.
 from numba import njit
 
 from kaneflex.generated.shape_integrals import (
-    CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, HERMITE, LINEAR, LINEAR_DEFLECTION,
-    LINEAR_LINEAR, NONE, SLOPE_SLOPE, T, U, V, W, add, add_load, turn, turn_load,
-)  # digest dfc3914afce9284d
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest f395ebcdb94610d3
+    CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load, add_square,
+)  # digest ccd45bab098cba67
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 4b570e9dae02a579
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -54,12 +54,12 @@ ELEMENT_PARAMETERS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1224, 1222),
-    'K_s': (1116, 1108),
-    'K_d': (2289, 2197),
-    'K_g': (2232, 2141),
-    'C': (1009, 991),
-    'F': (435, 394),
+    'M': (1292, 1292),
+    'K_s': (1170, 1166),
+    'K_d': (2625, 2542),
+    'K_g': (2444, 2357),
+    'C': (1185, 1167),
+    'F': (465, 424),
 }
 
 
@@ -75,21 +75,20 @@ def M(p, out):
     rho_A_rise = p[10]
     rho_I_y_rise = p[11]
     rho_I_z_rise = p[12]
-    w0 = 0.25*length
-    w1 = 0.5*length
-    f_0 = w0*(2.0*rho_A - rho_A_rise)
-    f_1 = rho_A_rise*w1
-    f_2 = w0*(2.0*rho_I_y - rho_I_y_rise + 2.0*rho_I_z - rho_I_z_rise)
-    f_3 = w1*(rho_I_y_rise + rho_I_z_rise)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, LINEAR_LINEAR, 1, U, U, NONE, NONE, f_1, f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, HERMITE, HERMITE, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 1, V, V, HERMITE, HERMITE, f_1, f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, HERMITE, HERMITE, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 1, W, W, HERMITE, HERMITE, f_1, f_1)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_2, f_2)
-    add(out, LINEAR_LINEAR, 1, T, T, NONE, NONE, f_3, f_3)
-    turn(out, length)
+    f_0 = length*(rho_A - 0.5*rho_A_rise)
+    f_1 = length*rho_A_rise
+    f_2 = length*(rho_I_y - 0.5*rho_I_y_rise + rho_I_z - 0.5*rho_I_z_rise)
+    f_3 = length*(rho_I_y_rise + rho_I_z_rise)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_1)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_1)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_2)
+    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_3)
 
 
 @njit(**OPTIONS)
@@ -104,23 +103,22 @@ def K_s(p, out):
     length = p[8]
     E_I_y_rise = p[13]
     E_I_z_rise = p[14]
-    w0 = 0.5/length
+    w0 = 1.0/length
     w1 = 1.0/(length*length*length)
-    w2 = 0.25*w1
-    w3 = 0.5*w1
     f_0 = E_A*w0
     f_1 = G_J*w0
-    f_2 = w2*(2.0*E_I_z - E_I_z_rise)
-    f_3 = E_I_z_rise*w3
-    f_4 = w2*(2.0*E_I_y - E_I_y_rise)
-    f_5 = E_I_y_rise*w3
-    add(out, GRADIENT_GRADIENT, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_1, f_1)
-    add(out, CURVATURE_CURVATURE, 0, V, V, HERMITE, HERMITE, f_2, f_2)
-    add(out, CURVATURE_CURVATURE, 1, V, V, HERMITE, HERMITE, f_3, f_3)
-    add(out, CURVATURE_CURVATURE, 0, W, W, HERMITE, HERMITE, f_4, f_4)
-    add(out, CURVATURE_CURVATURE, 1, W, W, HERMITE, HERMITE, f_5, f_5)
-    turn(out, length)
+    f_2 = w1*(E_I_z - 0.5*E_I_z_rise)
+    f_3 = E_I_z_rise*w1
+    f_4 = w1*(E_I_y - 0.5*E_I_y_rise)
+    f_5 = E_I_y_rise*w1
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
+    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
+    add_square(out, CURVATURE_CURVATURE, 1, V, bend_v, f_3)
+    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_4)
+    add_square(out, CURVATURE_CURVATURE, 1, W, bend_w, f_5)
 
 
 @njit(**OPTIONS)
@@ -142,66 +140,62 @@ def K_d(p, s, out):
     epsilon_y = s[4]
     epsilon_z = s[5]
     w0 = omega_z*omega_z
-    w1 = 2.0*rho_A
-    w2 = -rho_A_rise*w0 + w0*w1
-    w3 = omega_y*omega_y
-    w4 = -rho_A_rise*w3 + w1*w3
-    w5 = 0.25*length
+    w1 = rho_A*w0 - 0.5*rho_A_rise*w0
+    w2 = omega_y*omega_y
+    w3 = rho_A*w2 - 0.5*rho_A_rise*w2
+    w4 = length*rho_A_rise
+    w5 = omega_x*omega_y
     w6 = 0.5*rho_A_rise
-    w7 = length*w6
-    w8 = omega_x*omega_y
-    w9 = w6*w8
-    w10 = epsilon_z*rho_A - epsilon_z*w6
-    w11 = length*rho_A_rise
-    w12 = omega_x*omega_z
-    w13 = w12*w6
-    w14 = epsilon_y*rho_A - epsilon_y*w6
-    w15 = omega_x*omega_x
-    w16 = -rho_A_rise*w15 + w1*w15
-    w17 = omega_y*omega_z
-    w18 = w17*w6
-    w19 = epsilon_x*rho_A - epsilon_x*w6
-    w20 = rho_I_z_rise*w3
-    w21 = rho_I_y_rise*w0
-    w22 = 2.0*rho_I_y
-    w23 = rho_I_y_rise*w3
-    w24 = 2.0*rho_I_z
-    w25 = rho_I_z_rise*w0
-    f_0 = w5*(-w2 - w4)
-    f_1 = -w7*(w0 + w3)
-    f_2 = length*(omega_x*omega_y*rho_A - w10 - w9)
-    f_3 = length*(rho_A*w8 + w10 - w9)
-    f_4 = w11*(-epsilon_z + omega_x*omega_y)
-    f_5 = w11*(epsilon_z + w8)
-    f_6 = length*(rho_A*w12 - w13 + w14)
-    f_7 = length*(omega_x*omega_z*rho_A - w13 - w14)
-    f_8 = w11*(epsilon_y + w12)
-    f_9 = w11*(-epsilon_y + omega_x*omega_z)
-    f_10 = w5*(-w16 - w2)
-    f_11 = -w7*(w0 + w15)
-    f_12 = length*(omega_y*omega_z*rho_A - w18 - w19)
-    f_13 = length*(rho_A*w17 - w18 + w19)
-    f_14 = w11*(-epsilon_x + omega_y*omega_z)
-    f_15 = w11*(epsilon_x + w17)
-    f_16 = w5*(-w16 - w4)
-    f_17 = -w7*(w15 + w3)
-    f_18 = w5*(-w0*w22 + w0*w24 + w20 + w21 + w22*w3 - w23 - w24*w3 - w25)
-    f_19 = 0.5*length*(-w20 - w21 + w23 + w25)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, LINEAR_LINEAR, 1, U, U, NONE, NONE, f_1, f_1)
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, HERMITE, f_2, f_3)
-    add(out, LINEAR_DEFLECTION, 1, U, V, NONE, HERMITE, f_4, f_5)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, HERMITE, f_6, f_7)
-    add(out, LINEAR_DEFLECTION, 1, U, W, NONE, HERMITE, f_8, f_9)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, HERMITE, HERMITE, f_10, f_10)
-    add(out, DEFLECTION_DEFLECTION, 1, V, V, HERMITE, HERMITE, f_11, f_11)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, HERMITE, HERMITE, f_12, f_13)
-    add(out, DEFLECTION_DEFLECTION, 1, V, W, HERMITE, HERMITE, f_14, f_15)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, HERMITE, HERMITE, f_16, f_16)
-    add(out, DEFLECTION_DEFLECTION, 1, W, W, HERMITE, HERMITE, f_17, f_17)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_18, f_18)
-    add(out, LINEAR_LINEAR, 1, T, T, NONE, NONE, f_19, f_19)
-    turn(out, length)
+    w7 = w5*w6
+    w8 = epsilon_z*rho_A - epsilon_z*w6
+    w9 = omega_x*omega_z
+    w10 = w6*w9
+    w11 = epsilon_y*rho_A - epsilon_y*w6
+    w12 = omega_x*omega_x
+    w13 = rho_A*w12 - 0.5*rho_A_rise*w12
+    w14 = omega_y*omega_z
+    w15 = w14*w6
+    w16 = epsilon_x*rho_A - epsilon_x*w6
+    w17 = rho_I_y_rise*w2
+    w18 = rho_I_z_rise*w2
+    w19 = rho_I_y_rise*w0
+    w20 = rho_I_z_rise*w0
+    f_0 = length*(-w1 - w3)
+    f_1 = -w4*(w0 + w2)
+    f_2 = length*(omega_x*omega_y*rho_A - w7 - w8)
+    f_3 = length*(rho_A*w5 - w7 + w8)
+    f_4 = w4*(-epsilon_z + omega_x*omega_y)
+    f_5 = w4*(epsilon_z + w5)
+    f_6 = length*(rho_A*w9 - w10 + w11)
+    f_7 = length*(omega_x*omega_z*rho_A - w10 - w11)
+    f_8 = w4*(epsilon_y + w9)
+    f_9 = w4*(-epsilon_y + omega_x*omega_z)
+    f_10 = length*(-w1 - w13)
+    f_11 = -w4*(w0 + w12)
+    f_12 = length*(omega_y*omega_z*rho_A - w15 - w16)
+    f_13 = length*(rho_A*w14 - w15 + w16)
+    f_14 = w4*(-epsilon_x + omega_y*omega_z)
+    f_15 = w4*(epsilon_x + w14)
+    f_16 = length*(-w13 - w3)
+    f_17 = -w4*(w12 + w2)
+    f_18 = length*(-rho_I_y*w0 + rho_I_y*w2 + rho_I_z*w0 - rho_I_z*w2 - 0.5*w17 + 0.5*w18 + 0.5*w19 - 0.5*w20)
+    f_19 = length*(w17 - w18 - w19 + w20)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_2, f_3)
+    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_4, f_5)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_6, f_7)
+    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_8, f_9)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_10)
+    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_11)
+    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_12, f_13)
+    add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_14, f_15)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_16)
+    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_17)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_18)
+    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_19)
 
 
 @njit(**OPTIONS)
@@ -222,36 +216,35 @@ def K_g(p, s, out):
     P_0 = s[9]
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
-    w2 = f_0 = 0.5*(P_0 - S_0*w0 - S_0*w1 + a_x*m_0)/length
-    w3 = 2.0*rho_A
+    w2 = f_0 = (P_0 - S_0*w0 - S_0*w1 + a_x*m_0)/length
+    w3 = rho_A*x_0
     w4 = rho_A_rise*x_0
-    w5 = w0*w4
-    w6 = w1*w4
-    w7 = w3*x_0
-    w8 = -a_x*rho_A_rise + a_x*w3 - w0*w7 - w1*w7 + w5 + w6
-    w9 = length*w3
-    w10 = 2.0*a_x*rho_A_rise + length*rho_A_rise*w0 + length*rho_A_rise*w1 - w0*w9 - w1*w9 - 2.0*w5 - 2.0*w6
-    w11 = 0.16666666666666666*length*rho_A_rise*(w0 + w1)
-    f_1 = 0.25*w8
-    f_2 = 0.125*w10
-    f_3 = -w11
+    w5 = 0.5*w4
+    w6 = f_1 = a_x*rho_A - 0.5*a_x*rho_A_rise - w0*w3 + w0*w5 - w1*w3 + w1*w5
+    w7 = 2.0*length*rho_A
+    w8 = 2.0*w4
+    w9 = 2.0*a_x*rho_A_rise + length*rho_A_rise*w0 + length*rho_A_rise*w1 - w0*w7 - w0*w8 - w1*w7 - w1*w8
+    w10 = 0.3333333333333333*length*rho_A_rise*(w0 + w1)
+    f_2 = 0.25*w9
+    f_3 = -w10
     f_4 = I_p_A*w2
-    f_5 = 0.25*I_p_A*w8
-    f_6 = 0.125*I_p_A*w10
-    f_7 = -I_p_A*w11
-    add(out, SLOPE_SLOPE, 0, V, V, HERMITE, HERMITE, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, V, V, HERMITE, HERMITE, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, V, V, HERMITE, HERMITE, f_2, f_2)
-    add(out, SLOPE_SLOPE, 3, V, V, HERMITE, HERMITE, f_3, f_3)
-    add(out, SLOPE_SLOPE, 0, W, W, HERMITE, HERMITE, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, W, W, HERMITE, HERMITE, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, W, W, HERMITE, HERMITE, f_2, f_2)
-    add(out, SLOPE_SLOPE, 3, W, W, HERMITE, HERMITE, f_3, f_3)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_4, f_4)
-    add(out, GRADIENT_GRADIENT, 1, T, T, NONE, NONE, f_5, f_5)
-    add(out, GRADIENT_GRADIENT, 2, T, T, NONE, NONE, f_6, f_6)
-    add(out, GRADIENT_GRADIENT, 3, T, T, NONE, NONE, f_7, f_7)
-    turn(out, length)
+    f_5 = I_p_A*w6
+    f_6 = 0.25*I_p_A*w9
+    f_7 = -I_p_A*w10
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
+    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
+    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
+    add_square(out, SLOPE_SLOPE, 3, V, bend_v, f_3)
+    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
+    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
+    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
+    add_square(out, SLOPE_SLOPE, 3, W, bend_w, f_3)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_4)
+    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_5)
+    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_6)
+    add_square(out, GRADIENT_GRADIENT, 3, T, STRAIGHT, f_7)
 
 
 @njit(**OPTIONS)
@@ -280,13 +273,14 @@ def C(p, s, out):
     f_6 = w1*w5
     f_7 = w0*w5
     f_8 = -w3*w5
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, HERMITE, f_0, f_1)
-    add(out, LINEAR_DEFLECTION, 1, U, V, NONE, HERMITE, f_2, -f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, HERMITE, f_3, f_4)
-    add(out, LINEAR_DEFLECTION, 1, U, W, NONE, HERMITE, f_5, -f_5)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, HERMITE, HERMITE, f_6, f_7)
-    add(out, DEFLECTION_DEFLECTION, 1, V, W, HERMITE, HERMITE, f_8, -f_8)
-    turn(out, length)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, f_1)
+    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_2, -f_2)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
+    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_5, -f_5)
+    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
+    add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_8, -f_8)
 
 
 @njit(**OPTIONS)
@@ -334,18 +328,19 @@ def F(p, s, out):
     f_8 = w7*(epsilon_y - w10)
     f_9 = length*(-epsilon_x*rho_I_y + 0.5*epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z + 0.5*epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y + 0.5*omega_y*omega_z*rho_I_z_rise - 0.5*rho_I_y_rise*w11 - rho_I_z*w11)
     f_10 = length*(-epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y_rise - rho_I_z_rise*w11)
-    add_load(out, LINEAR, 0, U, NONE, f_0)
-    add_load(out, LINEAR, 1, U, NONE, f_1)
-    add_load(out, LINEAR, 2, U, NONE, f_2)
-    add_load(out, DEFLECTION, 0, V, HERMITE, f_3)
-    add_load(out, DEFLECTION, 1, V, HERMITE, f_4)
-    add_load(out, DEFLECTION, 2, V, HERMITE, f_5)
-    add_load(out, DEFLECTION, 0, W, HERMITE, f_6)
-    add_load(out, DEFLECTION, 1, W, HERMITE, f_7)
-    add_load(out, DEFLECTION, 2, W, HERMITE, f_8)
-    add_load(out, LINEAR, 0, T, NONE, f_9)
-    add_load(out, LINEAR, 1, T, NONE, f_10)
-    turn_load(out, length)
+    bend_v = (1.0, 0.0, length)
+    bend_w = (1.0, 0.0, -length)
+    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
+    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
+    add_load(out, LINEAR, 2, U, STRAIGHT, f_2)
+    add_load(out, DEFLECTION, 0, V, bend_v, f_3)
+    add_load(out, DEFLECTION, 1, V, bend_v, f_4)
+    add_load(out, DEFLECTION, 2, V, bend_v, f_5)
+    add_load(out, DEFLECTION, 0, W, bend_w, f_6)
+    add_load(out, DEFLECTION, 1, W, bend_w, f_7)
+    add_load(out, DEFLECTION, 2, W, bend_w, f_8)
+    add_load(out, LINEAR, 0, T, STRAIGHT, f_9)
+    add_load(out, LINEAR, 1, T, STRAIGHT, f_10)
 
 
 @njit(**OPTIONS)

@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against bending, too.
 
 Operations of one call, written out -> with shared subexpressions:
-    M      2009 -> 2000
-    K_s    1128 -> 1120
-    K_d    2090 -> 2050
-    K_g    1659 -> 1622
-    C       773 -> 769
-    F       272 -> 261
+    M      2209 -> 2202
+    K_s    1184 -> 1178
+    K_d    2416 -> 2381
+    K_g    1793 -> 1756
+    C       881 -> 877
+    F       298 -> 287
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -24,10 +24,10 @@ from numba import njit
 
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    LINEAR_ROTATION, NONE, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, T, U, V, W, add, add_load, turn,
-    turn_load,
-)  # digest dfc3914afce9284d
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest f395ebcdb94610d3
+    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load,
+    add_square,
+)  # digest ccd45bab098cba67
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 4b570e9dae02a579
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -50,12 +50,12 @@ ELEMENT_PARAMETERS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (2009, 2000),
-    'K_s': (1128, 1120),
-    'K_d': (2090, 2050),
-    'K_g': (1659, 1622),
-    'C': (773, 769),
-    'F': (272, 261),
+    'M': (2209, 2202),
+    'K_s': (1184, 1178),
+    'K_d': (2416, 2381),
+    'K_g': (1793, 1756),
+    'C': (881, 877),
+    'F': (298, 287),
 }
 
 
@@ -72,38 +72,35 @@ def M(p, out):
     length = p[8]
     phi_y = p[10]
     phi_z = p[11]
-    w0 = 0.5*length
-    w1 = 0.5/length
-    w2 = length*rho_A
-    w3 = 0.003472222222222222*w2
-    w4 = phi_y*phi_y
-    w5 = 0.010416666666666666*w2
-    w6 = phi_z*phi_z
+    w0 = f_0 = length*rho_A
+    w1 = 1.0/length
+    w2 = 0.006944444444444444*w0
+    w3 = phi_y*phi_y
+    w4 = 0.020833333333333332*w0
+    w5 = phi_z*phi_z
     beta_v = 1.0/(phi_y + 1.0)
     beta_w = 1.0/(phi_z + 1.0)
-    f_0 = rho_A*w0
-    f_1 = w0*(rho_I_y + rho_I_z)
+    f_1 = length*(rho_I_y + rho_I_z)
     f_2 = rho_I_y*w1
     f_3 = rho_I_z*w1
-    f_4 = phi_y*w3
-    f_5 = w4*w5/(2.0*phi_y + w4 + 1.0)
-    f_6 = phi_z*w3
-    f_7 = w5*w6/(2.0*phi_z + w6 + 1.0)
-    bend_v = (beta_v, 0.0)
-    shear_v = (1.0, 0.0)
-    bend_w = (beta_w, 0.0)
-    shear_w = (1.0, 0.0)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, bend_v, bend_v, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, bend_w, bend_w, f_0, f_0)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_1, f_1)
-    add(out, ROTATION_ROTATION, 0, W, W, bend_w, bend_w, f_2, f_2)
-    add(out, ROTATION_ROTATION, 0, V, V, bend_v, bend_v, f_3, f_3)
-    add(out, CURVATURE_CURVATURE, 0, V, V, bend_v, bend_v, f_4, f_4)
-    add(out, SHEAR_SHEAR, 0, V, V, shear_v, shear_v, f_5, f_5)
-    add(out, CURVATURE_CURVATURE, 0, W, W, bend_w, bend_w, f_6, f_6)
-    add(out, SHEAR_SHEAR, 0, W, W, shear_w, shear_w, f_7, f_7)
-    turn(out, length)
+    f_4 = phi_y*w2
+    f_5 = w3*w4/(2.0*phi_y + w3 + 1.0)
+    f_6 = phi_z*w2
+    f_7 = w4*w5/(2.0*phi_z + w5 + 1.0)
+    bend_v = (beta_v, 0.0, length)
+    shear_v = (1.0, 0.0, length)
+    bend_w = (beta_w, 0.0, -length)
+    shear_w = (1.0, 0.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_1)
+    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_2)
+    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_3)
+    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_4)
+    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_5)
+    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_6)
+    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_7)
 
 
 @njit(**OPTIONS)
@@ -118,29 +115,26 @@ def K_s(p, out):
     length = p[8]
     phi_y = p[10]
     phi_z = p[11]
-    w0 = 0.5/length
+    w0 = 1.0/length
     w1 = 1.0/(length*length*length)
-    w2 = 0.5*w1
-    w3 = 1.5*w1
+    w2 = f_2 = E_I_z*w1
+    w3 = f_4 = E_I_y*w1
     beta_v = 1.0/(phi_y + 1.0)
     beta_w = 1.0/(phi_z + 1.0)
     f_0 = E_A*w0
     f_1 = G_J*w0
-    f_2 = E_I_z*w2
-    f_3 = E_I_z*phi_y*w3/((phi_y*phi_y) + 2.0*phi_y + 1.0)
-    f_4 = E_I_y*w2
-    f_5 = E_I_y*phi_z*w3/((phi_z*phi_z) + 2.0*phi_z + 1.0)
-    bend_v = (beta_v, 0.0)
-    shear_v = (1.0, 0.0)
-    bend_w = (beta_w, 0.0)
-    shear_w = (1.0, 0.0)
-    add(out, GRADIENT_GRADIENT, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_1, f_1)
-    add(out, CURVATURE_CURVATURE, 0, V, V, bend_v, bend_v, f_2, f_2)
-    add(out, SHEAR_SHEAR, 0, V, V, shear_v, shear_v, f_3, f_3)
-    add(out, CURVATURE_CURVATURE, 0, W, W, bend_w, bend_w, f_4, f_4)
-    add(out, SHEAR_SHEAR, 0, W, W, shear_w, shear_w, f_5, f_5)
-    turn(out, length)
+    f_3 = 3.0*phi_y*w2/((phi_y*phi_y) + 2.0*phi_y + 1.0)
+    f_5 = 3.0*phi_z*w3/((phi_z*phi_z) + 2.0*phi_z + 1.0)
+    bend_v = (beta_v, 0.0, length)
+    shear_v = (1.0, 0.0, length)
+    bend_w = (beta_w, 0.0, -length)
+    shear_w = (1.0, 0.0, -length)
+    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
+    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
+    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_3)
+    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_4)
+    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_5)
 
 
 @njit(**OPTIONS)
@@ -163,50 +157,48 @@ def K_d(p, s, out):
     w0 = omega_y*omega_y
     w1 = omega_z*omega_z
     w2 = length*rho_A
-    w3 = 0.5*w2
-    w4 = omega_x*omega_y
-    w5 = omega_x*omega_z
-    w6 = omega_x*omega_x
-    w7 = omega_y*omega_z
-    w8 = epsilon_z*rho_I_y
-    w9 = rho_I_z*w4
-    w10 = epsilon_y*rho_I_z
-    w11 = epsilon_y*rho_I_y + rho_I_y*w5 - rho_I_z*w5
-    w12 = 0.5/length
+    w3 = omega_x*omega_y
+    w4 = omega_x*omega_z
+    w5 = omega_x*omega_x
+    w6 = omega_y*omega_z
+    w7 = epsilon_z*rho_I_y
+    w8 = rho_I_z*w3
+    w9 = epsilon_y*rho_I_z
+    w10 = epsilon_y*rho_I_y + rho_I_y*w4 - rho_I_z*w4
+    w11 = 1.0/length
     beta_v = 1.0/(phi_y + 1.0)
     beta_w = 1.0/(phi_z + 1.0)
-    f_0 = -w3*(w0 + w1)
+    f_0 = -w2*(w0 + w1)
     f_1 = w2*(-epsilon_z + omega_x*omega_y)
-    f_2 = w2*(epsilon_z + w4)
-    f_3 = w2*(epsilon_y + w5)
+    f_2 = w2*(epsilon_z + w3)
+    f_3 = w2*(epsilon_y + w4)
     f_4 = w2*(-epsilon_y + omega_x*omega_z)
-    f_5 = -w3*(w1 + w6)
+    f_5 = -w2*(w1 + w5)
     f_6 = w2*(-epsilon_x + omega_y*omega_z)
-    f_7 = w2*(epsilon_x + w7)
-    f_8 = -w3*(w0 + w6)
-    f_9 = 0.5*length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
-    f_10 = epsilon_z*rho_I_z + rho_I_y*w4 + w8 - w9
-    f_11 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y - w8 - w9
-    f_12 = w10 + w11
-    f_13 = -w10 + w11
-    f_14 = rho_I_y*w12*(-w1 + w6)
-    f_15 = w12*(epsilon_x*rho_I_y - epsilon_x*rho_I_z - rho_I_y*w7 - rho_I_z*w7)
-    f_16 = rho_I_z*w12*(-w0 + w6)
-    bend_v = (beta_v, 0.0)
-    bend_w = (beta_w, 0.0)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, bend_v, f_1, f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, bend_w, f_3, f_4)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, bend_v, bend_v, f_5, f_5)
+    f_7 = w2*(epsilon_x + w6)
+    f_8 = -w2*(w0 + w5)
+    f_9 = length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
+    f_10 = epsilon_z*rho_I_z + rho_I_y*w3 + w7 - w8
+    f_11 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y - w7 - w8
+    f_12 = w10 + w9
+    f_13 = w10 - w9
+    f_14 = rho_I_y*w11*(-w1 + w5)
+    f_15 = 0.5*w11*(epsilon_x*rho_I_y - epsilon_x*rho_I_z - rho_I_y*w6 - rho_I_z*w6)
+    f_16 = rho_I_z*w11*(-w0 + w5)
+    bend_v = (beta_v, 0.0, length)
+    bend_w = (beta_w, 0.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_1, f_2)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_5)
     add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, bend_w, bend_w, f_8, f_8)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_9, f_9)
-    add(out, LINEAR_ROTATION, 0, T, W, NONE, bend_w, f_10, f_11)
-    add(out, LINEAR_ROTATION, 0, T, V, NONE, bend_v, f_12, f_13)
-    add(out, ROTATION_ROTATION, 0, W, W, bend_w, bend_w, f_14, f_14)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_8)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_9)
+    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_10, f_11)
+    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_12, f_13)
+    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_14)
     add(out, ROTATION_ROTATION, 0, W, V, bend_w, bend_v, f_15, f_15)
-    add(out, ROTATION_ROTATION, 0, V, V, bend_v, bend_v, f_16, f_16)
-    turn(out, length)
+    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_16)
 
 
 @njit(**OPTIONS)
@@ -225,29 +217,29 @@ def K_g(p, s, out):
     a_x = s[6]
     P_0 = s[9]
     w0 = omega_y*omega_y
-    w1 = rho_A*(x_0*x_0)
-    w2 = omega_z*omega_z
-    w3 = f_0 = 0.25*(2.0*P_0 + 2.0*a_x*rho_A*x_0 - w0*w1 - w1*w2)/length
-    w4 = f_1 = 0.5*rho_A*(a_x - w0*x_0 - w2*x_0)
-    w5 = 0.25*length*rho_A*(w0 + w2)
+    w1 = 0.5*rho_A
+    w2 = w1*(x_0*x_0)
+    w3 = omega_z*omega_z
+    w4 = f_0 = (P_0 + a_x*rho_A*x_0 - w0*w2 - w2*w3)/length
+    w5 = f_1 = rho_A*(a_x - w0*x_0 - w3*x_0)
+    w6 = length*w1*(w0 + w3)
     beta_v = 1.0/(phi_y + 1.0)
     beta_w = 1.0/(phi_z + 1.0)
-    f_2 = -w5
-    f_3 = I_p_A*w3
-    f_4 = I_p_A*w4
-    f_5 = -I_p_A*w5
-    bend_v = (beta_v, 0.0)
-    bend_w = (beta_w, 0.0)
-    add(out, SLOPE_SLOPE, 0, V, V, bend_v, bend_v, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, V, V, bend_v, bend_v, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, V, V, bend_v, bend_v, f_2, f_2)
-    add(out, SLOPE_SLOPE, 0, W, W, bend_w, bend_w, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, W, W, bend_w, bend_w, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, W, W, bend_w, bend_w, f_2, f_2)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_3, f_3)
-    add(out, GRADIENT_GRADIENT, 1, T, T, NONE, NONE, f_4, f_4)
-    add(out, GRADIENT_GRADIENT, 2, T, T, NONE, NONE, f_5, f_5)
-    turn(out, length)
+    f_2 = -w6
+    f_3 = I_p_A*w4
+    f_4 = I_p_A*w5
+    f_5 = -I_p_A*w6
+    bend_v = (beta_v, 0.0, length)
+    bend_w = (beta_w, 0.0, -length)
+    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
+    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
+    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
+    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
+    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
+    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_3)
+    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_4)
+    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_5)
 
 
 @njit(**OPTIONS)
@@ -274,14 +266,13 @@ def C(p, s, out):
     f_2 = -2.0*omega_x*w1
     f_3 = rho_I_y*w0
     f_4 = rho_I_z*w2
-    bend_v = (beta_v, 0.0)
-    bend_w = (beta_w, 0.0)
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, bend_v, f_0, -f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, bend_w, f_1, -f_1)
+    bend_v = (beta_v, 0.0, length)
+    bend_w = (beta_w, 0.0, -length)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, -f_0)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_1, -f_1)
     add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_2, -f_2)
-    add(out, LINEAR_ROTATION, 0, T, W, NONE, bend_w, f_3, -f_3)
-    add(out, LINEAR_ROTATION, 0, T, V, NONE, bend_v, f_4, -f_4)
-    turn(out, length)
+    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_3, -f_3)
+    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_4, -f_4)
 
 
 @njit(**OPTIONS)
@@ -322,18 +313,17 @@ def F(p, s, out):
     f_6 = length*(-epsilon_x*rho_I_y - epsilon_x*rho_I_z + omega_y*omega_z*rho_I_y - omega_y*omega_z*rho_I_z)
     f_7 = rho_I_y*(epsilon_y + w5)
     f_8 = rho_I_z*(-epsilon_z + omega_x*omega_y)
-    bend_v = (beta_v, 0.0)
-    bend_w = (beta_w, 0.0)
-    add_load(out, LINEAR, 0, U, NONE, f_0)
-    add_load(out, LINEAR, 1, U, NONE, f_1)
+    bend_v = (beta_v, 0.0, length)
+    bend_w = (beta_w, 0.0, -length)
+    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
+    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
     add_load(out, DEFLECTION, 0, V, bend_v, f_2)
     add_load(out, DEFLECTION, 1, V, bend_v, f_3)
     add_load(out, DEFLECTION, 0, W, bend_w, f_4)
     add_load(out, DEFLECTION, 1, W, bend_w, f_5)
-    add_load(out, LINEAR, 0, T, NONE, f_6)
+    add_load(out, LINEAR, 0, T, STRAIGHT, f_6)
     add_load(out, ROTATION, 0, W, bend_w, f_7)
     add_load(out, ROTATION, 0, V, bend_v, f_8)
-    turn_load(out, length)
 
 
 @njit(**OPTIONS)

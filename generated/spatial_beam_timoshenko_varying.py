@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against bending, too.
 
 Operations of one call, written out -> with shared subexpressions:
-    M      3494 -> 3467
-    K_s    1594 -> 1575
-    K_d    4271 -> 4070
-    K_g    2248 -> 2153
-    C      1481 -> 1455
-    F       591 -> 542
+    M      3918 -> 3895
+    K_s    1720 -> 1705
+    K_d    5019 -> 4834
+    K_g    2460 -> 2369
+    C      1793 -> 1767
+    F       637 -> 588
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -24,10 +24,10 @@ from numba import njit
 
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    LINEAR_ROTATION, NONE, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, T, U, V, W, add, add_load, turn,
-    turn_load,
-)  # digest dfc3914afce9284d
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest f395ebcdb94610d3
+    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load,
+    add_square,
+)  # digest ccd45bab098cba67
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 4b570e9dae02a579
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -57,12 +57,12 @@ ELEMENT_PARAMETERS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (3494, 3467),
-    'K_s': (1594, 1575),
-    'K_d': (4271, 4070),
-    'K_g': (2248, 2153),
-    'C': (1481, 1455),
-    'F': (591, 542),
+    'M': (3918, 3895),
+    'K_s': (1720, 1705),
+    'K_d': (5019, 4834),
+    'K_g': (2460, 2369),
+    'C': (1793, 1767),
+    'F': (637, 588),
 }
 
 
@@ -90,58 +90,53 @@ def M(p, out):
     w1 = growth_v = E_I_z_rise/E_I_z
     w2 = beta_w = 1.0/(phi_z + 1.0)
     w3 = growth_w = E_I_y_rise/E_I_y
-    w4 = 0.25*length
-    w5 = 0.5*length
-    w6 = 2.0*rho_I_y - rho_I_y_rise
-    w7 = 2.0*rho_I_z - rho_I_z_rise
-    w8 = 1.0/length
-    w9 = 0.25*w8
-    w10 = 0.5*w8
-    w11 = length*rho_A
-    w12 = 0.001736111111111111*w11
-    w13 = 0.003472222222222222*w11
-    w14 = phi_y*phi_y
-    w15 = 0.010416666666666666*w11
-    w16 = phi_z*phi_z
+    w4 = rho_I_y - 0.5*rho_I_y_rise
+    w5 = rho_I_z - 0.5*rho_I_z_rise
+    w6 = 1.0/length
+    w7 = length*rho_A
+    w8 = 0.003472222222222222*w7
+    w9 = 0.006944444444444444*w7
+    w10 = phi_y*phi_y
+    w11 = 0.020833333333333332*w7
+    w12 = phi_z*phi_z
     alpha_v = 0.16666666666666666*w1*(1.0 - w0)
     alpha_w = 0.16666666666666666*w3*(1.0 - w2)
-    f_0 = w4*(2.0*rho_A - rho_A_rise)
-    f_1 = rho_A_rise*w5
-    f_2 = w4*(w6 + w7)
-    f_3 = w5*(rho_I_y_rise + rho_I_z_rise)
-    f_4 = w6*w9
-    f_5 = rho_I_y_rise*w10
-    f_6 = w7*w9
-    f_7 = rho_I_z_rise*w10
-    f_8 = phi_y*w12*(2.0 - w1)
-    f_9 = phi_y*w1*w13
-    f_10 = w14*w15/(2.0*phi_y + w14 + 1.0)
-    f_11 = phi_z*w12*(2.0 - w3)
-    f_12 = phi_z*w13*w3
-    f_13 = w15*w16/(2.0*phi_z + w16 + 1.0)
-    bend_v = (beta_v, alpha_v)
-    shear_v = (1.0, -growth_v/6.0)
-    bend_w = (beta_w, alpha_w)
-    shear_w = (1.0, -growth_w/6.0)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, LINEAR_LINEAR, 1, U, U, NONE, NONE, f_1, f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, bend_v, bend_v, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 1, V, V, bend_v, bend_v, f_1, f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, bend_w, bend_w, f_0, f_0)
-    add(out, DEFLECTION_DEFLECTION, 1, W, W, bend_w, bend_w, f_1, f_1)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_2, f_2)
-    add(out, LINEAR_LINEAR, 1, T, T, NONE, NONE, f_3, f_3)
-    add(out, ROTATION_ROTATION, 0, W, W, bend_w, bend_w, f_4, f_4)
-    add(out, ROTATION_ROTATION, 1, W, W, bend_w, bend_w, f_5, f_5)
-    add(out, ROTATION_ROTATION, 0, V, V, bend_v, bend_v, f_6, f_6)
-    add(out, ROTATION_ROTATION, 1, V, V, bend_v, bend_v, f_7, f_7)
-    add(out, CURVATURE_CURVATURE, 0, V, V, bend_v, bend_v, f_8, f_8)
-    add(out, CURVATURE_CURVATURE, 1, V, V, bend_v, bend_v, f_9, f_9)
-    add(out, SHEAR_SHEAR, 0, V, V, shear_v, shear_v, f_10, f_10)
-    add(out, CURVATURE_CURVATURE, 0, W, W, bend_w, bend_w, f_11, f_11)
-    add(out, CURVATURE_CURVATURE, 1, W, W, bend_w, bend_w, f_12, f_12)
-    add(out, SHEAR_SHEAR, 0, W, W, shear_w, shear_w, f_13, f_13)
-    turn(out, length)
+    f_0 = length*(rho_A - 0.5*rho_A_rise)
+    f_1 = length*rho_A_rise
+    f_2 = length*(w4 + w5)
+    f_3 = length*(rho_I_y_rise + rho_I_z_rise)
+    f_4 = w4*w6
+    f_5 = rho_I_y_rise*w6
+    f_6 = w5*w6
+    f_7 = rho_I_z_rise*w6
+    f_8 = phi_y*w8*(2.0 - w1)
+    f_9 = phi_y*w1*w9
+    f_10 = w10*w11/(2.0*phi_y + w10 + 1.0)
+    f_11 = phi_z*w8*(2.0 - w3)
+    f_12 = phi_z*w3*w9
+    f_13 = w11*w12/(2.0*phi_z + w12 + 1.0)
+    bend_v = (beta_v, alpha_v, length)
+    shear_v = (1.0, -growth_v/6.0, length)
+    bend_w = (beta_w, alpha_w, -length)
+    shear_w = (1.0, -growth_w/6.0, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_1)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
+    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_1)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_2)
+    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_3)
+    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_4)
+    add_square(out, ROTATION_ROTATION, 1, W, bend_w, f_5)
+    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_6)
+    add_square(out, ROTATION_ROTATION, 1, V, bend_v, f_7)
+    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_8)
+    add_square(out, CURVATURE_CURVATURE, 1, V, bend_v, f_9)
+    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_10)
+    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_11)
+    add_square(out, CURVATURE_CURVATURE, 1, W, bend_w, f_12)
+    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_13)
 
 
 @njit(**OPTIONS)
@@ -162,34 +157,31 @@ def K_s(p, out):
     w1 = growth_v = E_I_z_rise/E_I_z
     w2 = beta_w = 1.0/(phi_z + 1.0)
     w3 = growth_w = E_I_y_rise/E_I_y
-    w4 = 0.5/length
+    w4 = 1.0/length
     w5 = 1.0/(length*length*length)
-    w6 = 0.25*w5
-    w7 = 0.5*w5
-    w8 = 1.5*w5
+    w6 = 3.0*w5
     alpha_v = 0.16666666666666666*w1*(1.0 - w0)
     alpha_w = 0.16666666666666666*w3*(1.0 - w2)
     f_0 = E_A*w4
     f_1 = G_J*w4
-    f_2 = w6*(2.0*E_I_z - E_I_z_rise)
-    f_3 = E_I_z_rise*w7
-    f_4 = E_I_z*phi_y*w8/((phi_y*phi_y) + 2.0*phi_y + 1.0)
-    f_5 = w6*(2.0*E_I_y - E_I_y_rise)
-    f_6 = E_I_y_rise*w7
-    f_7 = E_I_y*phi_z*w8/((phi_z*phi_z) + 2.0*phi_z + 1.0)
-    bend_v = (beta_v, alpha_v)
-    shear_v = (1.0, -growth_v/6.0)
-    bend_w = (beta_w, alpha_w)
-    shear_w = (1.0, -growth_w/6.0)
-    add(out, GRADIENT_GRADIENT, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_1, f_1)
-    add(out, CURVATURE_CURVATURE, 0, V, V, bend_v, bend_v, f_2, f_2)
-    add(out, CURVATURE_CURVATURE, 1, V, V, bend_v, bend_v, f_3, f_3)
-    add(out, SHEAR_SHEAR, 0, V, V, shear_v, shear_v, f_4, f_4)
-    add(out, CURVATURE_CURVATURE, 0, W, W, bend_w, bend_w, f_5, f_5)
-    add(out, CURVATURE_CURVATURE, 1, W, W, bend_w, bend_w, f_6, f_6)
-    add(out, SHEAR_SHEAR, 0, W, W, shear_w, shear_w, f_7, f_7)
-    turn(out, length)
+    f_2 = w5*(E_I_z - 0.5*E_I_z_rise)
+    f_3 = E_I_z_rise*w5
+    f_4 = E_I_z*phi_y*w6/((phi_y*phi_y) + 2.0*phi_y + 1.0)
+    f_5 = w5*(E_I_y - 0.5*E_I_y_rise)
+    f_6 = E_I_y_rise*w5
+    f_7 = E_I_y*phi_z*w6/((phi_z*phi_z) + 2.0*phi_z + 1.0)
+    bend_v = (beta_v, alpha_v, length)
+    shear_v = (1.0, -growth_v/6.0, length)
+    bend_w = (beta_w, alpha_w, -length)
+    shear_w = (1.0, -growth_w/6.0, -length)
+    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
+    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
+    add_square(out, CURVATURE_CURVATURE, 1, V, bend_v, f_3)
+    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_4)
+    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_5)
+    add_square(out, CURVATURE_CURVATURE, 1, W, bend_w, f_6)
+    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_7)
 
 
 @njit(**OPTIONS)
@@ -219,116 +211,111 @@ def K_d(p, s, out):
     w0 = beta_v = 1.0/(phi_y + 1.0)
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = omega_z*omega_z
-    w3 = 2.0*rho_A
-    w4 = -rho_A_rise*w2 + w2*w3
-    w5 = omega_y*omega_y
-    w6 = -rho_A_rise*w5 + w3*w5
-    w7 = 0.25*length
+    w3 = rho_A*w2 - 0.5*rho_A_rise*w2
+    w4 = omega_y*omega_y
+    w5 = rho_A*w4 - 0.5*rho_A_rise*w4
+    w6 = length*rho_A_rise
+    w7 = omega_x*omega_y
     w8 = 0.5*rho_A_rise
-    w9 = length*w8
-    w10 = omega_x*omega_y
-    w11 = w10*w8
-    w12 = epsilon_z*rho_A - epsilon_z*w8
-    w13 = length*rho_A_rise
-    w14 = omega_x*omega_z
-    w15 = w14*w8
-    w16 = epsilon_y*rho_A - epsilon_y*w8
-    w17 = omega_x*omega_x
-    w18 = -rho_A_rise*w17 + w17*w3
-    w19 = omega_y*omega_z
-    w20 = w19*w8
-    w21 = epsilon_x*rho_A - epsilon_x*w8
-    w22 = rho_I_y_rise*w5
-    w23 = rho_I_z_rise*w2
-    w24 = 2.0*rho_I_y
-    w25 = 2.0*rho_I_z
-    w26 = rho_I_y_rise*w2
-    w27 = -w2*w24 + w26
-    w28 = rho_I_z_rise*w5
-    w29 = -w25*w5 + w28
-    w30 = epsilon_z*rho_I_z_rise
-    w31 = 0.5*w30
-    w32 = rho_I_z_rise*w10
-    w33 = rho_I_z*w10
-    w34 = rho_I_y_rise*w10
+    w9 = w7*w8
+    w10 = epsilon_z*rho_A - epsilon_z*w8
+    w11 = omega_x*omega_z
+    w12 = w11*w8
+    w13 = epsilon_y*rho_A - epsilon_y*w8
+    w14 = omega_x*omega_x
+    w15 = rho_A*w14 - 0.5*rho_A_rise*w14
+    w16 = omega_y*omega_z
+    w17 = w16*w8
+    w18 = epsilon_x*rho_A - epsilon_x*w8
+    w19 = rho_I_y_rise*w4
+    w20 = rho_I_z_rise*w2
+    w21 = rho_I_y_rise*w2
+    w22 = -rho_I_y*w2 + 0.5*w21
+    w23 = rho_I_z_rise*w4
+    w24 = -rho_I_z*w4 + 0.5*w23
+    w25 = epsilon_z*rho_I_z_rise
+    w26 = 0.5*w25
+    w27 = rho_I_z_rise*w7
+    w28 = rho_I_z*w7
+    w29 = rho_I_y_rise*w7
+    w30 = 0.5*w29
+    w31 = epsilon_z*rho_I_y_rise
+    w32 = epsilon_z*rho_I_y - 0.5*w31
+    w33 = epsilon_y*rho_I_z
+    w34 = epsilon_y*rho_I_z_rise
     w35 = 0.5*w34
-    w36 = epsilon_z*rho_I_y_rise
-    w37 = epsilon_z*rho_I_y - 0.5*w36
-    w38 = epsilon_y*rho_I_z
-    w39 = epsilon_y*rho_I_z_rise
-    w40 = 0.5*w39
-    w41 = epsilon_y*rho_I_y_rise
-    w42 = rho_I_z_rise*w14
-    w43 = rho_I_y_rise*w14
-    w44 = epsilon_y*rho_I_y + rho_I_y*w14 - rho_I_z*w14 - 0.5*w41 + 0.5*w42 - 0.5*w43
-    w45 = w41 - w42 + w43
-    w46 = 1.0/length
-    w47 = 0.25*w46
-    w48 = 0.5*w46
-    w49 = -epsilon_x*rho_I_y_rise + epsilon_x*rho_I_z_rise + rho_I_y_rise*w19 + rho_I_z_rise*w19
+    w36 = epsilon_y*rho_I_y_rise
+    w37 = rho_I_z_rise*w11
+    w38 = rho_I_y_rise*w11
+    w39 = epsilon_y*rho_I_y + rho_I_y*w11 - rho_I_z*w11 - 0.5*w36 + 0.5*w37 - 0.5*w38
+    w40 = w36 - w37 + w38
+    w41 = 1.0/length
+    w42 = 0.5*w14
+    w43 = 2.0*epsilon_x
+    w44 = 2.0*w16
+    w45 = -epsilon_x*rho_I_y_rise + epsilon_x*rho_I_z_rise + rho_I_y_rise*w16 + rho_I_z_rise*w16
     alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
     alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
-    f_0 = w7*(-w4 - w6)
-    f_1 = -w9*(w2 + w5)
-    f_2 = length*(omega_x*omega_y*rho_A - w11 - w12)
-    f_3 = length*(rho_A*w10 - w11 + w12)
-    f_4 = w13*(-epsilon_z + omega_x*omega_y)
-    f_5 = w13*(epsilon_z + w10)
-    f_6 = length*(rho_A*w14 - w15 + w16)
-    f_7 = length*(omega_x*omega_z*rho_A - w15 - w16)
-    f_8 = w13*(epsilon_y + w14)
-    f_9 = w13*(-epsilon_y + omega_x*omega_z)
-    f_10 = w7*(-w18 - w4)
-    f_11 = -w9*(w17 + w2)
-    f_12 = length*(omega_y*omega_z*rho_A - w20 - w21)
-    f_13 = length*(rho_A*w19 - w20 + w21)
-    f_14 = w13*(-epsilon_x + omega_y*omega_z)
-    f_15 = w13*(epsilon_x + w19)
-    f_16 = w7*(-w18 - w6)
-    f_17 = -w9*(w17 + w5)
-    f_18 = w7*(w2*w25 - w22 - w23 + w24*w5 + w27 + w29)
-    f_19 = 0.5*length*(w22 + w23 - w26 - w28)
-    f_20 = epsilon_z*rho_I_z + rho_I_y*w10 - w31 + 0.5*w32 - w33 - w35 + w37
-    f_21 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w31 - w33 - w35 - w37
-    f_22 = w30 - w32 + w34 + w36
-    f_23 = epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_y_rise - w32 - w36
-    f_24 = w38 - w40 + w44
-    f_25 = -w38 + w40 + w44
-    f_26 = w39 + w45
-    f_27 = -w39 + w45
-    f_28 = w47*(-rho_I_y_rise*w17 + w17*w24 + w27)
-    f_29 = rho_I_y_rise*w48*(w17 - w2)
-    f_30 = w47*(epsilon_x*w24 - epsilon_x*w25 - w19*w24 - w19*w25 + w49)
-    f_31 = -w48*w49
-    f_32 = w47*(-rho_I_z_rise*w17 + w17*w25 + w29)
-    f_33 = rho_I_z_rise*w48*(w17 - w5)
-    bend_v = (beta_v, alpha_v)
-    bend_w = (beta_w, alpha_w)
-    add(out, LINEAR_LINEAR, 0, U, U, NONE, NONE, f_0, f_0)
-    add(out, LINEAR_LINEAR, 1, U, U, NONE, NONE, f_1, f_1)
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, bend_v, f_2, f_3)
-    add(out, LINEAR_DEFLECTION, 1, U, V, NONE, bend_v, f_4, f_5)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, bend_w, f_6, f_7)
-    add(out, LINEAR_DEFLECTION, 1, U, W, NONE, bend_w, f_8, f_9)
-    add(out, DEFLECTION_DEFLECTION, 0, V, V, bend_v, bend_v, f_10, f_10)
-    add(out, DEFLECTION_DEFLECTION, 1, V, V, bend_v, bend_v, f_11, f_11)
+    f_0 = length*(-w3 - w5)
+    f_1 = -w6*(w2 + w4)
+    f_2 = length*(omega_x*omega_y*rho_A - w10 - w9)
+    f_3 = length*(rho_A*w7 + w10 - w9)
+    f_4 = w6*(-epsilon_z + omega_x*omega_y)
+    f_5 = w6*(epsilon_z + w7)
+    f_6 = length*(rho_A*w11 - w12 + w13)
+    f_7 = length*(omega_x*omega_z*rho_A - w12 - w13)
+    f_8 = w6*(epsilon_y + w11)
+    f_9 = w6*(-epsilon_y + omega_x*omega_z)
+    f_10 = length*(-w15 - w3)
+    f_11 = -w6*(w14 + w2)
+    f_12 = length*(omega_y*omega_z*rho_A - w17 - w18)
+    f_13 = length*(rho_A*w16 - w17 + w18)
+    f_14 = w6*(-epsilon_x + omega_y*omega_z)
+    f_15 = w6*(epsilon_x + w16)
+    f_16 = length*(-w15 - w5)
+    f_17 = -w6*(w14 + w4)
+    f_18 = length*(rho_I_y*w4 + rho_I_z*w2 - 0.5*w19 - 0.5*w20 + w22 + w24)
+    f_19 = length*(w19 + w20 - w21 - w23)
+    f_20 = epsilon_z*rho_I_z + rho_I_y*w7 - w26 + 0.5*w27 - w28 - w30 + w32
+    f_21 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w26 - w28 - w30 - w32
+    f_22 = w25 - w27 + w29 + w31
+    f_23 = epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_y_rise - w27 - w31
+    f_24 = w33 - w35 + w39
+    f_25 = -w33 + w35 + w39
+    f_26 = w34 + w40
+    f_27 = -w34 + w40
+    f_28 = w41*(rho_I_y*w14 - rho_I_y_rise*w42 + w22)
+    f_29 = rho_I_y_rise*w41*(w14 - w2)
+    f_30 = 0.25*w41*(rho_I_y*w43 - rho_I_y*w44 - rho_I_z*w43 - rho_I_z*w44 + w45)
+    f_31 = -0.5*w41*w45
+    f_32 = w41*(rho_I_z*w14 - rho_I_z_rise*w42 + w24)
+    f_33 = rho_I_z_rise*w41*(w14 - w4)
+    bend_v = (beta_v, alpha_v, length)
+    bend_w = (beta_w, alpha_w, -length)
+    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
+    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_2, f_3)
+    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_4, f_5)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_6, f_7)
+    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_8, f_9)
+    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_10)
+    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_11)
     add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_12, f_13)
     add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_14, f_15)
-    add(out, DEFLECTION_DEFLECTION, 0, W, W, bend_w, bend_w, f_16, f_16)
-    add(out, DEFLECTION_DEFLECTION, 1, W, W, bend_w, bend_w, f_17, f_17)
-    add(out, LINEAR_LINEAR, 0, T, T, NONE, NONE, f_18, f_18)
-    add(out, LINEAR_LINEAR, 1, T, T, NONE, NONE, f_19, f_19)
-    add(out, LINEAR_ROTATION, 0, T, W, NONE, bend_w, f_20, f_21)
-    add(out, LINEAR_ROTATION, 1, T, W, NONE, bend_w, f_22, f_23)
-    add(out, LINEAR_ROTATION, 0, T, V, NONE, bend_v, f_24, f_25)
-    add(out, LINEAR_ROTATION, 1, T, V, NONE, bend_v, f_26, f_27)
-    add(out, ROTATION_ROTATION, 0, W, W, bend_w, bend_w, f_28, f_28)
-    add(out, ROTATION_ROTATION, 1, W, W, bend_w, bend_w, f_29, f_29)
+    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_16)
+    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_17)
+    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_18)
+    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_19)
+    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_20, f_21)
+    add(out, LINEAR_ROTATION, 1, T, W, STRAIGHT, bend_w, f_22, f_23)
+    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_24, f_25)
+    add(out, LINEAR_ROTATION, 1, T, V, STRAIGHT, bend_v, f_26, f_27)
+    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_28)
+    add_square(out, ROTATION_ROTATION, 1, W, bend_w, f_29)
     add(out, ROTATION_ROTATION, 0, W, V, bend_w, bend_v, f_30, f_30)
     add(out, ROTATION_ROTATION, 1, W, V, bend_w, bend_v, f_31, f_31)
-    add(out, ROTATION_ROTATION, 0, V, V, bend_v, bend_v, f_32, f_32)
-    add(out, ROTATION_ROTATION, 1, V, V, bend_v, bend_v, f_33, f_33)
-    turn(out, length)
+    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_32)
+    add_square(out, ROTATION_ROTATION, 1, V, bend_v, f_33)
 
 
 @njit(**OPTIONS)
@@ -357,40 +344,37 @@ def K_g(p, s, out):
     w1 = beta_w = 1.0/(phi_z + 1.0)
     w2 = omega_y*omega_y
     w3 = omega_z*omega_z
-    w4 = f_0 = 0.5*(P_0 - S_0*w2 - S_0*w3 + a_x*m_0)/length
-    w5 = 2.0*rho_A
+    w4 = f_0 = (P_0 - S_0*w2 - S_0*w3 + a_x*m_0)/length
+    w5 = rho_A*x_0
     w6 = rho_A_rise*x_0
-    w7 = w2*w6
-    w8 = w3*w6
-    w9 = w5*x_0
-    w10 = -a_x*rho_A_rise + a_x*w5 - w2*w9 - w3*w9 + w7 + w8
-    w11 = length*w5
-    w12 = 2.0*a_x*rho_A_rise + length*rho_A_rise*w2 + length*rho_A_rise*w3 - w11*w2 - w11*w3 - 2.0*w7 - 2.0*w8
-    w13 = 0.16666666666666666*length*rho_A_rise*(w2 + w3)
+    w7 = 0.5*w6
+    w8 = f_1 = a_x*rho_A - 0.5*a_x*rho_A_rise - w2*w5 + w2*w7 - w3*w5 + w3*w7
+    w9 = 2.0*length*rho_A
+    w10 = 2.0*w6
+    w11 = 2.0*a_x*rho_A_rise + length*rho_A_rise*w2 + length*rho_A_rise*w3 - w10*w2 - w10*w3 - w2*w9 - w3*w9
+    w12 = 0.3333333333333333*length*rho_A_rise*(w2 + w3)
     alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
     alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
-    f_1 = 0.25*w10
-    f_2 = 0.125*w12
-    f_3 = -w13
+    f_2 = 0.25*w11
+    f_3 = -w12
     f_4 = I_p_A*w4
-    f_5 = 0.25*I_p_A*w10
-    f_6 = 0.125*I_p_A*w12
-    f_7 = -I_p_A*w13
-    bend_v = (beta_v, alpha_v)
-    bend_w = (beta_w, alpha_w)
-    add(out, SLOPE_SLOPE, 0, V, V, bend_v, bend_v, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, V, V, bend_v, bend_v, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, V, V, bend_v, bend_v, f_2, f_2)
-    add(out, SLOPE_SLOPE, 3, V, V, bend_v, bend_v, f_3, f_3)
-    add(out, SLOPE_SLOPE, 0, W, W, bend_w, bend_w, f_0, f_0)
-    add(out, SLOPE_SLOPE, 1, W, W, bend_w, bend_w, f_1, f_1)
-    add(out, SLOPE_SLOPE, 2, W, W, bend_w, bend_w, f_2, f_2)
-    add(out, SLOPE_SLOPE, 3, W, W, bend_w, bend_w, f_3, f_3)
-    add(out, GRADIENT_GRADIENT, 0, T, T, NONE, NONE, f_4, f_4)
-    add(out, GRADIENT_GRADIENT, 1, T, T, NONE, NONE, f_5, f_5)
-    add(out, GRADIENT_GRADIENT, 2, T, T, NONE, NONE, f_6, f_6)
-    add(out, GRADIENT_GRADIENT, 3, T, T, NONE, NONE, f_7, f_7)
-    turn(out, length)
+    f_5 = I_p_A*w8
+    f_6 = 0.25*I_p_A*w11
+    f_7 = -I_p_A*w12
+    bend_v = (beta_v, alpha_v, length)
+    bend_w = (beta_w, alpha_w, -length)
+    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
+    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
+    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
+    add_square(out, SLOPE_SLOPE, 3, V, bend_v, f_3)
+    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
+    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
+    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
+    add_square(out, SLOPE_SLOPE, 3, W, bend_w, f_3)
+    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_4)
+    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_5)
+    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_6)
+    add_square(out, GRADIENT_GRADIENT, 3, T, STRAIGHT, f_7)
 
 
 @njit(**OPTIONS)
@@ -441,19 +425,18 @@ def C(p, s, out):
     f_12 = omega_y*w9
     f_13 = -omega_y*w9
     f_14 = 2.0*omega_y*rho_I_z_rise
-    bend_v = (beta_v, alpha_v)
-    bend_w = (beta_w, alpha_w)
-    add(out, LINEAR_DEFLECTION, 0, U, V, NONE, bend_v, f_0, f_1)
-    add(out, LINEAR_DEFLECTION, 1, U, V, NONE, bend_v, f_2, -f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, NONE, bend_w, f_3, f_4)
-    add(out, LINEAR_DEFLECTION, 1, U, W, NONE, bend_w, f_5, -f_5)
+    bend_v = (beta_v, alpha_v, length)
+    bend_w = (beta_w, alpha_w, -length)
+    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, f_1)
+    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_2, -f_2)
+    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
+    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_5, -f_5)
     add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
     add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_8, -f_8)
-    add(out, LINEAR_ROTATION, 0, T, W, NONE, bend_w, f_9, f_10)
-    add(out, LINEAR_ROTATION, 1, T, W, NONE, bend_w, f_11, -f_11)
-    add(out, LINEAR_ROTATION, 0, T, V, NONE, bend_v, f_12, f_13)
-    add(out, LINEAR_ROTATION, 1, T, V, NONE, bend_v, f_14, -f_14)
-    turn(out, length)
+    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_9, f_10)
+    add(out, LINEAR_ROTATION, 1, T, W, STRAIGHT, bend_w, f_11, -f_11)
+    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_12, f_13)
+    add(out, LINEAR_ROTATION, 1, T, V, STRAIGHT, bend_v, f_14, -f_14)
 
 
 @njit(**OPTIONS)
@@ -517,24 +500,23 @@ def F(p, s, out):
     f_12 = rho_I_y_rise*(epsilon_y + w13)
     f_13 = -epsilon_z*rho_I_z + 0.5*epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_z - 0.5*rho_I_z_rise*w12
     f_14 = rho_I_z_rise*(-epsilon_z + omega_x*omega_y)
-    bend_v = (beta_v, alpha_v)
-    bend_w = (beta_w, alpha_w)
-    add_load(out, LINEAR, 0, U, NONE, f_0)
-    add_load(out, LINEAR, 1, U, NONE, f_1)
-    add_load(out, LINEAR, 2, U, NONE, f_2)
+    bend_v = (beta_v, alpha_v, length)
+    bend_w = (beta_w, alpha_w, -length)
+    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
+    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
+    add_load(out, LINEAR, 2, U, STRAIGHT, f_2)
     add_load(out, DEFLECTION, 0, V, bend_v, f_3)
     add_load(out, DEFLECTION, 1, V, bend_v, f_4)
     add_load(out, DEFLECTION, 2, V, bend_v, f_5)
     add_load(out, DEFLECTION, 0, W, bend_w, f_6)
     add_load(out, DEFLECTION, 1, W, bend_w, f_7)
     add_load(out, DEFLECTION, 2, W, bend_w, f_8)
-    add_load(out, LINEAR, 0, T, NONE, f_9)
-    add_load(out, LINEAR, 1, T, NONE, f_10)
+    add_load(out, LINEAR, 0, T, STRAIGHT, f_9)
+    add_load(out, LINEAR, 1, T, STRAIGHT, f_10)
     add_load(out, ROTATION, 0, W, bend_w, f_11)
     add_load(out, ROTATION, 1, W, bend_w, f_12)
     add_load(out, ROTATION, 0, V, bend_v, f_13)
     add_load(out, ROTATION, 1, V, bend_v, f_14)
-    turn_load(out, length)
 
 
 @njit(**OPTIONS)
