@@ -67,7 +67,7 @@ def test_a_motion_made_up_is_found_to_rounding(shift):
     orbit = periodic_orbit(system, table, 0.4, PERIOD, 1e-12)
     assert orbit.reason == "" and orbit.error < 1e-12
     for found, expected in zip(orbit.at(150), motion(0.4 + PERIOD / 150 * np.arange(150)), strict=True):
-        np.testing.assert_allclose(found.T, expected, rtol=0, atol=1e-10 * abs(expected).max())
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * abs(expected).max())
 
 
 @njit
@@ -126,7 +126,7 @@ def test_more_harmonics_than_instants_are_read_right():
     orbit = periodic_orbit(system, late, 0.0, PERIOD, 1e-10)
     few, many = orbit.at(36), orbit.at(720)
     for one, other in zip(few, many, strict=True):
-        np.testing.assert_allclose(one, other[::20], rtol=0, atol=1e-12 * abs(other).max())
+        np.testing.assert_allclose(one, other[:, ::20], rtol=0, atol=1e-12 * abs(other).max())
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_time_steps_find_the_same(name, settings):
     stepped = simulate(load(with_settings(scene, ["solve.integrator=radau", f"solve.steps={steps}"])))
     one, other = spectral.trajectory, stepped.trajectory
     assert abs(one.multipliers[0]) == pytest.approx(abs(other.multipliers[0]), rel=0.1, abs=2e-3)
-    for found, expected, allowed in ((one.z, other.z, 3e-6), (one.v, other.v, 1e-4)):
+    for found, expected, allowed in ((one.z, other.z, 5e-6), (one.v, other.v, 1e-4)):
         apart = np.sqrt(((found - expected[::4]) ** 2).mean() / (expected**2).mean())
         assert apart < allowed
 

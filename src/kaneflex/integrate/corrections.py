@@ -40,6 +40,36 @@ def _from_instants(x, square, signal):
 
 
 @compiled
+def _resampled(n, start, circle, signals, z):
+    """The trigonometric polynomial through start, (n, N or fewer instants), at all instants."""
+    count, fewer = LANES * len(z), start.shape[1]
+    cosine, sine = circle[0][:: count // fewer].copy(), circle[1][:: count // fewer].copy()
+    few = _signals(fewer // LANES)
+    for square in range(z.shape[1] // LANES):
+        few[0][:] = few[1][:] = 0.0
+        numbers = few[0].ravel()
+        for i in range(square * LANES, min(n, (square + 1) * LANES)):
+            for t in range(fewer):
+                numbers[LANES * t + i - square * LANES] = start[i, t]
+        if fewer == count:
+            _from_instants(z, square, few[0])
+            continue
+        x, y, _, _ = transform(few[0], few[1], few[2], few[3], cosine, sine)
+        re, im, spare_re, spare_im = signals
+        re[:] = im[:] = 0.0
+        for k in range(fewer // 2):
+            store(re, k, load(x, k) * (1.0 / fewer))
+            store(im, k, load(y, k) * (1.0 / fewer))
+            store(re, count - 1 - k, load(x, fewer - 1 - k) * (1.0 / fewer))
+            store(im, count - 1 - k, load(y, fewer - 1 - k) * (1.0 / fewer))
+        highest = load(re, count - fewer // 2) * 0.5  # half of it belongs to the harmonic fewer / 2
+        store(re, fewer // 2, highest)
+        store(re, count - fewer // 2, highest)
+        _, found, _, _ = transform(im, re, spare_im, spare_re, circle[0], circle[1])
+        _from_instants(z, square, found)
+
+
+@compiled
 def _signals(blocks):
     """Four of eight rows: real and imaginary part, and what a transform needs beside them."""
     shape = (LANES, LANES * blocks)
@@ -196,7 +226,7 @@ def _conjugate(steps, changes, count, rest, z):
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 @made_of(lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
 def corrected(n, w, sums, factor, shapes, modes, circle, omega, start, tolerance, share, over_tail, slowest, most):
-    """The motion on one grid, from `start`, (n, N) or empty, as far as this grid is worth it.
+    """The motion on one grid, from `start`, at N or fewer instants or empty, as far as this grid is worth it.
 
     shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, squares, LANES)
     share: of the first remainder, that is enough
@@ -217,10 +247,7 @@ def corrected(n, w, sums, factor, shapes, modes, circle, omega, start, tolerance
     step, change = np.zeros((blocks, padded, LANES)), np.zeros((blocks, padded, LANES))
     size = 0.0
     if start.size:
-        for i in range(n):
-            for lane in range(LANES):
-                for b in range(blocks):
-                    z[b, i, lane] = start[i, lane * blocks + b]
+        _resampled(n, start, circle, signals, z)
         size = _strain(n, w, sums, z)
         _forces(n, w, sums, circle, omega, z, v, a, signals, rest)
     for b in range(blocks):

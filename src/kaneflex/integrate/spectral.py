@@ -25,6 +25,8 @@ FEWEST, MOST = 64, 8192
 """Instants of a cycle that are tried."""
 _TELLING = 512
 """Instants from which on the harmonics' decay says how many would be needed."""
+_FAR = 30.0
+"""Times the tolerance that FEWEST leave out from which on twice as many are no use."""
 _MOST_NUMBERS = 4e7
 """In each of the matrices, at all instants: 320 MB."""
 _MODES = 16
@@ -105,7 +107,7 @@ class Grid:
         self, z: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
         slowest: float = _SLOWEST,
     ) -> Orbit:  # fmt: skip
-        """The motion on this grid, from one that is near if there is any: as far as this grid is worth it.
+        """The motion on this grid, from one at as many instants or fewer, if any: as far as this grid is worth it.
 
         share: of the first remainder, that is enough
         """
@@ -175,13 +177,12 @@ class Orbit:
         left = f"{self.last:.1e} of the motion, its highest harmonics {self.tail:.1e}"
         return f"spectral: {self.z.shape[1]} instants of the cycle, {corrections} leave {left}"
 
-    def at(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z, z', z'' at `count` instants of the cycle, each (count, n)."""
+    def at(self, count: int) -> np.ndarray:
+        """z, z', z'' at `count` instants of the cycle, shape (3, n, count)."""
         harmonics, rate = np.fft.rfft(self.z, axis=1), 1j * self.grid.frequencies
         harmonics[:, -1] *= 0.5  # half of it belongs to the harmonic -N / 2
         parts = np.concatenate((harmonics, harmonics * rate, harmonics * rate**2))
-        z, v, a = np.split(_sampled(parts, self.grid.instants, count).T, 3, axis=1)
-        return z, v, a
+        return _sampled(parts, self.grid.instants, count).reshape(3, -1, count)
 
 
 def _sampled(harmonics: np.ndarray, instants: int, count: int) -> np.ndarray:
@@ -225,16 +226,16 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
     instants, corrections, z, before, grid = FEWEST, 0, None, 1.0, None
     while True:
         grid = Grid.of(system, table, t0, period, instants, grid)
-        z = None if z is None else at_instants(z, instants)
         found = grid.corrected(z, tolerance)
         corrections += found.corrections
         if found.reason or found.error <= tolerance:
             break
         fewer = math.log2(max(before / found.tail, 1.0 + 1e-9))  # a resonance may keep the tail of a coarse grid up
         more = 1.0 if instants < _TELLING else max(math.log2(found.tail / tolerance) / fewer, 1.0)
+        times = 4 if instants == FEWEST and found.tail > _FAR * tolerance else 2
         if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
             reason = f"its harmonics die away too slowly: {share}"
             return replace(found, corrections=corrections, reason=reason)
-        z, before, instants = found.z, found.tail, 2 * instants
+        z, before, instants = found.z, found.tail, times * instants
     return replace(found, corrections=corrections)
