@@ -1,4 +1,4 @@
-"""Section: points of a parameter sweep a second, in one process and in one for each core; cycles in lanes."""
+"""Section: points of a parameter sweep a second, in one process and in one for each core; cycles alone."""
 
 from __future__ import annotations
 

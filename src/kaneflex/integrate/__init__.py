@@ -1,8 +1,8 @@
 """Integrators of M(t) z'' + C(t) z' + K(t) z = F(t), reading a table of the motion's scalars.
 
-run, batch                integrate one system; several of them side by side
+run                       integrate a system
 methods, outcome          which methods there are; how a run ended
-system, streams           what is integrated; its table, in pieces, in segments of time or runs side by side
+system, streams           what is integrated; its table, in pieces or in segments of time
 stepping, periodic        drive the loops over a run, and to the motion that repeats itself
 spectral, disturbances    that motion by its harmonics, without steps; whether it attracts its neighbours
 instants, corrections     the compiled parts of that

@@ -71,7 +71,7 @@ def _handed_over(lanes, rows):
 
 @inlined
 def affine_sum(packed, scalars, row, sums, begin):
-    """M, C, K and F at one row of the table: sum of scalar x constant, one for all lanes or one in each.
+    """M, C, K and F at one row of the table: sum of scalar x constant.
 
     begin: where in `sums` they go
     """

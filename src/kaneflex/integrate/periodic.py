@@ -57,11 +57,7 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
     found then repeats itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest
     modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
     """
-    return periodic_beginning(over_a_cycle(setup, period_steps), setup, period_steps)
-
-
-def periodic_beginning(cycle: Cycle, setup: Setup, period_steps: int) -> Beginning:
-    """The periodic state by what a cycle makes of every unit state, as :func:`periodic_state` has it."""
+    cycle = over_a_cycle(setup, period_steps)
     if cycle.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, cycle.outcome, cycle.message)
     multipliers = leading(np.linalg.eigvals(cycle.monodromy), setup.system.n)

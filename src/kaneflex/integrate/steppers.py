@@ -24,8 +24,7 @@ Lanes. Matrices are added up and factorised for LANES steps at once, a number of
 and written by `store`. So the table of `newmark` and `collocation` has the shape (blocks * nodes, n_scalars, LANES):
 step LANES * b + l is in block b, lane l, with its scalars at the stages, if there are any, and at its end. The steps
 themselves follow one another. Where `state` and `stored` have an axis of LANES more, each lane is a motion of its own,
-takes the step of its lane in every block, and all go side by side; they stop where any lane would. So do motions of
-LANES systems, whose `packed.data` and `coefficients` have that axis, too.
+takes the step of its lane in every block, and all go side by side; they stop where any lane would.
 """
 
 import numpy as np

@@ -15,7 +15,7 @@ from kaneflex.integrate.banded_slices import BandedSystem, banded_system
 from kaneflex.integrate.lanes import LANES
 from kaneflex.integrate.methods import Method
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.streams import BatchStream, CoefficientStream, Systems, TimeSegments
+from kaneflex.integrate.streams import CoefficientStream, TimeSegments
 from kaneflex.integrate.system import AffineSystem, Layout, layout_of
 
 Progress = Callable[[float], None]
@@ -76,18 +76,18 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """All that does not change during a run, or during one in each lane.
+    """All that does not change during a run, or during segments of one in each lane.
 
-    coefficients: numbers of the method, of systems in lanes with an axis of LANES more
+    coefficients: numbers of the method
     scales: factors of z, v and, where the method carries accelerations of its own, a, that make their sizes alike
     progress: see :data:`Progress`
     """
 
-    system: AffineSystem | Systems
+    system: AffineSystem
     method: Method
-    stream: CoefficientStream | TimeSegments | BatchStream
+    stream: CoefficientStream | TimeSegments
     coefficients: np.ndarray
-    scales: tuple[float | np.ndarray, ...]
+    scales: tuple[float, ...]
     progress: Progress | None = None
 
     @cached_property
@@ -132,12 +132,10 @@ class Setup:
         _, status = self.loop(state, still)(scalars, 1, 0, 1, *rest)
         return status != matrices.SINGULAR
 
-    def free_acceleration(self, table: np.ndarray) -> float | np.ndarray:
-        """Largest of free masses under the forces of a table, as the loop reads it; of systems in lanes of each."""
+    def free_acceleration(self, table: np.ndarray) -> float:
+        """Largest of free masses under the forces of a table, as the loop reads it."""
         if not self.method.lanes:
             return float(np.abs(table * self.coefficients[8]).max())
-        if isinstance(self.system, Systems):
-            return np.array([_free_acceleration(*each) for each in self.system.with_tables(table)])
         return _free_acceleration(self.system, table.transpose(0, 2, 1).reshape(-1, table.shape[1]))
 
 
@@ -183,17 +181,17 @@ class _Bound:
     def __init__(self, setup: Setup, state: State, n_steps: int) -> None:
         self._setup = setup
         self._duration = n_steps * setup.stream.step
-        self._free = np.abs(state.z).max(axis=(0, 1)) + self._duration * np.abs(state.v).max(axis=(0, 1))
+        self._free = np.abs(state.z).max() + self._duration * np.abs(state.v).max()
         self._acceleration = 0.0
         self._seen: np.ndarray | None = None
 
     def square(self, scalars: np.ndarray) -> float:
-        """Its square, for the forces met so far and those in this piece of the table; the least of all lanes."""
+        """Its square, for the forces met so far and those in this piece of the table."""
         if scalars is not self._seen:
             self._seen = scalars
-            self._acceleration = np.maximum(self._acceleration, self._setup.free_acceleration(scalars))
-        reach = self._free + self._duration**2 * self._acceleration
-        return float(np.where(reach > 0.0, np.minimum(_RUNAWAY * reach, _LARGEST), _LARGEST).min()) ** 2
+            self._acceleration = max(self._acceleration, self._setup.free_acceleration(scalars))
+        reach = float(self._free + self._duration**2 * self._acceleration)
+        return (min(_RUNAWAY * reach, _LARGEST) if reach > 0.0 else _LARGEST) ** 2
 
 
 def _free_acceleration(system: AffineSystem, rows: np.ndarray) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -32,8 +31,6 @@ class Packed(NamedTuple):
     motion touches the coordinates of one link, which are neighbours, so the runs are few and long. Where several
     scalars run over the same slots, four of them are a row (scalars, start, length, offset) of ``quads``, with four
     numbers a slot: a sum is then stored once, not four times.
-
-    For several systems ``data`` has the shape (numbers, systems), else (numbers,).
     """
 
     layout: Layout
@@ -111,8 +108,7 @@ class AffineSystem:
     @cached_property
     def packed(self) -> Packed:
         """The same numbers, in the layout of the compiled steppers."""
-        packed = pack((self,))
-        return packed._replace(data=packed.data[:, 0].copy())
+        return pack(self)
 
     def entries(self, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Scalar, slot in the vector of M, C, K and F, and value of everything that is not zero."""
@@ -138,29 +134,22 @@ class AffineSystem:
         return rows, slots % width + rows - self.half_bandwidth
 
 
-def pack(systems: Sequence[AffineSystem]) -> Packed:
-    """Systems of as many coordinates in a common layout; ``data`` has the shape (numbers, systems).
-
-    The band is that of the widest, the runs are those of all of them.
-    """
-    n, half_bandwidth = systems[0].n, max(system.half_bandwidth for system in systems)
-    layout = layout_of(n, half_bandwidth, 1)
-    entries = [system.entries(layout) for system in systems]
-    scalars, slots, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-    lanes = np.repeat(np.arange(len(systems)), [len(each[2]) for each in entries])
+def pack(system: AffineSystem) -> Packed:
+    """The numbers of a system in runs."""
+    n, layout = system.n, layout_of(system.n, system.half_bandwidth, 1)
+    scalars, slots, values = system.entries(layout)
     # M before C before K before F, then by scalar, then by slot; far apart where a run must end
     block = np.minimum(slots // int(layout.n_slots), len(_MATRICES))
-    n_scalars = max(system.n_scalars for system in systems)
     far = len(_MATRICES) * int(layout.n_slots) + n + _LONGEST_GAP + 1
-    keys, places = np.unique((block * n_scalars + scalars) * far + slots, return_inverse=True)
+    keys, places = np.unique((block * system.n_scalars + scalars) * far + slots, return_inverse=True)
     begins = np.concatenate(([True], np.diff(keys) > _LONGEST_GAP + 1))[: len(keys)]
     starts = np.flatnonzero(begins)
     run = np.cumsum(begins) - 1
     lengths = keys[np.append(starts[1:], len(keys)) - 1] - keys[starts] + 1 if len(keys) else starts
     offsets = np.cumsum(lengths) - lengths
-    numbers = np.zeros((int(lengths.sum()), len(systems)))
-    np.add.at(numbers, ((offsets - keys[starts])[run][places] + keys[places], lanes), values)
-    found = np.stack((keys[starts] // far % n_scalars, keys[starts] % far, lengths, offsets), axis=1)
+    numbers = np.zeros(int(lengths.sum()))
+    np.add.at(numbers, (offsets - keys[starts])[run][places] + keys[places], values)
+    found = np.stack((keys[starts] // far % system.n_scalars, keys[starts] % far, lengths, offsets), axis=1)
     return Packed(layout, *_grouped(found, numbers))
 
 
@@ -177,10 +166,10 @@ def _grouped(runs: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndar
                 single.append((four[0, 0], start, length, size))
                 data.append(numbers[places[0]])
             else:
-                block = np.zeros((length, 4, numbers.shape[1]))
-                block[:, : len(four)] = numbers[places].swapaxes(0, 1)
+                block = np.zeros((length, 4))
+                block[:, : len(four)] = numbers[places].T
                 quads.append((*np.resize(four[:, 0], 4), start, length, size))
-                data.append(block.reshape(-1, numbers.shape[1]))
+                data.append(block.ravel())
             size += len(data[-1])
     tables = (np.array(rows, dtype=np.uint64).reshape(-1, width) for rows, width in ((quads, 7), (single, 4)))
     return *tables, np.concatenate(data) if data else numbers

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaneflex.integrate.methods import method_named
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.multibody.model import Model
 from kaneflex.solve.initial import given_state
@@ -148,29 +146,6 @@ def _integrated(model: Model, progress: Progress | None) -> Trajectory:
     from kaneflex.integrate.run import integrate
 
     return integrate(run_of(model), progress)
-
-
-def simulate_together(models: Sequence[Model]) -> list[Solution | None]:
-    """What :func:`simulate` gives of each model, to rounding, their equations integrated side by side.
-
-    None stands for a model that is to be simulated by itself: nothing of it is integrated in lanes, or its run does not
-    complete. See :func:`kaneflex.integrate.batch.integrate_batch`.
-    """
-    from kaneflex.integrate.batch import integrate_batch
-
-    found: list[Solution | None] = [None] * len(models)
-    started = time.perf_counter()
-    runs = {}
-    for k, model in enumerate(models):
-        if _METHODS.get(model.options.dynamics) is _integrated and method_named(model.options.integrator).lanes:
-            with suppress(SceneError):  # simulate raises it, too
-                runs[k] = run_of(model)
-    trajectories = integrate_batch(list(runs.values()))
-    seconds = (time.perf_counter() - started) / max(len(runs), 1)
-    for k, trajectory in zip(runs, trajectories, strict=True):
-        if trajectory is not None:
-            found[k] = _until_stop(Solution(models[k], trajectory, seconds))
-    return found
 
 
 def run_of(model: Model) -> Run:

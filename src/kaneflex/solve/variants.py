@@ -1,4 +1,4 @@
-"""Many models of one scene: each is the scene with settings over it, loaded like the one before, solved in lanes.
+"""Many models of one scene: each is the scene with settings over it, loaded like the one before, and solved.
 
 Every study is a question put to these: a sweep reads its points of them, sensitivities the neighbours of a run, the
 stability over speeds its models; runs whose time counts go one by one, see :mod:`kaneflex.study.runs`.
@@ -10,11 +10,10 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from kaneflex.integrate.lanes import LANES
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate_together, solve
+from kaneflex.solve.simulation import solve
 from kaneflex.solve.solution import Solution
 
 Settings = Sequence[str]
@@ -57,36 +56,15 @@ def read(
 ) -> Iterator[tuple[Name, Found | Exception]]:
     """What is read of each model's solution, in their order, or the exception that came instead.
 
-    Those that are alike are integrated side by side, LANES at a time, the others by ``solver``, by default `solve`.
-    What is found of one does not depend on the others, whatever goes wrong with them.
+    They are solved by ``solver``, by default `solve`. What is found of one does not depend on the others, whatever goes
+    wrong with them.
     """
-    names = list(models)
-    for first in range(0, len(names), LANES):
-        loaded = {name: _tried(models[name]) for name in names[first : first + LANES]}
-        whole = [model for model in loaded.values() if isinstance(model, Model)]
-        solutions = dict(zip(whole, _together(whole), strict=True))
-        for name, model in loaded.items():
-            if isinstance(model, Model):
-                yield name, _tried(_read, reader, solver or solve, name, model, solutions[model])
-            else:
-                yield name, model
+    for name, model in models.items():
+        yield name, _tried(lambda name=name, model=model: reader(name, (solver or solve)(model())))
 
 
-def _read(
-    reader: Callable[[Name, Solution], Found], solver: Solver, name: Name, model: Model, solution: Solution | None
-) -> Found:
-    return reader(name, solution or solver(model))
-
-
-def _together(models: Sequence[Model]) -> list[Solution | None]:
+def _tried(action: Callable[[], Found]) -> Found | Exception:
     try:
-        return simulate_together(models)
-    except Exception:  # whatever it is: the model that breaks it says so when it is solved by itself
-        return [None] * len(models)
-
-
-def _tried(action: Callable[..., Found], *arguments: object) -> Found | Exception:
-    try:
-        return action(*arguments)
+        return action()
     except Exception as error:  # whatever one model breaks, the others are to be computed
         return error

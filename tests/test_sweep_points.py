@@ -1,4 +1,4 @@
-"""Points of a sweep side by side: the records of each alone, whatever the chunks, and those that fail among them."""
+"""Points of a sweep: the records of each alone, whatever the chunks, and those that fail among them."""
 
 from pathlib import Path
 
@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from kaneflex.report.summary import sensor_summaries
-from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate, simulate_together
+from kaneflex.solve.simulation import simulate
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record, solve_points
 
@@ -60,43 +59,6 @@ def test_chunks_of_any_size_give_the_same_bits(solved, size):
                 assert np.array_equal(record.series[name], values)
 
 
-def models(name: str, settings: list[str], values: dict[str, list[str]]):
-    (path, texts), *_ = values.items()
-    return [load(with_settings(read_scene(name), [*settings, f"{path}={text}"])) for text in texts]
-
-
-BY_STEPS = ("solve.steps=90", "solve.integrator=radau")
-
-
-@pytest.mark.parametrize(
-    ("scene", "settings", "values"),
-    [
-        ("engine", [*BY_STEPS, "solve.preset=linear"], {"drives.main.speed": ["'1000 rpm'", "'6000 rpm'"]}),
-        ("engine", ["solve.steps=90", "solve.modes=2"], {"solve.integrator": ["newmark", "generalised-alpha"]}),
-        ("engine", [*BY_STEPS, "solve.modes=3"], {"rod.length": ["'120 mm'", "'180 mm'"]}),
-        ("engine-transient", ["solve.steps=300"], {"rod.E": ["'100 GPa'", "'200 GPa'"]}),
-        ("engine", [*BY_STEPS, "solve.modes=2"], {"solve.start": ["zero", "quasistatic", "periodic"]}),
-    ],
-    ids=["linear", "integrators", "lengths", "transient", "starts"],
-)
-def test_presets_methods_and_starts_give_what_simulate_does(scene, settings, values):
-    found = models(scene, settings, values)
-    together = simulate_together(found)
-    assert None not in together
-    for model, solution in zip(found, together, strict=True):
-        alone = simulate(model)
-        assert solution.trajectory.message == alone.trajectory.message
-        np.testing.assert_array_equal(solution.times, alone.times)
-        for got, wanted in zip(solution.coordinates, alone.coordinates, strict=True):
-            np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
-
-
-def test_models_that_are_not_integrated_in_lanes_are_left_to_simulate():
-    presets = models("engine", ["solve.steps=36"], {"solve.preset": ["rigid", "quasistatic", "paper", "coupled"]})
-    assert simulate_together(presets) == [None] * 4
-    assert simulate_together([]) == []
-
-
 def test_an_unstable_point_is_recorded_with_its_reason_and_disturbs_no_other(tmp_path):
     text = 'scene = "mathieu"\nsettings = ["solve.start=periodic", "solve.steps=90"]\n'
     plan = plan_of(tmp_path, text + '[parameters]\n"drives.clock.speed" = ["3 rad/s", "2 rad/s", "5 rad/s"]\n')
@@ -106,15 +68,3 @@ def test_an_unstable_point_is_recorded_with_its_reason_and_disturbs_no_other(tmp
         assert record.outcome == alone.outcome.name.lower()
         assert record.reason == ("" if record.outcome == "completed" else alone.message)
     assert [record.outcome for record in records] == ["completed", "unstable", "completed"]
-
-
-def test_what_breaks_the_lanes_is_left_to_each_point_by_itself(solved, monkeypatch):
-    plan, whole = solved
-
-    def broken(models):
-        raise MemoryError
-
-    monkeypatch.setattr("kaneflex.solve.variants.simulate_together", broken)
-    for record in solve_points(plan, range(2)):
-        for name, statistics in record.statistics.items():
-            assert statistics == pytest.approx(whole[record.point].statistics[name], rel=1e-6, abs=1e-12)
