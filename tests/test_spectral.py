@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 import kaneflex
 from kaneflex import load, simulate
 from kaneflex.integrate.disturbances import monodromy
-from kaneflex.integrate.fourier import circle, differentiated, transform
+from kaneflex.integrate.fourier import circle, fill_rates, filtered, transform
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.integrate.spectral import Grid, periodic_orbit
@@ -77,7 +77,9 @@ def transformed(re, im, cosine, sine):
 
 @njit
 def rates_of(re, im, cosine, sine, omega):
-    differentiated(re, im, np.empty_like(re), np.empty_like(im), cosine, sine, omega)
+    gains = np.empty((2, cosine.size, 8))
+    fill_rates(omega, gains)
+    filtered(re, im, np.empty_like(re), np.empty_like(im), cosine, sine, gains)
 
 
 @pytest.mark.parametrize("count", [8, 16, 64, 128, 2048])

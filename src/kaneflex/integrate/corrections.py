@@ -7,15 +7,15 @@ import numpy as np
 from numba import njit
 
 from kaneflex.integrate import fourier, instants, lanes, matrices
-from kaneflex.integrate.fourier import answered, differentiated, transform
+from kaneflex.integrate.fourier import fill_rates, filtered, transform
 from kaneflex.integrate.instants import multiply, solve_lower, solve_upper
-from kaneflex.integrate.lanes import FASTMATH, LANES, lane_sum, load, store, transpose, transpose_back
+from kaneflex.integrate.lanes import FASTMATH, LANES, lane_sum, load, stay_apart, store, transpose, transpose_back
 from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
 FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
 """How corrections ended."""
-_PATIENCE = 8
+PATIENCE = 8
 """Corrections over which their contraction counts."""
 
 
@@ -40,36 +40,6 @@ def _from_instants(x, square, signal):
 
 
 @compiled
-def _resampled(n, start, circle, signals, z):
-    """The trigonometric polynomial through start, (n, N or fewer instants), at all instants."""
-    count, fewer = LANES * len(z), start.shape[1]
-    cosine, sine = circle[0][:: count // fewer].copy(), circle[1][:: count // fewer].copy()
-    few = _signals(fewer // LANES)
-    for square in range(z.shape[1] // LANES):
-        few[0][:] = few[1][:] = 0.0
-        numbers = few[0].ravel()
-        for i in range(square * LANES, min(n, (square + 1) * LANES)):
-            for t in range(fewer):
-                numbers[LANES * t + i - square * LANES] = start[i, t]
-        if fewer == count:
-            _from_instants(z, square, few[0])
-            continue
-        x, y, _, _ = transform(few[0], few[1], few[2], few[3], cosine, sine)
-        re, im, spare_re, spare_im = signals
-        re[:] = im[:] = 0.0
-        for k in range(fewer // 2):
-            store(re, k, load(x, k) * (1.0 / fewer))
-            store(im, k, load(y, k) * (1.0 / fewer))
-            store(re, count - 1 - k, load(x, fewer - 1 - k) * (1.0 / fewer))
-            store(im, count - 1 - k, load(y, fewer - 1 - k) * (1.0 / fewer))
-        highest = load(re, count - fewer // 2) * 0.5  # half of it belongs to the harmonic fewer / 2
-        store(re, fewer // 2, highest)
-        store(re, count - fewer // 2, highest)
-        _, found, _, _ = transform(im, re, spare_im, spare_re, circle[0], circle[1])
-        _from_instants(z, square, found)
-
-
-@compiled
 def _signals(blocks):
     """Four of eight rows: real and imaginary part, and what a transform needs beside them."""
     shape = (LANES, LANES * blocks)
@@ -77,18 +47,17 @@ def _signals(blocks):
 
 
 @compiled
-def _gains(modes, square, omega, count):
-    """What each of eight modes answers to a unit load in every harmonic: real and imaginary part, shape (N, LANES)."""
-    gain_re, gain_im = np.empty((count, LANES)), np.empty((count, LANES))
+def _fill_gains(modes, square, omega, gains):
+    """What each of eight modes answers to a unit load in every harmonic: real and imaginary part, (2, N, LANES)."""
+    count = gains.shape[1]
     for k in range(count):
         rate = omega * (k if 2 * k <= count else k - count)
         still = load(modes, (2, square)) - rate * rate * load(modes, (0, square))
         # the highest harmonic of an even number has no derivative at the instants
         moved = (rate if 2 * k != count else 0.0) * load(modes, (1, square))
         size = 1.0 / (count * (still * still + moved * moved))
-        store(gain_re, k, still * size)
-        store(gain_im, k, 0.0 - moved * size)
-    return gain_re, gain_im
+        store(gains, (0, k), still * size)
+        store(gains, (1, k), 0.0 - moved * size)
 
 
 @compiled
@@ -97,6 +66,7 @@ def _answer(n, w, factor, shapes, gains, circle, rest, taken, signals):
 
     Those modes of them that are not in `shapes`, (n, m), answer at once, as if they had no mass.
     """
+    stay_apart()
     m = shapes.shape[1]
     for b in range(len(rest)):
         solve_lower(n, w, factor, b, rest)
@@ -105,37 +75,32 @@ def _answer(n, w, factor, shapes, gains, circle, rest, taken, signals):
             for i in range(n):
                 total += shapes[i, k] * load(rest, (b, i))
             store(taken, (b, k), total)
-    if m == n:
-        rest[:] = 0.0
-    else:
-        _add_modes(n, shapes, -1.0, taken, rest)
+            if m < n:  # what is left of the loads when these modes' share is taken away
+                for i in range(n):
+                    store(rest, (b, i), load(rest, (b, i)) - shapes[i, k] * total)
     re, im, spare_re, spare_im = signals
     for square in range(taken.shape[1] // LANES):
         _to_instants(taken, square, re)
-        im[:] = 0.0
-        answered(re, im, spare_re, spare_im, circle[0], circle[1], gains[square, 0], gains[square, 1])
+        filtered(re, im, spare_re, spare_im, circle[0], circle[1], gains[square])
         _from_instants(taken, square, re)
-    _add_modes(n, shapes, 1.0, taken, rest)
-
-
-@compiled
-def _add_modes(n, shapes, sign, taken, rest):
     for b in range(len(rest)):
         for i in range(n):
-            total = load(rest, (b, i))
-            for k in range(shapes.shape[1]):
-                total += sign * shapes[i, k] * load(taken, (b, k))
+            total = 0.0 * load(taken, (b, 0))
+            if m < n:
+                total = load(rest, (b, i))
+            for k in range(m):
+                total += shapes[i, k] * load(taken, (b, k))
             store(rest, (b, i), total)
 
 
 @compiled
-def _forces(n, w, sums, circle, omega, z, v, a, signals, out):
+def _forces(n, w, sums, circle, omega, rates, z, v, a, signals, out):
     """M z'' + C z' + K z, at all instants."""
+    stay_apart()
     re, im, spare_re, spare_im = signals
     for square in range(z.shape[1] // LANES):
         _to_instants(z, square, re)
-        im[:] = 0.0
-        differentiated(re, im, spare_re, spare_im, circle[0], circle[1], omega)
+        filtered(re, im, spare_re, spare_im, circle[0], circle[1], rates)
         _from_instants(v, square, re)
         _from_instants(a, square, im)
     width = 2 * w + 1
@@ -154,6 +119,7 @@ def _forces(n, w, sums, circle, omega, z, v, a, signals, out):
 @compiled
 def _strain(n, w, sums, z):
     """Root of twice the strain energy, added up over the instants: the length of y."""
+    stay_apart()
     product, total = np.empty((1, n, LANES)), 0.0
     for b in range(len(z)):
         multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, 0, product)
@@ -165,6 +131,7 @@ def _strain(n, w, sums, z):
 @compiled
 def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
     """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out."""
+    stay_apart()
     count = LANES * len(z)
     alike = (omega * len(z)) ** 2  # of about one size: the rounding of one would else spoil the other
     for b in range(len(z)):
@@ -173,19 +140,25 @@ def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
             store(inert, (b, i), alike * load(inert, (b, i)))
         multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, b, strained)
     kinetic, strain = np.zeros(count), np.zeros(count)
-    others = _signals(len(z))
+    re, im, spare_re, spare_im = signals
     for square in range(z.shape[1] // LANES):
-        _to_instants(z, square, signals[0])
-        signals[1][:] = 0.0
-        z_re, z_im, _, _ = transform(signals[0], signals[1], signals[2], signals[3], circle[0], circle[1])
-        _to_instants(inert, square, others[0])
-        _to_instants(strained, square, others[1])
-        both_re, both_im, _, _ = transform(others[0], others[1], others[2], others[3], circle[0], circle[1])
+        z_re, z_im, _, _ = _signals(len(z))
+        for both in range(2):
+            if both == 0:
+                _to_instants(z, square, re)
+                for t in range(count):
+                    store(im, t, 0.0)
+            else:
+                _to_instants(inert, square, re)
+                _to_instants(strained, square, im)
+            re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, circle[0], circle[1])
+            if both == 0:
+                re, im, z_re, z_im = z_re, z_im, re, im
         for k in range(count // 2 + 1):
             other = (count - k) % count
             # two real signals in one: the even part of what comes of them is the first one's, the odd the other's
-            x, y, p, q = load(z_re, k), load(z_im, k), load(both_re, k), load(both_im, k)
-            u, v = load(both_re, other), load(both_im, other)
+            x, y, p, q = load(z_re, k), load(z_im, k), load(re, k), load(im, k)
+            u, v = load(re, other), load(im, other)
             kinetic[k] += lane_sum(x * (p + u) + y * (q - v))
             strain[k] += lane_sum(x * (q + v) + y * (u - p))
     high = whole = 0.0
@@ -199,26 +172,26 @@ def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
 @compiled
 def _conjugate(steps, changes, count, rest, z):
     """One step of GCR with row `count`, made orthogonal to those before; the square of what is left."""
-    step, change = steps[count], changes[count]
+    stay_apart()
     for k in range(count):
         along = 0.0
         for t in range(rest.size):
-            along += changes[k, t] * change[t]
+            along += changes[k, t] * changes[count, t]
         for t in range(rest.size):
-            change[t] -= along * changes[k, t]
-            step[t] -= along * steps[k, t]
+            changes[count, t] -= along * changes[k, t]
+            steps[count, t] -= along * steps[k, t]
     length, along = 0.0, 0.0
     for t in range(rest.size):
-        length += change[t] * change[t]
-        along += change[t] * rest[t]
+        length += changes[count, t] * changes[count, t]
+        along += changes[count, t] * rest[t]
     scale = 1.0 / length if length > 0.0 else 0.0
     along *= scale
     scale, square = np.sqrt(scale), 0.0
     for t in range(rest.size):
-        z[t] += along * step[t]
-        rest[t] -= along * change[t]
-        change[t] *= scale
-        step[t] *= scale
+        z[t] += along * steps[count, t]
+        rest[t] -= along * changes[count, t]
+        changes[count, t] *= scale
+        steps[count, t] *= scale
         square += rest[t] * rest[t]
     return square
 
@@ -226,60 +199,71 @@ def _conjugate(steps, changes, count, rest, z):
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 @made_of(lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
 def corrected(n, w, sums, factor, shapes, modes, circle, omega, start, tolerance, share, over_tail, slowest, most):
-    """The motion on one grid, from `start`, at N or fewer instants or empty, as far as this grid is worth it.
+    """The motion on one grid, from `start`, (n, N) or empty, as far as this grid is worth it.
 
     shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, squares, LANES)
     share: of the first remainder, that is enough
     over_tail: of what the grid leaves out, that is worth no further correction
-    slowest: contraction of a correction from which they are given up; most: of them
+    slowest: what PATIENCE corrections may leave, or they are given up; most: of them
 
     Returns z, (n, N), the remainder's size after each correction as a share of the motion's, the tail and how it ended.
     """
     blocks, padded = len(sums), squares(n)
-    count = LANES * blocks
+    shape, count = (blocks, padded, LANES), LANES * blocks
     loads = 3 * n * (2 * w + 1)
     signals, taken = _signals(blocks), np.zeros((blocks, modes.shape[1] * LANES, LANES))
-    gains = np.empty((modes.shape[1], 2, count, LANES))
+    gains, rates = np.empty((modes.shape[1], 2, count, LANES)), np.empty((2, count, LANES))
+    fill_rates(omega, rates)
     for square in range(modes.shape[1]):
-        gains[square, 0], gains[square, 1] = _gains(modes, square, omega, count)
-    z, rest = np.zeros((blocks, padded, LANES)), np.zeros((blocks, padded, LANES))
-    v, a = np.zeros((blocks, padded, LANES)), np.zeros((blocks, padded, LANES))
-    step, change = np.zeros((blocks, padded, LANES)), np.zeros((blocks, padded, LANES))
-    size = 0.0
+        _fill_gains(modes, square, omega, gains[square])
+    v, a, flat_z, flat_rest = np.zeros(shape), np.zeros(shape), np.zeros(padded * count), np.zeros(padded * count)
+    z = flat_z.reshape(shape)
+    steps, changes = np.empty((most, flat_z.size)), np.empty((most, flat_z.size))
+    history, tail, ended, size = np.zeros(most + 1), np.inf, TOO_SLOW, 0.0
     if start.size:
-        _resampled(n, start, circle, signals, z)
-        size = _strain(n, w, sums, z)
-        _forces(n, w, sums, circle, omega, z, v, a, signals, rest)
-    for b in range(blocks):
         for i in range(n):
-            store(rest, (b, i), load(sums, (b, loads + i)) - load(rest, (b, i)))
-    _answer(n, w, factor, shapes, gains, circle, rest, taken, signals)
-    left = np.sqrt((rest * rest).sum())
-    size = size if start.size else left
-    size = size if size > 0.0 else 1.0
-    history, tail, ended = np.empty(most + 1), np.inf, TOO_SLOW
-    history[0] = left / size
+            for lane in range(LANES):
+                for b in range(blocks):
+                    z[b, i, lane] = start[i, lane * blocks + b]
+        size = _strain(n, w, sums, z)
+    # the first round finds what is left of the loads, each of the others corrects it
     done = 0
-    if not np.isfinite(left):
-        ended, most = NO_MOTION, 0
-    steps, changes = np.empty((most, z.size)), np.empty((most, z.size))
-    while done < most:
-        step[:] = rest
-        for b in range(blocks):
-            solve_upper(n, w, factor, b, step)
-        _forces(n, w, sums, circle, omega, step, v, a, signals, change)
+    for rounds in range(most + 1):
+        done = rounds
+        row = max(done - 1, 0)
+        step, change = steps[row].reshape(shape), changes[row].reshape(shape)
+        for t in range(flat_rest.size):
+            steps[row, t], changes[row, t] = flat_rest[t] if done > 0 else flat_z[t], 0.0
+        if done > 0:
+            for b in range(blocks):
+                solve_upper(n, w, factor, b, step)
+        if done > 0 or start.size:
+            _forces(n, w, sums, circle, omega, rates, step, v, a, signals, change)
+        if done == 0:
+            for b in range(blocks):
+                for i in range(n):
+                    store(change, (b, i), load(sums, (b, loads + i)) - load(change, (b, i)))
         _answer(n, w, factor, shapes, gains, circle, change, taken, signals)
-        steps[done] = step.ravel()
-        changes[done] = change.ravel()
-        left = np.sqrt(_conjugate(steps, changes, done, rest.ravel(), z.ravel())) / size
-        done += 1
+        if done == 0:
+            square = 0.0
+            for t in range(flat_rest.size):
+                flat_rest[t] = changes[0, t]
+                square += flat_rest[t] * flat_rest[t]
+            size = size if start.size else np.sqrt(square)
+            size = size if size > 0.0 else 1.0
+            history[0] = np.sqrt(square) / size
+            if not np.isfinite(square):
+                ended = NO_MOTION
+                break
+            continue
+        left = np.sqrt(_conjugate(steps, changes, row, flat_rest, flat_z)) / size
         history[done] = left
         if left <= max(0.1 * history[0], tolerance):
             tail = _tail(n, w, sums, circle, omega, z, signals, v, a)
             if left <= max(tolerance, share * history[0], over_tail * tail):
                 ended = FOUND
                 break
-        if done > _PATIENCE and left > slowest**_PATIENCE * history[done - _PATIENCE]:
+        if done > PATIENCE and left > slowest * history[done - PATIENCE]:
             break
     found = np.empty((n, count))
     for i in range(n):

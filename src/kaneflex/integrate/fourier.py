@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES, load, store
+from kaneflex.integrate.lanes import LANES, load, stay_apart, store
 from kaneflex.integrate.matrices import compiled
 
 
@@ -25,6 +25,7 @@ def transform(re, im, spare_re, spare_im, cosine, sine):
 
     The inverse is N times that of (im, re). An even number of transforms ends in (re, im).
     """
+    stay_apart()
     count = re.size // LANES
     left, stride = count, 1
     while left > 2:
@@ -70,29 +71,32 @@ def transform(re, im, spare_re, spare_im, cosine, sine):
 
 
 @compiled
-def answered(re, im, spare_re, spare_im, cosine, sine, gain_re, gain_im):
-    """Every harmonic times its gain, of shape (N, LANES), in place; the signal and its answer are real."""
-    re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, cosine, sine)
+def filtered(re, im, spare_re, spare_im, cosine, sine, gains):
+    """Every harmonic of a real signal, in re, times its gain, in place.
+
+    gains: real and imaginary part, shape (2, N, LANES)
+    """
     for k in range(re.size // LANES):
-        x, y, c, s = load(re, k), load(im, k), load(gain_re, k), load(gain_im, k)
-        store(re, k, c * x - s * y)
-        store(im, k, c * y + s * x)
-    transform(im, re, spare_im, spare_re, cosine, sine)
+        store(im, k, 0.0)
+    for inverse in range(2):  # one place where transforms are called is compiled once
+        re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, cosine, sine)
+        if inverse == 0:
+            for k in range(re.size // LANES):
+                x, y, c, s = load(re, k), load(im, k), load(gains, (0, k)), load(gains, (1, k))
+                store(re, k, c * x - s * y)
+                store(im, k, c * y + s * x)
+        re, im, spare_re, spare_im = im, re, spare_im, spare_re
 
 
 @compiled
-def differentiated(re, im, spare_re, spare_im, cosine, sine, omega):
-    """z in re becomes z' omega N / 8, and z'' stands in im: both real, so that one inverse finds them.
+def fill_rates(omega, gains):
+    """Gains by which z becomes z' omega N / 8, and z'' stands in the imaginary part: one inverse finds both.
 
     The highest harmonic has no first derivative at the instants.
     """
-    re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, cosine, sine)
-    count = re.size // LANES
+    count = gains.shape[1]
     alike = omega * count / 8.0  # rates of about one size: what rounds the one would else spoil the other
     for k in range(count):
         rate = omega * (k if 2 * k <= count else k - count)
-        gain = ((alike if 2 * k != count else 0.0) - rate) * rate / count
-        x, y = load(re, k), load(im, k)
-        store(re, k, -gain * y)
-        store(im, k, gain * x)
-    transform(im, re, spare_im, spare_re, cosine, sine)
+        store(gains, (0, k), 0.0)
+        store(gains, (1, k), ((alike if 2 * k != count else 0.0) - rate) * rate / count)

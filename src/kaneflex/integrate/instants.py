@@ -18,6 +18,23 @@ _made_of_parts = made_of(lanes.__file__, matrices.__file__)
 _cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 
 
+@compiled
+def _diagonal_factor(n, w, sums, factor):
+    """The root of the mean of K's diagonal, in the place of its factor."""
+    first, width, largest = 2 * n * (2 * w + 1) + w, 2 * w + 1, 0.0
+    mean = np.zeros(n)
+    for i in range(n):
+        for b in range(len(sums)):
+            mean[i] += lane_sum(absolute(load(sums, (b, first + i * width)))) / (LANES * len(sums))
+        largest = max(largest, mean[i])
+    for b in range(len(sums)):
+        for k in range(factor.shape[1]):
+            store(factor, (b, k), 0.0)
+        for i in range(n):
+            size = mean[i] + (largest if largest > 0.0 else 1.0) * ROUNDING
+            store(factor, (b, i * (w + 1) + w), 1.0 / np.sqrt(size))
+
+
 @_cached
 @_made_of_parts
 def equations(n, w, ends, what, values, rows):
@@ -55,13 +72,7 @@ def equations(n, w, ends, what, values, rows):
                     good = good and everywhere(less(ROUNDING * absolute(below), entry))
                     store(factor, (b, row + j), 1.0 / root(absolute(entry)))
     if not good:
-        factor[:] = 0.0
-        diagonal = np.empty(n)
-        for i in range(n):
-            diagonal[i] = np.abs(sums[:, stiffness + i * width + w]).mean()
-        largest = diagonal.max()
-        for i in range(n):
-            factor[:, i * (w + 1) + w] = 1.0 / np.sqrt(diagonal[i] + (largest if largest > 0.0 else 1.0) * ROUNDING)
+        _diagonal_factor(n, w, sums, factor)
     return sums, factor, good
 
 

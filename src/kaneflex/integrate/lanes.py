@@ -150,6 +150,17 @@ def lane_sum(typing, lanes):
     return types.float64(lanes), lower
 
 
+@intrinsic
+def stay_apart(typing):
+    """The function in which this stands is not compiled into each that calls it, which would take LLVM long."""
+
+    def lower(context, builder, sig, args):
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.void(), lower
+
+
 def _unary(name):
     """What LLVM calls `name` of a number, in each lane."""
 

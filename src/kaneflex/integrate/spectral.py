@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.integrate.corrections import NO_MOTION, TOO_SLOW, corrected
+from kaneflex.integrate.corrections import NO_MOTION, PATIENCE, TOO_SLOW, corrected
 from kaneflex.integrate.fourier import circle
 from kaneflex.integrate.instants import equations, mean_products
 from kaneflex.integrate.lanes import LANES
@@ -107,13 +107,14 @@ class Grid:
         self, z: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
         slowest: float = _SLOWEST,
     ) -> Orbit:  # fmt: skip
-        """The motion on this grid, from one at as many instants or fewer, if any: as far as this grid is worth it.
+        """The motion on this grid, from one that is near if there is any: as far as this grid is worth it.
 
         share: of the first remainder, that is enough
         """
         start = np.empty((self.n, 0)) if z is None else z
         system = (self.n, self.half_bandwidth, self.sums, self.factor, *self.modes, circle(self.instants), self.omega)
-        found, left, tail, ended = corrected(*system, start, tolerance, share, over_tail, slowest, _CORRECTIONS)
+        limits = (tolerance, share, over_tail, slowest**PATIENCE, _CORRECTIONS)
+        found, left, tail, ended = corrected(*system, start, *limits)
         reason = ""
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
@@ -226,6 +227,7 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
     instants, corrections, z, before, grid = FEWEST, 0, None, 1.0, None
     while True:
         grid = Grid.of(system, table, t0, period, instants, grid)
+        z = None if z is None else at_instants(z, instants)
         found = grid.corrected(z, tolerance)
         corrections += found.corrections
         if found.reason or found.error <= tolerance:
