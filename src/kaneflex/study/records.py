@@ -55,7 +55,7 @@ class Record:
 def solve_points(plan: Plan, points: Sequence[int]) -> Iterator[Record]:
     """Records of points in their order; it never raises, but says in a record what went wrong.
 
-    As many as there are lanes are in work at a time. What a record holds does not depend on the points beside it.
+    What a record holds does not depend on the points beside it.
     """
     from kaneflex.solve.variants import Variants, read
 
