@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import bench.__main__
 import numpy as np
 import pytest
-from bench import cycles, exudyn_runs, kernels, peers, quick, report
+from bench import cycles, exudyn_runs, impacts, kernels, peers, quick, report
 from bench.__main__ import SECTIONS
 from bench.interleave import Race, Spread, interleave, repeated
 from bench.ivp_runs import jitted_slope, lambdified_slope
@@ -223,3 +223,22 @@ def test_cycles_by_harmonics_are_nearer_to_the_answer_than_by_newmark(monkeypatc
     )
     assert 1e-6 < gauss < 0.7 * newmark < 0.01
     assert fine < rough < newmark
+
+
+def test_a_mass_on_a_stop_falls_alike_in_both_programs_and_by_its_closed_form(peer):
+    """Exudyn's steps begin and end impacts anywhere: it takes 128,000 of them to come close."""
+    times, ours, _ = impacts.by_kaneflex(1e-8)
+    assert ours == pytest.approx(impacts.height(times), abs=1e-8 * impacts.HEIGHT)
+    peer("exudyn")
+    errors = []
+    for steps in (8000, 128000):
+        times, theirs, _ = impacts.by_exudyn(steps)
+        errors.append(abs(theirs - impacts.height(times)).max() / impacts.HEIGHT)
+    assert errors[1] < 1e-4 and 4 * errors[1] < errors[0]
+
+
+@pytest.mark.parametrize("task", impacts.CASES)
+def test_impacts_that_are_timed_happen(task):
+    text, laws = impacts.CASES[task]
+    counts = [impacts.an_impact(text.replace("CONTACT", contact))[1] for _, contact in laws.values()]
+    assert min(counts) > 5

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from bench import exudyn_runs, ivp_runs, kernels, latency, precision, quick, report, scaling, sweeps
+from bench import exudyn_runs, impacts, ivp_runs, kernels, latency, precision, quick, report, scaling, sweeps
 from bench.rows import Row
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -17,6 +17,7 @@ SECTIONS = {
     "exudyn": exudyn_runs,
     "precision": precision,
     "ivp": ivp_runs,
+    "impacts": impacts,
     "scaling": scaling,
     "sweeps": sweeps,
     "latency": latency,
