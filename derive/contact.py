@@ -25,13 +25,15 @@ _D, _D_RATE, _NORMAL = sm.symbols("d_x d_y"), sm.symbols("d_x_rate d_y_rate"), s
 _LENGTH, _DEPTH, _RATE = sm.Symbol("length"), sm.Symbol("depth", positive=True), sm.Symbol("depth_rate")
 _g, _g_rate, _v_0, _size = sm.symbols("g rate v_0 size")
 _number = {name: sm.Symbol(name) for name in NUMBERS}
+_OMEGAS = sm.symbols("omega_1 omega_2")
 _TINY = sm.Float("1e-300")
 """Square of a length [m^2] that keeps circles about one centre from dividing by zero, and changes no other."""
 
 _ABOUT = """
 A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global. A
 contact is the numbers of p from c on that NUMBERS names: of a line its unit normal in the first section's axes and how
-far along it from the first point the second side may come, of circles the sum or the difference of their radii; of
+far along it from the first point the second side may come, of circles 1 side by side or -1 one in the other, 0, and
+the sum or the difference of their radii; of
 flanks, all of whose lengths are angles and forces torques, 1 or -1, 0 and how far that way the second section may turn;
 K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the restitution e that is asked for; the radius
 [m] of the second side. n_x, n_y is the unit normal in which the second side is pushed, the first against it.
@@ -43,8 +45,7 @@ speed [m/s] of the second side's material past the first's there, along the norm
 the second section is turned beside that."""
 _GAPS = {
     "point-line": "A point, or a circle about it, and a straight face that turns with the first section.",
-    "circle-circle": "Two circles side by side.",
-    "circle-in-circle": "A circle in another one. About one centre no normal is known, and (0, 0): no g' either.",
+    "circles": "Two circles. About one centre no normal is known, and (0, 0): no g' either.",
     "angle": "Two flanks, of bodies that turn: g in rad, g' in rad/s, n_x, n_y and speed 0.",
 }
 _FORCE = "Force [N] on the second side along the normal, of {}.{}"
@@ -68,9 +69,7 @@ def gap(kind, w, a, b, p, c, out, k):
     if kind == 0:
         point_line(w, a, b, p, c, out, k)
     elif kind == 1:
-        circle_circle(w, a, b, p, c, out, k)
-    elif kind == 2:
-        circle_in_circle(w, a, b, p, c, out, k)
+        circles(w, a, b, p, c, out, k)
     else:
         angle(w, a, b, p, c, out, k)
 
@@ -81,9 +80,7 @@ def gap_acceleration(kind, w, a, b, p, c):
     if kind == 0:
         return point_line_acceleration(w, a, b, p, c)
     if kind == 1:
-        return circle_circle_acceleration(w, a, b, p, c)
-    if kind == 2:
-        return circle_in_circle_acceleration(w, a, b, p, c)
+        return circles_acceleration(w, a, b, p, c)
     return angle_acceleration(w, a, b, p, c)
 
 
@@ -92,10 +89,8 @@ def along(kind, w, a, b, p, c, out, k):
     """What slides at a contact of this kind as a row, by its number in KINDS: see its kernels."""
     if kind == 0:
         point_line_along(w, a, b, p, c, out, k)
-    elif kind == 1:
-        circle_circle_along(w, a, b, p, c, out, k)
     else:
-        circle_in_circle_along(w, a, b, p, c, out, k)
+        circles_along(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)
@@ -129,7 +124,7 @@ def contact_text() -> str:
     kernels = [
         *(_gap_kernel(kind) for kind in contacts.KINDS),
         *(_gap_kernel(kind, acceleration=True) for kind in contacts.KINDS),
-        *(_sliding_kernel(kind) for kind in contacts.KINDS[:3]), *(_force_kernel(law) for law in _FORCES),
+        *(_sliding_kernel(kind) for kind in contacts.KINDS[:2]), *(_force_kernel(law) for law in _FORCES),
         *(_force_kernel(law, slopes=True) for law in _FORCES), _energy_kernel(),
     ]  # fmt: skip
     counts = emit.operations(kernels)
@@ -164,32 +159,44 @@ def _place(side: int, letters: tuple[str, str]) -> Vector:
     return tuple(_symbol(letter, side) for letter in letters)
 
 
+def _moving(kind: str) -> tuple[list[Assignment], dict[sm.Expr, sm.Expr], sm.Expr]:
+    """What a gap is made of, step by step; the rates of all that, of velocities by accelerations; and the gap."""
+    steps: list[Assignment] = [
+        *zip(_D, minus(_place(2, ("x", "y")), _place(1, ("x", "y"))), strict=True),
+        *zip(_D_RATE, minus(_place(2, ("v_x", "v_y")), _place(1, ("v_x", "v_y"))), strict=True),
+    ]
+    a, epsilons = minus(_place(2, ("a_x", "a_y")), _place(1, ("a_x", "a_y"))), (_symbol("epsilon", k) for k in _SIDES)
+    rates: dict[sm.Expr, sm.Expr] = dict(zip((*_D, *_D_RATE, *_OMEGAS), (*_D_RATE, *a, *epsilons), strict=True))
+    direction = _number["direction_x"], _number["direction_y"]
+    if kind == "circles":
+        steps.append((_LENGTH, sm.sqrt(dot(_D, _D) + _TINY)))
+        rates[_LENGTH] = dot(_D, _D_RATE) / _LENGTH
+        gap, normal = contacts.apart(kind, _D, _LENGTH, direction, _number["reach"])
+        rates |= {part: _changes(value, rates) for part, value in zip(_NORMAL, normal, strict=True)}
+    else:
+        c, s = sm.cos(_symbol("theta", 1)), sm.sin(_symbol("theta", 1))
+        normal = (c * direction[0] - s * direction[1], s * direction[0] + c * direction[1])
+        rates |= {part: _OMEGAS[0] * turned for part, turned in zip(_NORMAL, quarter_turn(_NORMAL), strict=True)}
+        gap, _ = contacts.apart(kind, _D, _LENGTH, _NORMAL, _number["reach"])
+    return [*steps, *zip(_NORMAL, normal, strict=True)], rates, gap
+
+
+def _sliding(arm: Vector) -> sm.Expr:
+    return contacts.sliding(_NORMAL, _D_RATE, ((_D[0] + arm[0], _D[1] + arm[1]), arm), _OMEGAS)
+
+
 def _sliding_kernel(kind: str) -> tuple[emit.Kernel, Program]:
-    """What the gap's kernel says of what slides, differentiated by time once more, and by the twists."""
-    _, gap = _gap_kernel(kind)
-    meant = dict(gap.assignments)
-
-    def written_out(value: sm.Expr) -> sm.Expr:
-        for _ in meant:
-            value = value.xreplace(meant)
-        return value
-
-    rate, place = written_out(gap.outputs[6][1]), sm.S.Zero
+    """What the gap's kernel says of what slides, with its rate, and its derivatives by the twists."""
+    steps, rates, _ = _moving(kind)
+    speed, place = _sliding(contacts.touched(_NORMAL, _number["radius"])), sm.S.Zero
     if kind == "point-line":
         turned = _symbol("theta", 2) - _symbol("theta", 1)
-        place = written_out(dot(quarter_turn(_NORMAL), _D)) - _number["radius"] * turned
-    found, twists = sm.S.Zero, []
-    for side in _SIDES:
-        for level in range(2):
-            for k in range(3):
-                now, then = (_symbol(SECTION[3 * n + k], side) for n in (level, level + 1))
-                found += rate.diff(now) * then
-        twists += [_symbol(letter, side) for letter in SECTION[3:6]]
-    entries = (place, rate, found, *(rate.diff(twist) for twist in twists))
-    outputs = tuple((f"out[{emit.offset('k', n)}]", sm.sympify(entry)) for n, entry in enumerate(entries))
-    reads = (*_SECTIONS, *_OWN)
-    raw = Program(f"{kind.replace('-', '_')}_along", tuple(symbol for symbol, _ in reads), (), outputs)
-    return emit.Kernel(share(raw), ("w", "a", "b", "p", "c", "out", "k"), reads, _SLIDING, zeros=True), raw
+        place = dot(quarter_turn(_NORMAL), _D) - _number["radius"] * turned
+    twists = [
+        part for omega, sign in zip(_OMEGAS, (-1, 1), strict=True)
+        for part in (*(sign * speed.diff(rate) for rate in _D_RATE), speed.diff(omega))
+    ]  # fmt: skip
+    return _stored(f"{kind}_along", steps, (place, speed, _changes(speed, rates), *twists), _SLIDING)
 
 
 def _gap_kernel(kind: str, acceleration: bool = False) -> tuple[emit.Kernel, Program]:
@@ -199,37 +206,13 @@ def _gap_kernel(kind: str, acceleration: bool = False) -> tuple[emit.Kernel, Pro
     """
     if kind == "angle":
         return _flank_kernel(kind, acceleration)
-    omegas = _symbol("omega", 1), _symbol("omega", 2)
-    steps: list[Assignment] = [
-        *zip(_D, minus(_place(2, ("x", "y")), _place(1, ("x", "y"))), strict=True),
-        *zip(_D_RATE, minus(_place(2, ("v_x", "v_y")), _place(1, ("v_x", "v_y"))), strict=True),
-    ]
-    rates = dict(zip(_D, _D_RATE, strict=True))
-    if kind == "point-line":
-        direction, theta = (_number["direction_x"], _number["direction_y"]), _symbol("theta", 1)
-        c, s = sm.cos(theta), sm.sin(theta)
-        normal = (c * direction[0] - s * direction[1], s * direction[0] + c * direction[1])
-        steps += zip(_NORMAL, normal, strict=True)
-        rates |= {part: omegas[0] * turned for part, turned in zip(_NORMAL, quarter_turn(_NORMAL), strict=True)}
-        gap, _ = contacts.apart(kind, _D, _LENGTH, _NORMAL, _number["reach"])
-    else:
-        steps.append((_LENGTH, sm.sqrt(dot(_D, _D) + _TINY)))
-        rates[_LENGTH] = dot(_D, _D_RATE) / _LENGTH
-        gap, normal = contacts.apart(kind, _D, _LENGTH, _NORMAL, _number["reach"])
-        steps += zip(_NORMAL, normal, strict=True)
+    steps, rates, gap = _moving(kind)
     rate = _changes(gap, rates)
     if acceleration:
-        a = minus(_place(2, ("a_x", "a_y")), _place(1, ("a_x", "a_y")))
-        rates |= dict(zip((*_D_RATE, omegas[0]), (*a, _symbol("epsilon", 1)), strict=True))
         return _acceleration(kind, steps, _changes(rate, rates))
     arm = contacts.touched(_NORMAL, _number["radius"])
-    sliding = contacts.sliding(_NORMAL, _D_RATE, ((_D[0] + arm[0], _D[1] + arm[1]), arm), omegas)
     touched = (_symbol("x", 2) + arm[0], _symbol("y", 2) + arm[1])
-    outputs = tuple(
-        (f"out[{emit.offset('k', k)}]", sm.sympify(value))
-        for k, value in enumerate((gap, rate, *_NORMAL, *touched, sliding, 0))
-    )
-    return _stored(kind, steps, outputs)
+    return _stored(kind, steps, (gap, rate, *_NORMAL, *touched, _sliding(arm), 0), _GAP.format(_GAPS[kind]))
 
 
 def _flank_kernel(kind: str, acceleration: bool) -> tuple[emit.Kernel, Program]:
@@ -240,8 +223,7 @@ def _flank_kernel(kind: str, acceleration: bool) -> tuple[emit.Kernel, Program]:
         return _acceleration(kind, (), turn * epsilon)
     gap, _ = contacts.apart(kind, (phi, sm.S.Zero), _LENGTH, (turn, sm.S.Zero), _number["reach"])
     values = (gap, turn * omega, 0, 0, _symbol("x", 2), _symbol("y", 2), 0, turn)
-    outputs = tuple((f"out[{emit.offset('k', k)}]", sm.sympify(value)) for k, value in enumerate(values))
-    return _stored(kind, [], outputs)
+    return _stored(kind, [], values, _GAP.format(_GAPS[kind]))
 
 
 def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> tuple[emit.Kernel, Program]:
@@ -253,11 +235,11 @@ def _acceleration(kind: str, steps: Sequence[Assignment], value: sm.Expr) -> tup
 
 
 def _stored(
-    kind: str, steps: list[Assignment], outputs: tuple[tuple[str, sm.Expr], ...]
-) -> tuple[emit.Kernel, Program]:
+    name: str, steps: Sequence[Assignment], values: Sequence[sm.Expr], doc: str
+) -> tuple[emit.Kernel, Program]:  # fmt: skip
     reads = (*_SECTIONS, *_OWN)
-    raw = Program(kind.replace("-", "_"), tuple(symbol for symbol, _ in reads), tuple(steps), outputs)
-    doc = _GAP.format(_GAPS[kind])
+    outputs = tuple((f"out[{emit.offset('k', k)}]", sm.sympify(value)) for k, value in enumerate(values))
+    raw = Program(name.replace("-", "_"), tuple(symbol for symbol, _ in reads), tuple(steps), outputs)
     return emit.Kernel(share(raw), ("w", "a", "b", "p", "c", "out", "k"), reads, doc, zeros=True), raw
 
 

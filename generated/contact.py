@@ -4,31 +4,28 @@ Format 3, SymPy 1.14; made by: make derive
 
 A section is nine numbers of w from a or b on: x, y [m], theta [rad], their rates and the rates of these, all global.
 A contact is the numbers of p from c on that NUMBERS names: of a line its unit normal in the first section's axes and
-how far along it from the first point the second side may come, of circles the sum or the difference of their radii;
-of flanks, all of whose lengths are angles and forces torques, 1 or -1, 0 and how far that way the second section may
-turn; K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N s/m]; the restitution e that is asked for;
-the radius [m] of the second side. n_x, n_y is the unit normal in which the second side is pushed, the first against
-it.
+how far along it from the first point the second side may come, of circles 1 side by side or -1 one in the other, 0,
+and the sum or the difference of their radii; of flanks, all of whose lengths are angles and forces torques, 1 or -1,
+0 and how far that way the second section may turn; K [N/m^n] and n of K d^n; chi of the law, of Kelvin-Voigt its c [N
+s/m]; the restitution e that is asked for; the radius [m] of the second side. n_x, n_y is the unit normal in which the
+second side is pushed, the first against it.
 
 Operations of one call, written out -> with shared subexpressions:
-    point_line                        136 -> 46
-    circle_circle                     158 -> 38
-    circle_in_circle                  158 -> 38
-    angle                               5 -> 5
-    point_line_acceleration            74 -> 36
-    circle_circle_acceleration         64 -> 31
-    circle_in_circle_acceleration      64 -> 31
-    angle_acceleration                  2 -> 2
-    point_line_along                  357 -> 85
-    circle_circle_along              1114 -> 179
-    circle_in_circle_along           1114 -> 182
-    elastic                             5 -> 5
-    damped                              7 -> 7
-    hysteretic                         14 -> 9
-    elastic_slopes                      5 -> 5
-    damped_slopes                       5 -> 5
-    hysteretic_slopes                  21 -> 11
-    stored                              8 -> 8
+    point_line                  136 -> 46
+    circles                     172 -> 39
+    angle                         5 -> 5
+    point_line_acceleration      74 -> 36
+    circles_acceleration         69 -> 32
+    angle_acceleration            2 -> 2
+    point_line_along            284 -> 70
+    circles_along               476 -> 79
+    elastic                       5 -> 5
+    damped                        7 -> 7
+    hysteretic                   14 -> 9
+    elastic_slopes                5 -> 5
+    damped_slopes                 5 -> 5
+    hysteretic_slopes            21 -> 11
+    stored                        8 -> 8
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
@@ -55,8 +52,7 @@ NUMBERS = (
 # of geometry
 KINDS = (
     'point-line',
-    'circle-circle',
-    'circle-in-circle',
+    'circles',
     'angle',
 )
 
@@ -74,16 +70,13 @@ LAWS = (
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
     'point_line': (136, 46),
-    'circle_circle': (158, 38),
-    'circle_in_circle': (158, 38),
+    'circles': (172, 39),
     'angle': (5, 5),
     'point_line_acceleration': (74, 36),
-    'circle_circle_acceleration': (64, 31),
-    'circle_in_circle_acceleration': (64, 31),
+    'circles_acceleration': (69, 32),
     'angle_acceleration': (2, 2),
-    'point_line_along': (357, 85),
-    'circle_circle_along': (1114, 179),
-    'circle_in_circle_along': (1114, 182),
+    'point_line_along': (284, 70),
+    'circles_along': (476, 79),
     'elastic': (5, 5),
     'damped': (7, 7),
     'hysteretic': (14, 9),
@@ -137,8 +130,8 @@ def point_line(w, a, b, p, c, out, k):
 
 
 @njit(**OPTIONS)
-def circle_circle(w, a, b, p, c, out, k):
-    """Two circles side by side.
+def circles(w, a, b, p, c, out, k):
+    """Two circles. About one centre no normal is known, and (0, 0): no g' either.
 
     Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
     speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
@@ -153,6 +146,7 @@ def circle_circle(w, a, b, p, c, out, k):
     v_x_2 = w[b + 3]
     v_y_2 = w[b + 4]
     omega_2 = w[b + 5]
+    direction_x = p[c]
     reach = p[c + 2]
     radius = p[c + 7]
     w0 = -x_2
@@ -160,54 +154,15 @@ def circle_circle(w, a, b, p, c, out, k):
     d_y = -w1 - y_1
     d_x = -w0 - x_1
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w2 = 1.0/length
+    w2 = direction_x/length
     n_x = out[k + 2] = d_x*w2
     w3 = n_x*radius
     n_y = out[k + 3] = d_y*w2
     w4 = n_y*radius
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
-    out[k] = length - reach
+    out[k] = direction_x*(length - reach)
     out[k + 1] = w2*(d_x*d_x_rate + d_y*d_y_rate)
-    out[k + 4] = -w0 - w3
-    out[k + 5] = -w1 - w4
-    out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
-    out[k + 7] = 0.0
-
-
-@njit(**OPTIONS)
-def circle_in_circle(w, a, b, p, c, out, k):
-    """A circle in another one. About one centre no normal is known, and (0, 0): no g' either.
-
-    Stores at out[k]: g [m], above zero apart; g'; n_x, n_y; x, y [m] of the touched place, which is the second side's;
-    speed [m/s] of the second side's material past the first's there, along the normal turned by 90 deg; n_turn, which way
-    the second section is turned beside that."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    reach = p[c + 2]
-    radius = p[c + 7]
-    w0 = -x_2
-    w1 = -y_2
-    d_y = -w1 - y_1
-    d_x = -w0 - x_1
-    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w2 = 1.0/length
-    n_x = out[k + 2] = -d_x*w2
-    w3 = n_x*radius
-    n_y = out[k + 3] = -d_y*w2
-    w4 = n_y*radius
-    d_x_rate = -v_x_1 + v_x_2
-    d_y_rate = -v_y_1 + v_y_2
-    out[k] = -length + reach
-    out[k + 1] = -w2*(d_x*d_x_rate + d_y*d_y_rate)
     out[k + 4] = -w0 - w3
     out[k + 5] = -w1 - w4
     out[k + 6] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*(n_x*(d_x - w3) - n_y*(-d_y + w4)) + omega_2*(-(n_x*n_x)*radius - (n_y*n_y)*radius)
@@ -271,8 +226,8 @@ def point_line_acceleration(w, a, b, p, c):
 
 
 @njit(**OPTIONS)
-def circle_circle_acceleration(w, a, b, p, c):
-    """g'' [m/s^2] of ``circle_circle``."""
+def circles_acceleration(w, a, b, p, c):
+    """g'' [m/s^2] of ``circles``."""
     x_1 = w[a]
     y_1 = w[a + 1]
     v_x_1 = w[a + 3]
@@ -285,41 +240,16 @@ def circle_circle_acceleration(w, a, b, p, c):
     v_y_2 = w[b + 4]
     a_x_2 = w[b + 6]
     a_y_2 = w[b + 7]
+    direction_x = p[c]
     d_y = -y_1 + y_2
     d_x = -x_1 + x_2
     length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w0 = 1.0/length
+    w0 = direction_x/length
     w1 = d_x*w0
     w2 = d_y*w0
     d_x_rate = -v_x_1 + v_x_2
     d_y_rate = -v_y_1 + v_y_2
-    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 + w1*(-a_x_1 + a_x_2) + w2*(-a_y_1 + a_y_2) - ((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length)
-
-
-@njit(**OPTIONS)
-def circle_in_circle_acceleration(w, a, b, p, c):
-    """g'' [m/s^2] of ``circle_in_circle``."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    d_y = -y_1 + y_2
-    d_x = -x_1 + x_2
-    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
-    w0 = 1.0/length
-    w1 = d_x*w0
-    w2 = d_y*w0
-    d_x_rate = -v_x_1 + v_x_2
-    d_y_rate = -v_y_1 + v_y_2
-    return -(d_x_rate*d_x_rate)*w0 - (d_y_rate*d_y_rate)*w0 - w1*(-a_x_1 + a_x_2) - w2*(-a_y_1 + a_y_2) + ((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length)
+    return (d_x_rate*d_x_rate)*w0 + (d_y_rate*d_y_rate)*w0 - direction_x*((d_x*d_x_rate + d_y*d_y_rate)*(d_x*d_x_rate + d_y*d_y_rate))/(length*length*length) + w1*(-a_x_1 + a_x_2) + w2*(-a_y_1 + a_y_2)
 
 
 @njit(**OPTIONS)
@@ -358,33 +288,30 @@ def point_line_along(w, a, b, p, c, out, k):
     direction_x = p[c]
     direction_y = p[c + 1]
     radius = p[c + 7]
-    w0 = x_1 - x_2
+    w0 = math.cos(theta_1)
     w1 = math.sin(theta_1)
-    w2 = direction_x*w1
-    w3 = math.cos(theta_1)
-    w4 = direction_y*w3
-    w5 = out[k + 3] = w2 + w4
-    w6 = y_1 - y_2
-    w7 = direction_x*w3
-    w8 = direction_y*w1
-    w9 = out[k + 7] = w7 - w8
-    w10 = -v_x_1 + v_x_2
-    w11 = -v_y_1 + v_y_2
-    w12 = out[k + 8] = -radius*(w5*w5) - radius*(w9*w9)
-    w13 = radius*w5
-    w14 = w13 + w6
-    w15 = radius*w9
-    w16 = -w0 - w15
-    w17 = out[k + 5] = w14*w5 - w16*w9
-    w18 = out[k + 4] = -w9
-    w19 = out[k + 6] = -w5
-    out[k] = -radius*(-theta_1 + theta_2) + w0*w5 - w6*w9
-    out[k + 1] = omega_1*w17 + omega_2*w12 - w10*w5 + w11*w9
-    out[k + 2] = a_x_1*w5 + a_x_2*w19 + a_y_1*w18 + a_y_2*w9 + epsilon_1*w17 + epsilon_2*w12 - omega_1*v_x_1*w18 - omega_1*v_x_2*w9 - omega_1*v_y_1*w19 - omega_1*v_y_2*w5 + omega_1*(-omega_1*(-w14*w9 - w15*w19 - w15*w5 + w16*w19) + omega_2*(-w13*(2.0*w7 - 2.0*w8) - w15*(-2.0*w2 - 2.0*w4)) - w10*w9 + w11*w19)
+    n_y = out[k + 3] = direction_x*w1 + direction_y*w0
+    n_x = out[k + 7] = direction_x*w0 - direction_y*w1
+    w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
+    w3 = n_x*radius
+    d_y = -y_1 + y_2
+    d_x = -x_1 + x_2
+    w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
+    w5 = n_y*omega_1
+    w6 = 2.0*w3
+    w7 = out[k + 5] = -w4
+    w8 = 2.0*n_y*radius
+    d_x_rate = -v_x_1 + v_x_2
+    d_y_rate = -v_y_1 + v_y_2
+    out[k] = -d_x*n_y + d_y*n_x - radius*(-theta_1 + theta_2)
+    out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
+    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*w5 + epsilon_1*w7 + epsilon_2*w2 + n_x*omega_1*(-d_x_rate - omega_1*(d_y - w8) - omega_2*w8) + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) - w5*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6)
+    out[k + 4] = -n_x
+    out[k + 6] = -n_y
 
 
 @njit(**OPTIONS)
-def circle_circle_along(w, a, b, p, c, out, k):
+def circles_along(w, a, b, p, c, out, k):
     """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
 
     Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
@@ -405,121 +332,29 @@ def circle_circle_along(w, a, b, p, c, out, k):
     a_x_2 = w[b + 6]
     a_y_2 = w[b + 7]
     epsilon_2 = w[b + 8]
+    direction_x = p[c]
     radius = p[c + 7]
-    w0 = y_1 - y_2
-    w1 = -w0
-    w2 = -v_x_1 + v_x_2
-    w3 = x_1 - x_2
-    w4 = -w3
-    w5 = w4*w4
-    w6 = w1*w1
-    w7 = w5 + w6 + 1e-300
-    w8 = 1.0/math.sqrt(w7)
-    w9 = w2*w8
-    w10 = -v_y_1 + v_y_2
-    w11 = radius/w7
-    w12 = out[k + 8] = -w11*w5 - w11*w6
-    w13 = radius*w8
-    w14 = -w13*w4 - w3
-    w15 = w14*w8
-    w16 = w0 + w1*w13
-    w17 = w16*w8
-    w18 = -w1*w17 + w15*w4
-    w19 = out[k + 3] = w1*w8
-    w20 = out[k + 7] = w4*w8
-    w21 = out[k + 5] = -w18
-    w22 = w7**(-1.5)
-    w23 = w22*w6
-    w24 = w22*w4
-    w25 = w1*w24
-    w26 = 2.0*y_1 - 2.0*y_2
-    w27 = -w26
-    w28 = radius/(w7*w7)
-    w29 = w28*w5
-    w30 = w28*w6
-    w31 = 1.0 - w13
-    w32 = w10*w8
-    w33 = 2.0*x_1 - 2.0*x_2
-    w34 = -w33
-    w35 = w28*w34
-    w36 = w24*w3
-    w37 = w1*w22
-    w38 = w3*w37
-    w39 = w13 - 1.0
-    w40 = w0*w37
+    d_y = -y_1 + y_2
+    d_x = -x_1 + x_2
+    length = math.sqrt((d_x*d_x) + (d_y*d_y) + 1e-300)
+    w0 = 1.0/length
+    w1 = direction_x*w0
+    n_y = out[k + 3] = d_y*w1
+    n_x = out[k + 7] = d_x*w1
+    w2 = out[k + 8] = -(n_x*n_x)*radius - (n_y*n_y)*radius
+    w3 = n_x*radius
+    w4 = n_x*(d_x - w3) - n_y*(-d_y + n_y*radius)
+    w5 = out[k + 5] = -w4
+    w6 = 2.0*w3
+    d_y_rate = -v_y_1 + v_y_2
+    d_x_rate = -v_x_1 + v_x_2
+    w7 = direction_x*(d_x*d_x_rate + d_y*d_y_rate)/(length*length*length)
+    w8 = 2.0*n_y*radius
     out[k] = 0.0
-    out[k + 1] = -omega_1*w18 + omega_2*w12 - w1*w9 + w10*w4*w8
-    out[k + 2] = a_x_1*w19 - a_x_2*w19 - a_y_1*w20 + a_y_2*w20 + epsilon_1*w21 + epsilon_2*w12 + v_x_1*(-omega_1*(w14*w22*w5 - w15 - w16*w25 - w30*w4 + w4*w8*(-radius*w22*w5 - w31)) + omega_2*(-w11*w33 - w35*w5 - w35*w6) + w10*w22*w5 - w2*w25 - w32) + v_x_2*(-omega_1*(w14*w36 + w15 - w16*w38 + w20*(-radius*w36 - w39) - w3*w30) + omega_2*(-w11*w34 - w29*w33 - w30*w33) + w10*w36 - w2*w38 + w32) + v_y_1*(-omega_1*(w1*w14*w22*w4 - w1*w29 - w16*w23 + w17 - w19*(radius*w23 + w31)) + omega_2*(-w11*w26 - w27*w29 - w27*w30) + w10*w25 - w2*w23 + w9) + v_y_2*(-omega_1*(w0*w14*w22*w4 - w0*w29 - w16*w40 - w17 - w19*(radius*w40 + w39)) + omega_2*(-w11*w27 - w26*w29 - w26*w30) + w0*w10*w22*w4 - w2*w40 - w9)
-    out[k + 4] = -w20
-    out[k + 6] = -w19
-
-
-@njit(**OPTIONS)
-def circle_in_circle_along(w, a, b, p, c, out, k):
-    """Sliding of the second side past the first, along the normal turned by 90 deg, as a joint's row.
-
-    Stores at out[k]: the way [m] (of circles 0: theirs is no function of places), its two rates, then the Jacobian of the
-    first of them by the twists of both sections."""
-    x_1 = w[a]
-    y_1 = w[a + 1]
-    v_x_1 = w[a + 3]
-    v_y_1 = w[a + 4]
-    omega_1 = w[a + 5]
-    a_x_1 = w[a + 6]
-    a_y_1 = w[a + 7]
-    epsilon_1 = w[a + 8]
-    x_2 = w[b]
-    y_2 = w[b + 1]
-    v_x_2 = w[b + 3]
-    v_y_2 = w[b + 4]
-    omega_2 = w[b + 5]
-    a_x_2 = w[b + 6]
-    a_y_2 = w[b + 7]
-    epsilon_2 = w[b + 8]
-    radius = p[c + 7]
-    w0 = x_1 - x_2
-    w1 = -w0
-    w2 = -v_y_1 + v_y_2
-    w3 = w1*w1
-    w4 = y_1 - y_2
-    w5 = -w4
-    w6 = w5*w5
-    w7 = w3 + w6 + 1e-300
-    w8 = 1.0/math.sqrt(w7)
-    w9 = w2*w8
-    w10 = -v_x_1 + v_x_2
-    w11 = radius/w7
-    w12 = out[k + 8] = -w11*w3 - w11*w6
-    w13 = radius*w8
-    w14 = w1*w13 - x_1 + x_2
-    w15 = w14*w8
-    w16 = -w13*w5 + y_1 - y_2
-    w17 = out[k + 5] = w1*w15 - w16*w5*w8
-    w18 = out[k + 6] = w5*w8
-    w19 = out[k + 4] = w1*w8
-    w20 = w7**(-1.5)
-    w21 = w20*w3
-    w22 = w1*w20
-    w23 = w22*w5
-    w24 = 2.0*x_1 - 2.0*x_2
-    w25 = -w24
-    w26 = radius/(w7*w7)
-    w27 = w25*w26
-    w28 = w26*w6
-    w29 = w13 + 1.0
-    w30 = w10*w8
-    w31 = 2.0*y_1 - 2.0*y_2
-    w32 = -w31
-    w33 = w26*w3
-    w34 = w16*w8
-    w35 = w0*w22
-    w36 = w20*w4*w5
-    w37 = w22*w4
-    out[k] = 0.0
-    out[k + 1] = omega_1*w17 + omega_2*w12 - w1*w9 + w10*w5*w8
-    out[k + 2] = -a_x_1*w18 + a_x_2*w18 + a_y_1*w19 - a_y_2*w19 + epsilon_1*w17 + epsilon_2*w12 + v_x_1*(-omega_1*(w1*w16*w20*w5 - w1*w28 - w14*w21 + w15 - w19*(radius*w20*w3 - w29)) + omega_2*(-w11*w24 - w27*w3 - w27*w6) + w10*w23 - w2*w21 + w9) + v_x_2*(-omega_1*(w0*w16*w20*w5 - w0*w28 - w14*w35 - w15 - w19*(radius*w35 + w29)) + omega_2*(-w11*w25 - w24*w28 - w24*w33) + w0*w10*w20*w5 - w2*w35 - w9) + v_y_1*(-omega_1*(-w14*w23 + w16*w20*w6 - w33*w5 - w34 + w5*w8*(-radius*w20*w6 + w29)) + omega_2*(-w11*w31 - w28*w32 - w32*w33) + w10*w20*w6 - w2*w23 - w30) + v_y_2*(-omega_1*(-w14*w37 + w16*w36 + w18*(-radius*w36 - w29) - w33*w4 + w34) + omega_2*(-w11*w32 - w28*w31 - w31*w33) + w10*w36 - w2*w37 + w30)
-    out[k + 3] = -w18
-    out[k + 7] = -w19
+    out[k + 1] = -d_x_rate*n_y + d_y_rate*n_x - omega_1*w4 + omega_2*w2
+    out[k + 2] = -d_x_rate*n_x*omega_1 - d_y_rate*n_y*omega_1 + epsilon_1*w5 + epsilon_2*w2 + n_x*(-a_y_1 + a_y_2) - n_y*(-a_x_1 + a_x_2) + (-d_x*w7 + d_x_rate*direction_x*w0)*(d_y_rate - omega_1*(d_x - w6) - omega_2*w6) + (-d_y*w7 + d_y_rate*direction_x*w0)*(-d_x_rate - omega_1*(d_y - w8) - omega_2*w8)
+    out[k + 4] = -n_x
+    out[k + 6] = -n_y
 
 
 @njit(**OPTIONS)
@@ -605,9 +440,7 @@ def gap(kind, w, a, b, p, c, out, k):
     if kind == 0:
         point_line(w, a, b, p, c, out, k)
     elif kind == 1:
-        circle_circle(w, a, b, p, c, out, k)
-    elif kind == 2:
-        circle_in_circle(w, a, b, p, c, out, k)
+        circles(w, a, b, p, c, out, k)
     else:
         angle(w, a, b, p, c, out, k)
 
@@ -618,9 +451,7 @@ def gap_acceleration(kind, w, a, b, p, c):
     if kind == 0:
         return point_line_acceleration(w, a, b, p, c)
     if kind == 1:
-        return circle_circle_acceleration(w, a, b, p, c)
-    if kind == 2:
-        return circle_in_circle_acceleration(w, a, b, p, c)
+        return circles_acceleration(w, a, b, p, c)
     return angle_acceleration(w, a, b, p, c)
 
 
@@ -629,10 +460,8 @@ def along(kind, w, a, b, p, c, out, k):
     """What slides at a contact of this kind as a row, by its number in KINDS: see its kernels."""
     if kind == 0:
         point_line_along(w, a, b, p, c, out, k)
-    elif kind == 1:
-        circle_circle_along(w, a, b, p, c, out, k)
     else:
-        circle_in_circle_along(w, a, b, p, c, out, k)
+        circles_along(w, a, b, p, c, out, k)
 
 
 @njit(**OPTIONS)

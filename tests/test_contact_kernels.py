@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from test_joint_kernels import TINY, Motion
 
 from kaneflex.generated import contact
-from kaneflex.mechanism.contacts import CHI, chi_that_returns, hysteresis, returned
+from kaneflex.mechanism.contacts import CHI, CIRCLES, chi_that_returns, hysteresis, returned
 
 ASKED = (0.9, 0.7, 0.5, 0.3, 0.1)
 RETURNED = {
@@ -23,16 +23,25 @@ BEFORE = 3
 """Numbers before a contact's own ones."""
 
 
-def numbers(**given):
+KINDS = "point-line", *CIRCLES
+"""Kinds of contacts that push along a line."""
+
+
+def kind_number(kind):
+    return contact.KINDS.index("circles" if kind in CIRCLES else kind)
+
+
+def numbers(kind="point-line", **given):
     """p, with a contact's numbers from BEFORE on."""
     own = dict(zip(contact.NUMBERS, OWN, strict=True)) | given
+    own |= {"direction_x": CIRCLES[kind], "direction_y": 0.0} if kind in CIRCLES else {}
     return np.array([np.nan] * BEFORE + list(own.values()))
 
 
 def geometry(kind, sections, p=None):
     out = np.full(10, 3.5)
     w = np.concatenate([[np.nan, np.nan], *sections])
-    contact.gap(contact.KINDS.index(kind), w, 2, 11, numbers() if p is None else p, BEFORE, out, 1)
+    contact.gap(kind_number(kind), w, 2, 11, numbers(kind) if p is None else p, BEFORE, out, 1)
     assert out[0] == 3.5 and out[9] == 3.5
     return out[1:9]
 
@@ -51,7 +60,7 @@ def closed(kind, places):
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("kind", contact.KINDS[:3])
+@pytest.mark.parametrize("kind", KINDS)
 def test_gap_normal_and_speeds_along_a_motion(kind, seed):
     motion, t = Motion(seed), 0.37
     places, rates = motion.level(t, 0), motion.level(t, 1)
@@ -63,7 +72,7 @@ def test_gap_normal_and_speeds_along_a_motion(kind, seed):
     h = 1e-5
     rate = [geometry(kind, motion.sections(t + sign * h).reshape(4, 9)[1::2])[1] for sign in (1, -1)]
     w = np.concatenate(motion.sections(t).reshape(4, 9)[1::2])
-    found_acceleration = contact.gap_acceleration(contact.KINDS.index(kind), w, 0, 9, numbers(), BEFORE)
+    found_acceleration = contact.gap_acceleration(kind_number(kind), w, 0, 9, numbers(kind), BEFORE)
     assert found_acceleration == pytest.approx((rate[0] - rate[1]) / (2 * h), rel=1e-7, abs=1e-7)
     difference = [closed(kind, motion.level(t + sign * h, 0))[0] for sign in (1, -1)]
     assert found[1] == pytest.approx((difference[0] - difference[1]) / (2 * h), rel=1e-7, abs=1e-7)
@@ -89,7 +98,7 @@ def test_flanks_know_angles_alone(way):
     assert found[2:].tolist() == [0.0, 0.0, *places[1, :2], 0.0, way]
 
 
-@pytest.mark.parametrize("kind", contact.KINDS[:3])
+@pytest.mark.parametrize("kind", KINDS)
 def test_what_slides_is_a_row_with_its_rates_and_jacobian(kind):
     """The rate is the gap kernel's, the second one its difference along a motion, the Jacobian its slope by twists."""
     motion, t, h, which = Motion(1), 0.37, 1e-5, 6
@@ -99,7 +108,7 @@ def test_what_slides_is_a_row_with_its_rates_and_jacobian(kind):
 
     def filled(sections):
         out, w = np.full(11, 3.5), np.concatenate([[np.nan, np.nan], *sections])
-        contact.along(contact.KINDS.index(kind), w, 2, 11, numbers(), BEFORE, out, 1)
+        contact.along(kind_number(kind), w, 2, 11, numbers(kind), BEFORE, out, 1)
         return out[1:10]
 
     found = filled(sections(t))
@@ -117,7 +126,7 @@ def test_what_slides_is_a_row_with_its_rates_and_jacobian(kind):
             assert found[3 + 3 * side + k] == pytest.approx(change, abs=1e-12)
 
 
-@pytest.mark.parametrize("kind", contact.KINDS[1:3])
+@pytest.mark.parametrize("kind", CIRCLES)
 def test_circles_about_one_centre_have_no_normal_and_no_nan(kind):
     sections = np.zeros((2, 9))
     sections[:, 3:6] = np.arange(6).reshape(2, 3)
@@ -127,9 +136,9 @@ def test_circles_about_one_centre_have_no_normal_and_no_nan(kind):
 
 
 def test_a_gap_of_a_nanometre_is_told_in_a_bearing_of_a_decimetre():
-    sections = np.zeros((2, 9))
+    sections, kind = np.zeros((2, 9)), "circle-in-circle"
     sections[1, 0] = 1e-9
-    assert geometry("circle-in-circle", sections, numbers(reach=3e-9))[0] == pytest.approx(2e-9, rel=1e-15)
+    assert geometry(kind, sections, numbers(kind, reach=3e-9))[0] == pytest.approx(2e-9, rel=1e-15)
 
 
 def test_slopes_are_the_derivatives_of_the_force_and_the_energy_is_its_work():

@@ -17,8 +17,10 @@ from collections.abc import Callable
 from kaneflex.mechanism.parts import Contact
 from kaneflex.mechanism.planar import Number, Vector, dot, quarter_turn
 
-KINDS = ("point-line", "circle-circle", "circle-in-circle", "angle")
+KINDS = ("point-line", "circles", "angle")
 """Geometries, in the order of the numbers that kernels know them by."""
+CIRCLES = {"circle-circle": 1.0, "circle-in-circle": -1.0}
+"""Kinds of contacts of circles -> whether the second is pushed away from the first one's centre (1) or towards it."""
 LAWS = ("hertz", "kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "exact", "newton")
 """Laws, in the order of the numbers that kernels know them by."""
 NEWTON = LAWS.index("newton")
@@ -43,16 +45,15 @@ def apart(kind: str, gap: Vector, length: Number, normal: Vector, reach: Number)
         From the first point to the second, ``length`` [m] long; global. Of flanks the angle of the second body against
         the first [rad], and 0.
     normal : tuple
-        That of a line, global; of flanks 1 or -1, which way the second body is turned, and 0; of no other kind.
+        That of a line, global; of flanks 1 or -1, which way the second body is turned, and 0; of ``circles`` as CIRCLES
+        has them; of no other kind.
     reach : number
         Sum of the circles' radii, their difference, or how far before the first point a line's face is [m].
     """
     if kind in ("point-line", "angle"):
         return dot(normal, gap) - reach, normal
-    away = gap[0] / length, gap[1] / length
-    if kind == "circle-circle":
-        return length - reach, away
-    return reach - length, (-away[0], -away[1])
+    way = CIRCLES.get(kind, normal[0])
+    return way * (length - reach), (way * gap[0] / length, way * gap[1] / length)
 
 
 def touched(normal: Vector, radius: Number) -> Vector:
@@ -95,12 +96,18 @@ def hysteresis(law: str, restitution: float) -> float:
     return float(CHI[law](restitution)) if law in CHI else 0.0
 
 
+def kind_of(contact: Contact) -> int:
+    """The number of its geometry."""
+    return KINDS.index("circles" if contact.kind in CIRCLES else contact.kind)
+
+
 def numbers_of(contact: Contact) -> tuple[float, ...]:
     """The numbers of a contact as the kernels of ``generated/contact.py`` read them, by its NUMBERS."""
     damped = contact.law == "kelvin-voigt"
     loss = contact.damping if damped else hysteresis(contact.law, contact.restitution)
+    direction = (CIRCLES[contact.kind], 0.0) if contact.kind in CIRCLES else contact.direction
     return (
-        *contact.direction, contact.reach, contact.stiffness, contact.exponent, loss, contact.restitution,
+        *direction, contact.reach, contact.stiffness, contact.exponent, loss, contact.restitution,
         contact.radius,
     )  # fmt: skip
 

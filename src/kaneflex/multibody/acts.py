@@ -147,7 +147,7 @@ def list_acts(
         found.append((kind, *(index[key_of(side)] for side in spring.sides), -1, -1, place))
     ends.append(len(found))
     for k, contact in enumerate(mechanism.contacts.values(), start=row):
-        what, law = contacts.KINDS.index(contact.kind), contacts.LAWS.index(contact.law)
+        what, law = contacts.kind_of(contact), contacts.LAWS.index(contact.law)
         sections = (index[key_of(side)] for side in contact.sides)
         found.append((what, *sections, law, k, numbers.put(contacts.numbers_of(contact))))
     found += [(at.SWITCH, 0, 0, 0, k, -1) for k in range(switches)]

@@ -61,7 +61,7 @@ FORCE_ALONG, FOLLOWER, TORQUE = range(3)
 """Kinds of loads: along a global direction, along one that turns with the second section, between two sections."""
 STRAIGHT, TORSIONAL = range(2)
 """Kinds of springs."""
-FLANK, SWITCH = 3, -1
+FLANK, SWITCH = 2, -1
 """Kinds of contacts: of flanks, by its number in :data:`kaneflex.generated.contact.KINDS`, and of what stands among
 them and touches nothing: an argument of loads' laws, which change where it passes zero. Its sections are the ground's,
 its number among its like is in ROW_AT."""
@@ -345,6 +345,8 @@ def smaller(a, b):
 
 @njit(**OPTIONS)
 def turned(w, theta, k):
-    """Global components of the direction at ``k``, fixed in axes at the angle theta."""
+    """Global components of the direction at ``k``, fixed in axes at the angle theta: most are the ground's."""
+    if theta == 0.0:
+        return w[k], w[k + 1]
     c, s = math.cos(theta), math.sin(theta)
     return c * w[k] - s * w[k + 1], s * w[k] + c * w[k + 1]
