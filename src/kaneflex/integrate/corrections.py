@@ -17,6 +17,8 @@ FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
 """How corrections ended."""
 PATIENCE = 8
 """Corrections over which their contraction counts."""
+# Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
+# arrays no faster, and types and copies each of them anew. `corrected` is one loop over what it allocates once.
 
 
 @compiled

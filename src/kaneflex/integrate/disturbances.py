@@ -39,6 +39,8 @@ def monodromy(grid: Grid) -> np.ndarray:
     return reduce(lambda before, then: then @ before, ends.transpose(2, 1, 0))
 
 
+# Compiled in one piece: one real and one complex matrix side by side, whose entries stay in registers; what is left of
+# a step in functions of its own would be called for each column of each step.
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
 @made_of(lanes.__file__, matrices.__file__)
 def eighths(n, w, sums, every, repeats, step, poles, shares):
