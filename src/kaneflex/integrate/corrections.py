@@ -9,7 +9,18 @@ from numba import njit
 from kaneflex.integrate import fourier, instants, lanes, matrices
 from kaneflex.integrate.fourier import fill_rates, filtered, transform
 from kaneflex.integrate.instants import multiply, solve_lower, solve_upper
-from kaneflex.integrate.lanes import FASTMATH, LANES, lane_sum, load, stay_apart, store, transpose, transpose_back
+from kaneflex.integrate.lanes import (
+    FASTMATH,
+    LANES,
+    absolute,
+    lane_sum,
+    load,
+    root,
+    stay_apart,
+    store,
+    transpose,
+    transpose_back,
+)
 from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
@@ -18,13 +29,7 @@ FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
 PATIENCE = 8
 """Corrections over which their contraction counts."""
 # Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
-# arrays no faster, and types and copies each of them anew. `corrected` is one loop over what it allocates once.
-
-
-@compiled
-def squares(n):
-    """Rows of a vector of n numbers, in whole squares."""
-    return (n + LANES - 1) // LANES * LANES
+# arrays no faster, and types and copies each of them anew. They allocate nothing: that would take long to compile.
 
 
 @compiled
@@ -42,13 +47,6 @@ def _from_instants(x, square, signal):
 
 
 @compiled
-def _signals(blocks):
-    """Four of eight rows: real and imaginary part, and what a transform needs beside them."""
-    shape = (LANES, LANES * blocks)
-    return np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape)
-
-
-@compiled
 def _fill_gains(modes, square, omega, gains):
     """What each of eight modes answers to a unit load in every harmonic: real and imaginary part, (2, N, LANES)."""
     count = gains.shape[1]
@@ -63,7 +61,7 @@ def _fill_gains(modes, square, omega, gains):
 
 
 @compiled
-def _answer(n, w, factor, shapes, gains, circle, rest, taken, signals):
+def _answer(n, w, factor, shapes, gains, cosine, sine, rest, taken, signals):
     """What the mean equations answer to the loads `rest`, in y, in their place.
 
     Those modes of them that are not in `shapes`, (n, m), answer at once, as if they had no mass.
@@ -80,10 +78,10 @@ def _answer(n, w, factor, shapes, gains, circle, rest, taken, signals):
             if m < n:  # what is left of the loads when these modes' share is taken away
                 for i in range(n):
                     store(rest, (b, i), load(rest, (b, i)) - shapes[i, k] * total)
-    re, im, spare_re, spare_im = signals
+    re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
     for square in range(taken.shape[1] // LANES):
         _to_instants(taken, square, re)
-        filtered(re, im, spare_re, spare_im, circle[0], circle[1], gains[square])
+        filtered(re, im, spare_re, spare_im, cosine, sine, gains[square])
         _from_instants(taken, square, re)
     for b in range(len(rest)):
         for i in range(n):
@@ -96,13 +94,13 @@ def _answer(n, w, factor, shapes, gains, circle, rest, taken, signals):
 
 
 @compiled
-def _forces(n, w, sums, circle, omega, rates, z, v, a, signals, out):
+def _forces(n, w, sums, cosine, sine, omega, rates, z, v, a, signals, out):
     """M z'' + C z' + K z, at all instants."""
     stay_apart()
-    re, im, spare_re, spare_im = signals
+    re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
     for square in range(z.shape[1] // LANES):
         _to_instants(z, square, re)
-        filtered(re, im, spare_re, spare_im, circle[0], circle[1], rates)
+        filtered(re, im, spare_re, spare_im, cosine, sine, rates)
         _from_instants(v, square, re)
         _from_instants(a, square, im)
     width = 2 * w + 1
@@ -119,19 +117,19 @@ def _forces(n, w, sums, circle, omega, rates, z, v, a, signals, out):
 
 
 @compiled
-def _strain(n, w, sums, z):
+def _strain(n, w, sums, z, product):
     """Root of twice the strain energy, added up over the instants: the length of y."""
     stay_apart()
-    product, total = np.empty((1, n, LANES)), 0.0
+    total = 0.0 * load(z, (0, 0))
     for b in range(len(z)):
-        multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, 0, product)
+        multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, b, product)
         for i in range(n):
-            total += lane_sum(load(product, (0, i)) * load(z, (b, i)))
-    return np.sqrt(abs(total))
+            total += load(product, (b, i)) * load(z, (b, i))
+    return root(absolute(lane_sum(total)))
 
 
 @compiled
-def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
+def _tail(n, w, sums, cosine, sine, omega, z, signals, inert, strained):
     """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out."""
     stay_apart()
     count = LANES * len(z)
@@ -141,10 +139,12 @@ def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
         for i in range(n):
             store(inert, (b, i), alike * load(inert, (b, i)))
         multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, b, strained)
-    kinetic, strain = np.zeros(count), np.zeros(count)
-    re, im, spare_re, spare_im = signals
+    re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
+    z_re, z_im, kinetic, strain = signals[4], signals[5], signals[6], signals[7]
+    for k in range(count):
+        store(kinetic, k, 0.0)
+        store(strain, k, 0.0)
     for square in range(z.shape[1] // LANES):
-        z_re, z_im, _, _ = _signals(len(z))
         for both in range(2):
             if both == 0:
                 _to_instants(z, square, re)
@@ -153,7 +153,7 @@ def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
             else:
                 _to_instants(inert, square, re)
                 _to_instants(strained, square, im)
-            re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, circle[0], circle[1])
+            re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, cosine, sine)
             if both == 0:
                 re, im, z_re, z_im = z_re, z_im, re, im
         for k in range(count // 2 + 1):
@@ -161,115 +161,111 @@ def _tail(n, w, sums, circle, omega, z, signals, inert, strained):
             # two real signals in one: the even part of what comes of them is the first one's, the odd the other's
             x, y, p, q = load(z_re, k), load(z_im, k), load(re, k), load(im, k)
             u, v = load(re, other), load(im, other)
-            kinetic[k] += lane_sum(x * (p + u) + y * (q - v))
-            strain[k] += lane_sum(x * (q + v) + y * (u - p))
+            store(kinetic, k, load(kinetic, k) + x * (p + u) + y * (q - v))
+            store(strain, k, load(strain, k) + x * (q + v) + y * (u - p))
     high = whole = 0.0
     for k in range(count // 2 + 1):
-        energy = (k / len(z)) ** 2 * abs(kinetic[k]) + abs(strain[k])
+        moving, resting = absolute(lane_sum(load(kinetic, k))), absolute(lane_sum(load(strain, k)))
+        energy = (k / len(z)) ** 2 * moving + resting
         whole += energy
         high += energy if 8 * k >= 3 * count else 0.0
-    return np.sqrt(high / (whole if whole > 0.0 else 1.0))
+    return root(high / (whole if whole > 0.0 else 1.0))
 
 
 @compiled
 def _conjugate(steps, changes, count, rest, z):
     """One step of GCR with row `count`, made orthogonal to those before; the square of what is left."""
     stay_apart()
+    size, newest, step = z.shape[0] * z.shape[1], changes[count], steps[count]
+    nothing = 0.0 * load(z, (0, 0))
     for k in range(count):
-        along = 0.0
-        for t in range(rest.size):
-            along += changes[k, t] * changes[count, t]
-        for t in range(rest.size):
-            changes[count, t] -= along * changes[k, t]
-            steps[count, t] -= along * steps[k, t]
-    length, along = 0.0, 0.0
-    for t in range(rest.size):
-        length += changes[count, t] * changes[count, t]
-        along += changes[count, t] * rest[t]
+        change, earlier, product = changes[k], steps[k], nothing
+        for t in range(size):
+            product += load(change, (0, t)) * load(newest, (0, t))
+        along = lane_sum(product)
+        for t in range(size):
+            store(newest, (0, t), load(newest, (0, t)) - along * load(change, (0, t)))
+            store(step, (0, t), load(step, (0, t)) - along * load(earlier, (0, t)))
+    square, product = nothing, nothing
+    for t in range(size):
+        square += load(newest, (0, t)) * load(newest, (0, t))
+        product += load(newest, (0, t)) * load(rest, (0, t))
+    length = lane_sum(square)
     scale = 1.0 / length if length > 0.0 else 0.0
-    along *= scale
-    scale, square = np.sqrt(scale), 0.0
-    for t in range(rest.size):
-        z[t] += along * steps[count, t]
-        rest[t] -= along * changes[count, t]
-        changes[count, t] *= scale
-        steps[count, t] *= scale
-        square += rest[t] * rest[t]
-    return square
+    along = lane_sum(product) * scale
+    scale, square = root(scale), nothing
+    for t in range(size):
+        store(z, (0, t), load(z, (0, t)) + along * load(step, (0, t)))
+        left = load(rest, (0, t)) - along * load(newest, (0, t))
+        store(rest, (0, t), left)
+        square += left * left
+        store(newest, (0, t), scale * load(newest, (0, t)))
+        store(step, (0, t), scale * load(step, (0, t)))
+    return lane_sum(square)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
-def corrected(n, w, sums, factor, shapes, modes, circle, omega, start, tolerance, share, over_tail, slowest, most):
-    """The motion on one grid, from `start`, (n, N) or empty, as far as this grid is worth it.
+def corrected(
+    n, w, sums, factor, shapes, modes, cosine, sine, omega, tolerance, share, over_tail, slowest, near, z,
+    rest, v, a, taken, steps, changes, signals, gains, rates, history,
+):
+    """The motion on one grid, in place of z, (blocks, rows, LANES), as far as this grid is worth it.
 
     shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, squares, LANES)
     share: of the first remainder, that is enough
     over_tail: of what the grid leaves out, that is worth no further correction
-    slowest: what PATIENCE corrections may leave, or they are given up; most: of them
+    slowest: what PATIENCE corrections may leave, or they are given up
+    near: whether z is a motion to start from; else it is zero, as are the padding of all that has its shape, and taken
+    history: filled with the remainder's size after each correction as a share of the motion's; as long as they may get
 
-    Returns z, (n, N), the remainder's size after each correction as a share of the motion's, the tail and how it ended.
+    Returns how it ended, the number of corrections and the tail.
     """
-    blocks, padded = len(sums), squares(n)
-    shape, count = (blocks, padded, LANES), LANES * blocks
-    loads = 3 * n * (2 * w + 1)
-    signals, taken = _signals(blocks), np.zeros((blocks, modes.shape[1] * LANES, LANES))
-    gains, rates = np.empty((modes.shape[1], 2, count, LANES)), np.empty((2, count, LANES))
+    blocks, size, loads = len(sums), z.shape[0] * z.shape[1], 3 * n * (2 * w + 1)
     fill_rates(omega, rates)
     for square in range(modes.shape[1]):
         _fill_gains(modes, square, omega, gains[square])
-    v, a, flat_z, flat_rest = np.zeros(shape), np.zeros(shape), np.zeros(padded * count), np.zeros(padded * count)
-    z = flat_z.reshape(shape)
-    steps, changes = np.empty((most, flat_z.size)), np.empty((most, flat_z.size))
-    history, tail, ended, size = np.zeros(most + 1), np.inf, TOO_SLOW, 0.0
-    if start.size:
-        for i in range(n):
-            for lane in range(LANES):
-                for b in range(blocks):
-                    z[b, i, lane] = start[i, lane * blocks + b]
-        size = _strain(n, w, sums, z)
+    tail, ended, length, done = np.inf, TOO_SLOW, 0.0, 0
+    if near:
+        length = _strain(n, w, sums, z, v)
     # the first round finds what is left of the loads, each of the others corrects it
-    done = 0
-    for rounds in range(most + 1):
+    for rounds in range(len(history)):
         done = rounds
         row = max(done - 1, 0)
-        step, change = steps[row].reshape(shape), changes[row].reshape(shape)
-        for t in range(flat_rest.size):
-            steps[row, t], changes[row, t] = flat_rest[t] if done > 0 else flat_z[t], 0.0
+        step, change = steps[row], changes[row]
+        for t in range(size):
+            store(step, (0, t), load(rest, (0, t)) if done > 0 else load(z, (0, t)))
+            store(change, (0, t), 0.0)
         if done > 0:
             for b in range(blocks):
                 solve_upper(n, w, factor, b, step)
-        if done > 0 or start.size:
-            _forces(n, w, sums, circle, omega, rates, step, v, a, signals, change)
+        if done > 0 or near:
+            _forces(n, w, sums, cosine, sine, omega, rates, step, v, a, signals, change)
         if done == 0:
             for b in range(blocks):
                 for i in range(n):
                     store(change, (b, i), load(sums, (b, loads + i)) - load(change, (b, i)))
-        _answer(n, w, factor, shapes, gains, circle, change, taken, signals)
+        _answer(n, w, factor, shapes, gains, cosine, sine, change, taken, signals)
         if done == 0:
-            square = 0.0
-            for t in range(flat_rest.size):
-                flat_rest[t] = changes[0, t]
-                square += flat_rest[t] * flat_rest[t]
-            size = size if start.size else np.sqrt(square)
-            size = size if size > 0.0 else 1.0
-            history[0] = np.sqrt(square) / size
-            if not np.isfinite(square):
+            squares = 0.0 * load(z, (0, 0))
+            for t in range(size):
+                store(rest, (0, t), load(change, (0, t)))
+                squares += load(change, (0, t)) * load(change, (0, t))
+            first = root(lane_sum(squares))
+            length = length if near else first
+            length = length if length > 0.0 else 1.0
+            history[0] = first / length
+            if not first < np.inf:
                 ended = NO_MOTION
                 break
             continue
-        left = np.sqrt(_conjugate(steps, changes, row, flat_rest, flat_z)) / size
+        left = root(_conjugate(steps, changes, row, rest, z)) / length
         history[done] = left
         if left <= max(0.1 * history[0], tolerance):
-            tail = _tail(n, w, sums, circle, omega, z, signals, v, a)
+            tail = _tail(n, w, sums, cosine, sine, omega, z, signals, v, a)
             if left <= max(tolerance, share * history[0], over_tail * tail):
                 ended = FOUND
                 break
         if done > PATIENCE and left > slowest * history[done - PATIENCE]:
             break
-    found = np.empty((n, count))
-    for i in range(n):
-        for lane in range(LANES):
-            for b in range(blocks):
-                found[i, lane * blocks + b] = z[b, i, lane]
-    return found, history[: done + 1], tail, ended
+    return ended, done, tail

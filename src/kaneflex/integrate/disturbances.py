@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from kaneflex.integrate import lanes, matrices
-from kaneflex.integrate.lanes import FASTMATH, LANES, load, store
+from kaneflex.integrate.lanes import FASTMATH, LANES, aligned, load, store
 from kaneflex.integrate.spectral import Grid
 from kaneflex.support.fingerprint import made_of
 
@@ -35,33 +35,33 @@ def monodromy(grid: Grid) -> np.ndarray:
     step = 2.0 * math.pi / (grid.omega * instants * repeats)
     poles = np.array([_POLES[0].real, _POLES[1].real, _POLES[1].imag])
     shares = np.array([_SHARES[0].real, _SHARES[1].real, _SHARES[1].imag])
-    ends = eighths(grid.n, grid.half_bandwidth, grid.sums, every, repeats, step, poles, shares)
-    return reduce(lambda before, then: then @ before, ends.transpose(2, 1, 0))
+    n, w = grid.n, grid.half_bandwidth
+    state, entries, vectors = aligned(2 * n, 2 * n, LANES), aligned(5, n * (2 * w + 1), LANES), aligned(3, n, LANES)
+    state[...] = np.eye(2 * n)[..., None]
+    eighths(n, w, grid.sums, every, repeats, step, poles, shares, entries, vectors, state)
+    return reduce(lambda before, then: then @ before, state.transpose(2, 1, 0))
 
 
 # Compiled in one piece: one real and one complex matrix side by side, whose entries stay in registers; what is left of
 # a step in functions of its own would be called for each column of each step.
-@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
+@njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(lanes.__file__, matrices.__file__)
-def eighths(n, w, sums, every, repeats, step, poles, shares):
-    """Where each eighth of the cycle moves every unit state (z, h z'): shape (2 n states, 2 n, LANES).
+def eighths(n, w, sums, every, repeats, step, poles, shares, entries, vectors, state):
+    """Where each eighth of the cycle moves every state (z, h z'), in place: shape (2 n states, 2 n, LANES).
 
     every, repeats: of the blocks one in so many is read, and so many steps are taken with it
+    entries, vectors: work, (5, n (2 w + 1), LANES) and (3, n, LANES)
 
     With x' = A x and u = (p - h A)^-1 x it is (p^2 M + p h C + h^2 K) h u' = p M h x' - h^2 K x, p u = x + h u'.
     """
     width = 2 * w + 1
     slots, states = n * width, 2 * n
-    p, p_re, p_im = poles
+    p, p_re, p_im = poles[0], poles[1], poles[2]
     q_re, q_im = p_re * p_re - p_im * p_im, 2.0 * p_re * p_im
-    r, r_re, r_im = shares
+    r, r_re, r_im = shares[0], shares[1], shares[2]
     size = 1.0 / (p_re * p_re + p_im * p_im)
-    state = np.zeros((states, states, LANES))
-    for k in range(states):
-        state[k, k, :] = 1.0
-    real, re, im = np.empty((slots, LANES)), np.empty((slots, LANES)), np.empty((slots, LANES))
-    mass, stiffness = np.empty((slots, LANES)), np.empty((slots, LANES))
-    x, x_re, x_im = np.empty((n, LANES)), np.empty((n, LANES)), np.empty((n, LANES))
+    mass, stiffness, real, re, im = entries[0], entries[1], entries[2], entries[3], entries[4]
+    x, x_re, x_im = vectors[0], vectors[1], vectors[2]
     for b in range(0, len(sums), every):
         for k in range(slots):
             m, c = load(sums, (b, k)), step * load(sums, (b, slots + k))
@@ -132,4 +132,3 @@ def eighths(n, w, sums, every, repeats, step, poles, shares):
                     u_re, u_im = (y_re * p_re + known_im * p_im) * size, (known_im * p_re - y_re * p_im) * size
                     store(state, (column, i), r_im * u_im - r_re * u_re - r * u)
                     store(state, (column, n + i), r_im * known_im - r_re * known_re - r * known)
-    return state

@@ -4,7 +4,6 @@ Instant l N / 8 + b of N is lane l of block b: a lane goes through an eighth of 
 (blocks, rows, LANES). Those of vectors have as many rows as fill whole squares, the last ones zero.
 """
 
-import numpy as np
 from numba import njit
 
 from kaneflex.integrate import lanes, matrices
@@ -15,49 +14,47 @@ from kaneflex.support.fingerprint import made_of
 ROUNDING = 1e-13
 """Share of a diagonal entry that is taken for nothing."""
 _made_of_parts = made_of(lanes.__file__, matrices.__file__)
-_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True)
+_cached = njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 
 
 @compiled
 def _diagonal_factor(n, w, sums, factor):
     """The root of the mean of K's diagonal, in the place of its factor."""
     first, width, largest = 2 * n * (2 * w + 1) + w, 2 * w + 1, 0.0
-    mean = np.zeros(n)
-    for i in range(n):
-        for b in range(len(sums)):
-            mean[i] += lane_sum(absolute(load(sums, (b, first + i * width)))) / (LANES * len(sums))
-        largest = max(largest, mean[i])
     for b in range(len(sums)):
         for k in range(factor.shape[1]):
             store(factor, (b, k), 0.0)
-        for i in range(n):
-            size = mean[i] + (largest if largest > 0.0 else 1.0) * ROUNDING
-            store(factor, (b, i * (w + 1) + w), 1.0 / np.sqrt(size))
+    for i in range(n):
+        total = 0.0 * load(sums, (0, 0))
+        for b in range(len(sums)):
+            total += absolute(load(sums, (b, first + i * width)))
+        mean = lane_sum(total) / (LANES * len(sums))
+        largest = max(largest, mean)
+        store(factor, (0, i * (w + 1) + w), mean)
+    for i in range(n):
+        size = load(factor, (0, i * (w + 1) + w)) + (largest if largest > 0.0 else 1.0) * ROUNDING
+        for b in range(len(sums)):
+            store(factor, (b, i * (w + 1) + w), 1.0 / root(size))
 
 
 @_cached
 @_made_of_parts
-def equations(n, w, ends, what, values, rows):
-    """M, C and K by their slots, then F, at all instants; Cholesky's factor of K; whether it is positive definite.
+def equations(n, w, ends, what, values, rows, sums, factor):
+    """M, C and K by their slots, then F, at all instants, to `sums`; Cholesky's factor of K; whether it has one.
 
     ends, what, values: of each of them the scalars that enter it and their factors, as in a compressed sparse matrix
-    rows: the table, shape (N, n_scalars)
+    rows: the table, shape (N / LANES, n_scalars, LANES)
 
     The factor is that of K's symmetric part: row i, column j <= i in slot i (w + 1) + j - i + w, the diagonal as its
     reciprocal. Where K is not positive definite everywhere it is the root of the mean of K's diagonal.
     """
-    blocks, count = rows.shape[0] // LANES, len(ends) - 1
-    scalars, sums = np.empty((1, rows.shape[1], LANES)), np.empty((blocks, count, LANES))
-    factor, width = np.zeros((blocks, n * (w + 1), LANES)), 2 * w + 1
-    stiffness, good = 2 * n * width, True
-    for b in range(blocks):
-        for lane in range(LANES):
-            for k in range(rows.shape[1]):
-                scalars[0, k, lane] = rows[lane * blocks + b, k]
+    count, width, good = len(ends) - 1, 2 * w + 1, True
+    stiffness = 2 * n * width
+    for b in range(len(rows)):
         for row in range(count):
-            total = 0.0 * load(scalars, (0, 0))
+            total = 0.0 * load(rows, (b, 0))
             for k in range(ends[row], ends[row + 1]):
-                total += values[k] * load(scalars, (0, what[k]))
+                total += values[k] * load(rows, (b, what[k]))
             store(sums, (b, row), total)
         for i in range(n):
             for j in range(max(0, i - w), i + 1):
@@ -73,7 +70,7 @@ def equations(n, w, ends, what, values, rows):
                     store(factor, (b, row + j), 1.0 / root(absolute(entry)))
     if not good:
         _diagonal_factor(n, w, sums, factor)
-    return sums, factor, good
+    return good
 
 
 @compiled
@@ -112,10 +109,12 @@ def multiply(n, w, sums, first, b, x, row, out):
 
 @_cached
 @_made_of_parts
-def mean_products(n, w, sums, factor, every, shapes):
-    """Means over one block in so many of L^-1 A L^-T x, for A each of M, C, K, x each row of shapes: (3, n, rows)."""
-    found = np.zeros((3, n, shapes.shape[0]))
-    x, product = np.empty((len(sums), n, LANES)), np.empty((len(sums), n, LANES))
+def mean_products(n, w, sums, factor, every, shapes, work, found):
+    """Sums over one block in so many of L^-1 A L^-T x, for A each of M, C, K, x each row of shapes.
+
+    They are added to `found`, (3, n, rows); work: (2, blocks, n, LANES).
+    """
+    x, product = work[0], work[1]
     for b in range(0, len(sums), every):
         for row in range(shapes.shape[0]):
             for i in range(n):
@@ -126,4 +125,3 @@ def mean_products(n, w, sums, factor, every, shapes):
                 solve_lower(n, w, factor, b, product)
                 for i in range(n):
                     found[matrix, i, row] += lane_sum(load(product, (b, i)))
-    return found / (len(sums) // every * LANES)

@@ -4,8 +4,10 @@
 instructions stay in this file.
 """
 
+import math
 import operator
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils, errors
@@ -15,6 +17,16 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 LANES = 8  # of 64 bits: a register of AVX-512, two of AVX
 # No "nnan", "ninf": the test for a runaway motion relies on comparisons with NaN being false.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
+
+
+
+def aligned(*shape: int) -> np.ndarray:
+    """An array, not filled, from where a line of the cache begins: lanes across two lines take half as long again."""
+    size = math.prod(shape)
+    numbers = np.empty(size + LANES)
+    first = -numbers.ctypes.data // numbers.itemsize % LANES
+    return numbers[first : first + size].reshape(shape)
+
 
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _INT = ir.IntType(32)

@@ -17,7 +17,7 @@ import numpy as np
 from kaneflex.integrate.corrections import NO_MOTION, PATIENCE, TOO_SLOW, corrected
 from kaneflex.integrate.fourier import circle
 from kaneflex.integrate.instants import equations, mean_products
-from kaneflex.integrate.lanes import LANES
+from kaneflex.integrate.lanes import LANES, aligned
 from kaneflex.integrate.streams import Table
 from kaneflex.integrate.system import AffineSystem
 
@@ -65,9 +65,12 @@ class Grid:
         cls, system: AffineSystem, table: Table, t0: float, period: float, instants: int, coarser: Grid | None = None
     ) -> Grid:
         """The equations at so many instants, a power of two from eight on, from t0 on; modes are those of `coarser`."""
-        rows = np.asarray(table(t0 + period / instants * np.arange(instants)), dtype=float, order="C")
-        n, w = system.n, system.half_bandwidth
-        sums, factor, _ = equations(n, w, *system.sums, rows)
+        rows = np.asarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
+        n, w, blocks = system.n, system.half_bandwidth, instants // LANES
+        in_lanes = aligned(blocks, rows.shape[1], LANES)
+        in_lanes[...] = rows.reshape(LANES, blocks, -1).transpose(1, 2, 0)
+        sums, factor = aligned(blocks, len(system.sums[0]) - 1, LANES), aligned(blocks, n * (w + 1), LANES)
+        equations(n, w, *system.sums, in_lanes, sums, factor)
         modes = _modes(n, w, sums, factor) if coarser is None else coarser.modes
         return cls(n, w, 2.0 * np.pi / period, sums, factor, modes)
 
@@ -111,10 +114,21 @@ class Grid:
 
         share: of the first remainder, that is enough
         """
-        start = np.empty((self.n, 0)) if z is None else z
-        system = (self.n, self.half_bandwidth, self.sums, self.factor, *self.modes, circle(self.instants), self.omega)
-        limits = (tolerance, share, over_tail, slowest**PATIENCE, _CORRECTIONS)
-        found, left, tail, ended = corrected(*system, start, *limits)
+        count, blocks, squares = self.instants, len(self.sums), -(-self.n // LANES)
+        system = (self.n, self.half_bandwidth, self.sums, self.factor, *self.modes, *circle(count), self.omega)
+        limits = (tolerance, share, over_tail, slowest**PATIENCE)
+        vectors = aligned(4, blocks, squares * LANES, LANES)
+        vectors[...] = 0.0
+        if z is not None:
+            vectors[0, :, : self.n] = z.reshape(self.n, LANES, blocks).transpose(2, 0, 1)
+        modes = self.modes[1].shape[1]
+        taken, (steps, changes) = aligned(blocks, modes * LANES, LANES), aligned(2, _CORRECTIONS, *vectors.shape[1:])
+        taken[...] = 0.0
+        signals, gains, rates = aligned(8, LANES, count), aligned(modes, 2, count, LANES), aligned(2, count, LANES)
+        left = np.empty(_CORRECTIONS + 1)
+        work = (taken, steps, changes, signals, gains, rates, left)
+        ended, done, tail = corrected(*system, *limits, z is not None, *vectors, *work)
+        found, left = vectors[0, :, : self.n].transpose(1, 2, 0).reshape(self.n, count), left[: done + 1]
         reason = ""
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
@@ -132,7 +146,9 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
 
     def means(shapes: np.ndarray, instants: int) -> np.ndarray:
         every = max(1, len(sums) * LANES // instants)
-        return mean_products(n, w, sums, factor, every, np.ascontiguousarray(shapes.T))
+        found, work = np.zeros((3, n, shapes.shape[1])), aligned(2, len(sums), n, LANES)
+        mean_products(n, w, sums, factor, every, np.ascontiguousarray(shapes.T), work, found)
+        return found / (len(sums) // every * LANES)
 
     shapes = np.eye(n)
     if n > _MODES:  # about the slowest, by subspace iteration (Bathe 2013)
