@@ -16,6 +16,8 @@ The pipeline, one file a stage:
     joints      what joints and springs do between two sections of bodies, printed once: joints_text() -> module text
     contact     what two sections do to each other where they touch: contact_text() -> module text
     friction    what resists sliding: friction_text() -> module text
+    space       Kane's equations of a free body in space, and what joints and springs do there: spatial_text()
+    spatial_module    drives and loads of a scene in space: generate_spatial(scene) -> text
     coupled_module  a structure's part in the coupled equations: generate_coupled(scene, counts, structure) -> text
 """
 
@@ -26,8 +28,9 @@ from kaneflex.derive.closure import UnsupportedLoop
 from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.generate import Equations, derive_equations, generate, generate_pruned
 from kaneflex.derive.linear import StructurallySingular
+from kaneflex.derive.spatial_module import generate_spatial
 
 __all__ = [
     "Equations", "StructurallySingular", "UnsupportedLoop", "derive_equations", "generate", "generate_coupled",
-    "generate_pruned",
+    "generate_pruned", "generate_spatial",
 ]  # fmt: skip

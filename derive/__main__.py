@@ -14,7 +14,9 @@ from kaneflex.derive.emit import laws_text, tables_text
 from kaneflex.derive.friction import friction_text
 from kaneflex.derive.generate import generate
 from kaneflex.derive.joints import joints_text
+from kaneflex.derive.spatial import spatial_text
 from kaneflex.derive.spatial_elements import spatial_element_texts
+from kaneflex.derive.spatial_module import generate_spatial
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import coupled_hash
@@ -35,7 +37,7 @@ def modules() -> dict[str, str]:
     """File name -> text of everything in ``generated/``."""
     texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
-    texts["contact.py"], texts["friction.py"] = contact_text(), friction_text()
+    texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()
     texts["prescribed.py"] = prescribed_text(texts["body.py"])
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}
@@ -46,7 +48,7 @@ def modules() -> dict[str, str]:
         if structure not in structures:
             if shapes is None:
                 structures[structure] = name.replace("-", "_")
-                text = generate(scene)
+                text = generate_spatial(scene) if scene.is_spatial else generate(scene)
             else:
                 structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
                 text = generate_coupled(scene, shapes, structure, body=texts["body.py"])

@@ -85,7 +85,7 @@ def generate_coupled(
     programs = [courses(mechanism), magnitudes(mechanism, switches)]
     read = {symbol for raw in programs for symbol in raw.inputs}
     parameters = {path: entry for path, entry in mechanism.parameters.items() if entry[0] in read}
-    kernels = [(_kernel(raw, mechanism, parameters, switches), raw) for raw in programs]
+    kernels = [(kernel_of(raw, mechanism, parameters, switches), raw) for raw in programs]
     progress("module text")
     counted = emit.operations(kernels)
     beam = beam_of(description) if counts else ""
@@ -219,7 +219,7 @@ _DOCS = {
 _ARGUMENTS = {"courses": ("t", "p", "out", "k"), "magnitudes": ("t", "x", "i", "p", "out", "k")}
 
 
-def _kernel(
+def kernel_of(
     raw: Program, mechanism: SymbolicMechanism, parameters: Mapping[str, tuple[sm.Symbol, str]], switches: Switches
 ) -> emit.Kernel:
     states = _inputs(mechanism, switches) if raw.name == "magnitudes" else []

@@ -3,6 +3,7 @@
 # Structure hash -> module. Scenes of one structure share a module.
 STRUCTURES = {
     "e047d5f791f7ff81": "bouncing_bar_coupled",
+    "b9785dc05ea85a5a": "bricard",
     "d18cff34b9ece37a": "double_pendulum",
     "6077d078cd9cada7": "elastic_double_pendulum_coupled",
     "a25f5745e075f479": "elastic_pendulum_coupled",
@@ -25,8 +26,10 @@ STRUCTURES = {
     "0a41714101ab0b8c": "slider_crank_150",
     "96fc325396df9a88": "slider_crank_150_coupled",
     "10648569547e5e63": "slider_crank_clearance_coupled",
+    "f66f86d2dd42abae": "spatial_slider_crank",
     "c70d4cf8ae513d74": "spin_up",
     "91e82f0026802339": "spin_up_torque_coupled",
+    "24afafa40fc74090": "spinning_top",
     "bc545a37b0ad7f33": "stick_slip_coupled",
     "54269e0c5a57b94b": "two_link_arm",
     "9f04e115b2f57fc0": "v_engine",
@@ -35,6 +38,7 @@ STRUCTURES = {
 # Scene -> module that serves it.
 SCENES = {
     "bouncing-bar": "bouncing_bar_coupled",
+    "bricard": "bricard",
     "double-pendulum": "double_pendulum",
     "elastic-double-pendulum": "elastic_double_pendulum_coupled",
     "elastic-pendulum": "elastic_pendulum_coupled",
@@ -59,8 +63,10 @@ SCENES = {
     "slider-crank-150": "slider_crank_150",
     "slider-crank-150-coupled": "slider_crank_150_coupled",
     "slider-crank-clearance": "slider_crank_clearance_coupled",
+    "spatial-slider-crank": "spatial_slider_crank",
     "spin-up": "spin_up",
     "spin-up-torque": "spin_up_torque_coupled",
+    "spinning-top": "spinning_top",
     "stick-slip": "stick_slip_coupled",
     "two-link-arm": "two_link_arm",
     "v-engine": "v_engine",

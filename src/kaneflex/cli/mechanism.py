@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +13,9 @@ from kaneflex.cli.scene import SceneArguments, at_option, configuration, gathere
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, tolerance_of
 from kaneflex.support.errors import OutputError, SceneError
 from kaneflex.support.output_folders import file_stem
+
+if TYPE_CHECKING:
+    from kaneflex.scene import Scene
 
 
 @click.command()
@@ -42,6 +47,10 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     check_picture(path, force, "mechanism.png")
     at = dict(configuration(scene, text) for text in places)
     click.echo(parts(scene))
+    if scene.is_spatial:
+        write_bytes(path, _spatial_picture(scene, at, path.suffix[1:]))
+        click.echo(f"Written to {path}")
+        return
     try:
         elastic = len(elastic_coordinates(scene))
     except SceneError as error:
@@ -58,6 +67,21 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
 
     write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))
     click.echo(f"Written to {path}")
+
+
+def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
+    """The picture of a mechanism in space as it starts; says how many freedoms it has."""
+    from kaneflex.plots.spatial import scheme_picture
+    from kaneflex.report.presentation import spatial_mobility_lines
+    from kaneflex.solve.loading import spatial_start
+
+    if at:
+        name, place = next(iter(at.items()))
+        cure = "Leave it out, or set where the drive starts"
+        raise SceneError("--at", f"{name} = {place:.6g}", "a mechanism in space is drawn as it starts", cure)
+    system, start, motion = spatial_start(scene)
+    click.echo(spatial_mobility_lines(system, start.choice))
+    return scheme_picture(scene, motion, kind)
 
 
 @click.command()

@@ -139,7 +139,7 @@ class _Reader:
     def joint(self, name: str, joint: Mapping[str, Any]) -> Joint:
         first, second = (self.point(address) for address in joint["between"])
         direction, branch, angle = (1, 0), 1, 0
-        if joint["kind"] == "prismatic":
+        if "direction" in joint:
             direction = self.vector(joint["direction"], f"joints.{name}.direction_", "1")
         if joint["closes_loop"]:
             branch = self.numbers(f"joints.{name}.branch", "1", ANY)
@@ -170,7 +170,7 @@ class _Reader:
     def load(self, name: str, load: Mapping[str, Any]) -> Load:
         path = f"loads.{name}"
         found: dict[str, Any] = {"point": None, "direction": None, "spread": None}
-        if "torque_at" not in load:
+        if "direction" in load:
             found["direction"] = self.vector(load["direction"], f"{path}.direction_", "1")
             if "spread_on" in load:
                 ends = (self.point(f"{load['spread_on']}.{end}") for end in ("start", "end"))

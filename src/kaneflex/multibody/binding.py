@@ -19,7 +19,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
 from kaneflex.scene.structure import coupled_hash, pruned_hash
-from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES
+from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES
 from kaneflex.support.errors import SceneError
 from kaneflex.support.module_cache import cache_folder, keep, kept, sealed
 
@@ -49,6 +49,18 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
     from kaneflex.derive import generate_coupled
 
     return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
+
+
+def find_spatial_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
+    """The module of drives and loads of a scene in space; otherwise as :func:`find_module`."""
+    return _find(scene.structure_hash(), lambda stage: spatial_text(scene, stage), SPATIAL_ATTRIBUTES, progress)
+
+
+def spatial_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
+    """Text of the module of drives and loads of a scene in space."""
+    from kaneflex.derive import generate_spatial
+
+    return generate_spatial(scene, progress)
 
 
 def _find(

@@ -52,8 +52,7 @@ def build_model(
         mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
         return replace(like, **mine, energy=None, warnings=(), seconds={})
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
-        none = _no_equations()
-        return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
+        return rigid_model(scene, options, motion, reference)
     links = {
         name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
         for name, body in scene.bodies.items()
@@ -88,6 +87,12 @@ def build_model(
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
     return replace(model, warnings=warnings)
+
+
+def rigid_model(scene: Scene, options: Options, motion: RigidKinematics, reference: float = 0.0) -> Model:
+    """Of a mechanism in which nothing deforms; ``reference``: the instant [s] that pictures of it are of."""
+    none = _no_equations()
+    return Model(scene, options, motion, {}, {}, {}, None, None, none, none, None, reference)
 
 
 def _no_equations() -> ElasticEquations:

@@ -55,6 +55,8 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
             if progress is not None:
                 progress((done + 1) / (len(kinds) + 1))
         if _moves(solution):
+            if solution.model.scene.is_spatial:
+                from kaneflex.plots.spatial import animate
             written.append(animate(solution, folder / "animation.gif"))
     if progress is not None:
         progress(1.0)
@@ -88,7 +90,9 @@ def _moves(solution: Solution) -> bool:
 
 
 def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
-    from kaneflex.plots import clearances, displacements, loads, modes, motion, records, sensors
+    from kaneflex.plots import clearances, displacements, loads, modes, motion, records, sensors, spatial
 
+    if solution.model.scene.is_spatial:
+        return (spatial.figures, sensors.figures) if _moves(solution) else ()
     kinds = (loads, motion, modes, displacements, clearances, records, sensors) if _moves(solution) else (loads, modes)
     return tuple(kind.figures for kind in kinds)

@@ -17,6 +17,8 @@ from kaneflex.solve.initial import start_coordinates
 if TYPE_CHECKING:
     from kaneflex.fem.mobility import Freedom
     from kaneflex.multibody.model import Model
+    from kaneflex.multibody.spatial_dynamics import Choice
+    from kaneflex.multibody.spatial_system import SpatialSystem
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
     from kaneflex.scene.events import Event
@@ -67,7 +69,35 @@ def _reach(model: Model) -> dict[str, str]:
     if model.scene.is_frame:
         return {}
     times = np.linspace(0.0, model.options.duration, 721) if _followed(model) else np.zeros(1)
+    if model.scene.is_spatial:
+        return _ranges(model, times)
     return reach_lines(model.scene, courses_of(model.scene, model.motion.at(times)))
+
+
+def _ranges(model: Model, times: np.ndarray) -> dict[str, str]:
+    """Least and greatest coordinates of the joints in space that have one."""
+    rigid, joints = model.motion.at(times), model.scene.joints
+    found = {}
+    for name in model.module.coordinates:
+        low, high = (float(pick(rigid[f"{name}.angle"])) for pick in (np.min, np.max))
+        sliding = joints[name].kind in ("prismatic", "cylindrical")
+        ends = [f"{1e3 * x:.6g} mm" if sliding else f"{np.degrees(x):.6g} deg" for x in (low, high)]
+        found[name] = " to ".join(dict.fromkeys(ends))
+    return found
+
+
+def spatial_mobility_lines(system: SpatialSystem, choice: Choice) -> str:
+    """How many freedoms a mechanism in space has, by the rank of what its joints demand."""
+    left, tied = len(choice.independent), len(choice.dependent)
+    spare = system.row_count - tied
+    free = ", ".join(name for name, drive in system.scene.drives.items() if drive.kind == "free")
+    return block("freedoms", {
+        "of the joints": f"{system.speeds} of {', '.join(system.layout.tree)}, which make a tree",
+        "closing": f"{system.row_count} constraints of {', '.join(system.layout.cuts) or 'no joint'}"
+        + (f", of which {spare} follow from the others" if spare else ""),
+        "driven": f"{len(choice.prescribed)}",
+        "left": f"{left} to the forces" + (f": {free}" if free else ""),
+    })  # fmt: skip
 
 
 def _options(model: Model) -> dict[str, str]:
@@ -191,7 +221,8 @@ def _body(body: Body) -> str:
 
 
 def _joint(joint: Joint, closes: bool) -> str:
-    closing = f", closes a loop, branch {joint.branch}" if closes else ""
+    branch = "" if joint.axis or joint.axes or joint.kind == "spherical" else f", branch {joint.branch}"
+    closing = f", closes a loop{branch}" if closes else ""
     return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
-from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.response.deformation import Deformation, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside_axis
@@ -38,7 +37,7 @@ class ElasticMotion(Motion):
         return not self.model.scene.is_frame
 
     def taken(self, instants: np.ndarray) -> ElasticMotion:
-        rigid = RigidMotion(self.rigid.motion, self.times[instants], self.rigid.values[instants])
+        rigid = self.rigid.taken(instants)
         coordinates = tuple(part[:, instants] for part in self.coordinates)
         return replace(self, rigid=rigid, coordinates=coordinates, whole=self.whole or self)
 

@@ -141,12 +141,12 @@ class Motion(ABC):
         frame = self.rigid.frame(body)
         if body == "ground":
             return frame.place(at)
-        d = self.displacement(body, at)[0]
-        return frame.place((at[0] + d[0], at[1] + d[1]))
+        d = self.displacement(body, at)[0][: len(at)]
+        return frame.place(np.reshape(at, (-1, 1)) + d)
 
     def _still(self) -> Rates:
         """The displacement of what does not deform, nor is carried by what does."""
-        still = np.zeros((3, len(self.times)))
+        still = np.zeros((6 if self.model.scene.is_spatial else 3, len(self.times)))
         return still, still, still
 
 

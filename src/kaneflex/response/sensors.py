@@ -26,7 +26,7 @@ class Series:
 
 def measure(motion: Motion) -> dict[str, Series]:
     """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``."""
-    reader = _Reader(motion)
+    reader = _reader(motion)
     measured = {}
     for name, sensor in motion.model.scene.sensors.items():
         measured[name] = Series(reader.read(sensor), sensor.unit, sensor.meaning)
@@ -38,15 +38,24 @@ def measure(motion: Motion) -> dict[str, Series]:
 
 def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
     """Values of one sensor (n_times,) in its SI unit."""
-    return _Reader(motion).read(sensor)
+    return _reader(motion).read(sensor)
 
 
-def _address(sensor: Sensor) -> Address:
+def _reader(motion: Motion) -> Reader:
+    """That of the scene's dimensions."""
+    if motion.model.scene.is_spatial:
+        from kaneflex.response.spatial_sensors import SpatialReader
+
+        return SpatialReader(motion)
+    return Reader(motion)
+
+
+def address_of(sensor: Sensor) -> Address:
     """The point that a sensor of a body's motion or section reads."""
     return cast(Address, sensor.target)
 
 
-class _Reader:
+class Reader:
     """Series of one motion; what several sensors share is computed once."""
 
     def __init__(self, motion: Motion):
@@ -62,7 +71,7 @@ class _Reader:
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""
         if sensor.kind == "axial_force":
-            return self.motion.rigid_section(_address(sensor).body, self.scene.point(_address(sensor))[0])[0]
+            return self.motion.rigid_section(address_of(sensor).body, self.scene.point(address_of(sensor))[0])[0]
         if sensor.kind in DRIVE_KINDS:
             return self.motion.rigid_forces[f"{sensor.target}.drive"]
         if sensor.kind in SPRING_KINDS:
@@ -88,11 +97,11 @@ class _Reader:
         if sensor.component == "angle":
             return angle
         if sensor.axes == "body":
-            vector = self.rigid.frame(_address(sensor).body).to_body(vector)
+            vector = self.rigid.frame(address_of(sensor).body).to_body(vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        address = _address(sensor)
+        address = address_of(sensor)
         d = self._elastic(address)[0].copy()
         if sensor.relative_to != "frame":
             start = self._elastic(Address(address.body, "start"))[0]
@@ -110,7 +119,7 @@ class _Reader:
         return d[("x", "y", "angle").index(sensor.component)]
 
     def _position(self, sensor: Sensor) -> np.ndarray:
-        address = _address(sensor)
+        address = address_of(sensor)
         if address.body in self.scene.loose:
             return self._clearance(sensor, address.body)
         if address.body in self.scene.joints:
@@ -142,14 +151,14 @@ class _Reader:
         return self.motion.place(address.body, self.scene.point(address))
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
-        frame, moved = self.rigid.frame(_address(sensor).body), self._elastic(_address(sensor))
-        velocity = frame.velocity(*self._point(_address(sensor))[:2])
+        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
+        velocity = frame.velocity(*self._point(address_of(sensor))[:2])
         return self._component(sensor, velocity, frame.omega + moved[1][2])
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
         """That of the displaced point; an accelerometer reads a - g."""
-        frame, moved = self.rigid.frame(_address(sensor).body), self._elastic(_address(sensor))
-        acceleration = frame.acceleration(*self._point(_address(sensor)))
+        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
+        acceleration = frame.acceleration(*self._point(address_of(sensor)))
         if sensor.reading == "accelerometer":
             acceleration -= np.array(self.scene.gravity)[:, None]
         return self._component(sensor, acceleration, frame.epsilon + moved[2][2])
@@ -168,11 +177,11 @@ class _Reader:
     def _strain(self, sensor: Sensor) -> np.ndarray:
         """N / (E A) - fibre M / (E I)."""
         N, _, M = self._section(sensor)
-        here = self.scene.bodies[_address(sensor).body].profile.at(self.scene.point(_address(sensor))[0])
+        here = self.scene.bodies[address_of(sensor).body].profile.at(self.scene.point(address_of(sensor))[0])
         return N / here.E_A - sensor.fibre * M / here.E_I
 
     def _section(self, sensor: Sensor) -> Section:
-        return self.motion.section(_address(sensor).body, self.scene.point(_address(sensor))[0])
+        return self.motion.section(address_of(sensor).body, self.scene.point(address_of(sensor))[0])
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         return self._joint_component(sensor, self.motion.reaction)

@@ -9,7 +9,18 @@ from pydantic import Field, field_validator, model_validator
 from kaneflex.scene.beams import Beam
 from kaneflex.scene.modal_data import ModalData, modal_data_of, read_modal_data
 from kaneflex.scene.profile import Profile
-from kaneflex.scene.quantities import Angle, AngularSpeed, Inertia, Point, PositiveLength, PositiveMass, Velocity
+from kaneflex.scene.quantities import (
+    Angle,
+    AngularSpeed,
+    AngularVelocity,
+    BodyInertia,
+    Point,
+    PositiveLength,
+    PositiveMass,
+    Vector,
+    Velocity,
+)
+from kaneflex.scene.rotation import Rotation
 from kaneflex.scene.table import SceneTable
 from kaneflex.support.errors import Fault
 
@@ -67,13 +78,15 @@ class Pose(SceneTable):
 
 
 class Free(SceneTable):
-    """Of a body that joints let move freely in the plane: where its start is at first (m), its angle (rad), and how
-    fast both are (m/s, rad/s); global."""
+    """Of a body that joints let move freely: where its start is at first (m), its angle (rad), and how fast both are
+    (m/s, rad/s); global. In space the body's `rotation` says how it stands, and `angular_velocity` has three
+    components."""
 
     at: Point = (0.0, 0.0)
     angle: Angle = 0.0
     velocity: Velocity = (0.0, 0.0)
     angular_speed: AngularSpeed = 0.0
+    angular_velocity: AngularVelocity | None = None
 
     @property
     def place(self) -> tuple[float, float, float]:
@@ -88,8 +101,9 @@ class Body(SceneTable):
     """A body; rigid unless it has a `beam` or `modal_data`. Its frame starts at `start`, with `end` on its x axis.
 
     length in m; mass in kg (left out: massless, or rho A length of its beam); centre of mass in m in the
-    body's axes (half the length); inertia in kg m^2 about the centre of mass (uniform bar); further named
-    points in m.
+    body's axes (half the length); inertia in kg m^2 about the centre of mass (uniform bar), in space
+    [J_x, J_y, J_z] or [J_x, J_y, J_z, J_xy, J_yz, J_zx] in the body's axes; further named points in m. In space
+    `rotation` is how the body stands where all joint coordinates are zero, roughly as it closes its loops at first.
     """
 
     like: str | None = Field(default=None, description="another body of this scene to start from")
@@ -98,7 +112,8 @@ class Body(SceneTable):
     beam: Beam | None = None
     mass: PositiveMass = Field(default_factory=_default_mass)
     centre: Point = Field(default_factory=_default_centre)
-    inertia: Inertia = Field(default_factory=_default_inertia)
+    inertia: BodyInertia = Field(default_factory=_default_inertia)
+    rotation: Rotation | None = None
     pose: Pose | None = None
     free: Free | None = None
     points: dict[str, Point] = Field(default={})
@@ -154,7 +169,7 @@ class Body(SceneTable):
         return points
 
     @cached_property
-    def points_all(self) -> dict[str, tuple[float, float]]:
+    def points_all(self) -> dict[str, Vector]:
         """Every named point, own and given, in m in the body's axes."""
         return self._own_points() | self.points
 

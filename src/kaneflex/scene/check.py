@@ -23,11 +23,15 @@ from kaneflex.scene.sensors import (
     SPRING_KINDS,
     Sensor,
 )  # fmt: skip
+from kaneflex.scene.spatial_check import dimension_problems
 from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
 
 def problems_of(scene: Scene) -> list[Problem]:
     """Everything that is wrong between the tables of a scene, in the file's order."""
+    flat = dimension_problems(scene)
+    if flat:
+        return flat
     loose = list(clearance_problems(scene))
     told = {problem.key for problem in loose}
     found = [problem for problem in _problems(scene.with_clearances()) if problem.key not in told]

@@ -7,7 +7,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from kaneflex.scene.quantities import Angle, DriveSpeed, Length, NonNegativeRatio, PositiveAngle, PositiveTime
+from kaneflex.scene.quantities import (
+    Angle,
+    AngularVelocity,
+    DriveSpeed,
+    Length,
+    NonNegativeRatio,
+    PositiveAngle,
+    PositiveTime,
+)
 from kaneflex.scene.table import SceneTable, first_given, the_one_given
 from kaneflex.scene.tables import Table, read_table
 from kaneflex.support.errors import Fault
@@ -16,6 +24,7 @@ from kaneflex.support.units import ANGLE, LENGTH, Dimension, unit_factor
 _KINDS = ("speed", "law", "table", "free")
 _BELONGS_TO = {
     "initial_speed": "free",
+    "angular_velocity": "free",
     "spin_up": "speed",
     "cycle": "speed",
     "column": "table",
@@ -35,6 +44,8 @@ class Drive(SceneTable):
     dynamics), from `angle` and `initial_speed` (rad/s) at t = 0; its motor is a load. `rotation` is the elastic
     rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its coordinate in m: `position`
     (m) stands in the place of `angle`, speeds are in m/s, a table's `unit` is one of length, and there is no `cycle`.
+    In space a joint with several freedoms may be `free`, too: a spherical one from an `angular_velocity` (rad/s) of its
+    second body against the first, in the second's axes.
     """
 
     speed: DriveSpeed | None = None
@@ -42,6 +53,7 @@ class Drive(SceneTable):
     table: str | None = None
     free: Literal[True] | None = None
     initial_speed: DriveSpeed = 0.0
+    angular_velocity: AngularVelocity | None = None
     angle: Angle = 0.0
     position: Length | None = None
     spin_up: PositiveTime | None = None

@@ -169,8 +169,9 @@ def resolve_options(scene: Scene) -> Options:
         dynamics, chosen["dynamics"] = "rigid", "rigid"
     if dynamics == "coupled":
         _check_coupled(scene)
-    _check_contacts(scene, dynamics)
-    _check_laws(scene, dynamics)
+    if not scene.is_spatial:  # whose bodies move freely, and whose laws know any joint, without the coupled equations
+        _check_contacts(scene, dynamics)
+        _check_laws(scene, dynamics)
     paper = dynamics == "frozen"
     period = None if paper or solve.duration is not None else scene.period
     duration = (solve.duration or PAPER_DURATION) if paper else scene.horizon

@@ -16,6 +16,7 @@ from kaneflex.scene.quantities import (
     AddressPair,
     Angle,
     AngleOrTime,
+    Axes,
     CountOrAll,
     Direction,
     DriveCoordinate,
@@ -44,9 +45,14 @@ _TIGHTEST = 1e-13
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
+_JOINTS = ("revolute", "prismatic", "weld", "cylindrical", "universal", "spherical")
+
+
 class Joint(SceneTable):
     """A joint between two points: `revolute`, `prismatic` (along `direction`, in the first body's axes) or
-    `weld`.
+    `weld`; in space a revolute one has an `axis`, and there are `cylindrical` (turns about an `axis` and slides along
+    it), `universal` (turns about two `axes`, the first of the first body, the second of the second one) and
+    `spherical` ones. Axes are given in the first body's axes, where all joint coordinates are zero.
 
     `branch` chooses between the two ways in which a loop of two bodies closes and stands at the joint that closes
     it; a larger loop may close in more ways. `near` names rough angles of its bodies at the start instead.
@@ -59,7 +65,12 @@ class Joint(SceneTable):
     revolute: AddressPair | None = None
     prismatic: AddressPair | None = None
     weld: AddressPair | None = None
+    cylindrical: AddressPair | None = None
+    universal: AddressPair | None = None
+    spherical: AddressPair | None = None
     direction: Direction | None = None
+    axis: Direction | None = None
+    axes: Axes | None = None
     branch: Literal["+", "-"] = "+"
     near: dict[str, Angle] = Field(default={})
     rotation: Literal["released", "shared"] = "released"
@@ -74,11 +85,14 @@ class Joint(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
-        kind = the_one_given(self, ("revolute", "prismatic", "weld"))
+        kind = the_one_given(self, _JOINTS)
         if kind == "prismatic" and self.direction is None:
             raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
         if kind != "prismatic" and self.direction is not None:
             raise Fault(f"a {kind} joint has no direction", "Leave it out", below="direction")
+        for field, kinds in {"axis": ("revolute", "cylindrical"), "axes": ("universal",)}.items():
+            if kind not in kinds and getattr(self, field) is not None:
+                raise Fault(f"a {kind} joint has none", "Leave it out", below=field)
         if kind != "weld" and self.relative_angle:
             raise Fault(f"a {kind} joint has no angle of its own", "Leave it out", below="relative_angle")
         if self.addresses[0].body == self.addresses[1].body:
@@ -119,7 +133,7 @@ class Joint(SceneTable):
 
     @cached_property
     def kind(self) -> str:
-        return first_given(self, ("revolute", "prismatic", "weld"))
+        return first_given(self, _JOINTS)
 
     @cached_property
     def addresses(self) -> tuple[Address, Address]:

@@ -7,7 +7,7 @@ it.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from pydantic import BeforeValidator, WithJsonSchema
 
@@ -40,8 +40,16 @@ RESERVED_NAMES = RESULT_NAMES | {
 }
 """What bodies, joints, drives, masses, loads and fixed points can't be called, and why."""
 
+_SQUARE = 1e-6
+"""Cosine up to which two axes are taken to be at right angles."""
+_ROUNDING = 1e-9
+"""Relative; of numbers that a user rounded."""
 _MOST = 1_000_000_000
 """Largest count: its bytes alone would fill most memories."""
+
+
+Vector: TypeAlias = Any
+"""Two numbers in the plane, three in space: which of them, a scene says and no type."""
 
 
 class Address(NamedTuple):
@@ -89,30 +97,65 @@ def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
 
 
 def _vector(dimension: Dimension) -> Any:
-    def convert(value: object) -> tuple[float, float]:
-        if not isinstance(value, (list, tuple)) or len(value) != 2:
-            raise Fault("not a vector in the plane", "Write two components, [x, y]")
-        return to_si(value[0], dimension), to_si(value[1], dimension)
+    def convert(value: object) -> tuple[float, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
+            raise Fault("not a vector", "Write two components, [x, y], or three in space")
+        return tuple(to_si(component, dimension) for component in value)
 
     item = {"type": ["number", "string"]}
     schema = {
         "type": "array",
         "items": item,
         "minItems": 2,
-        "maxItems": 2,
-        "description": f"in {dimension.unit}",
+        "maxItems": 3,
+        "description": f"in {dimension.unit}; three components in space",
     }
-    return Annotated[tuple[float, float], BeforeValidator(convert), WithJsonSchema(schema)]
+    return Annotated[Vector, BeforeValidator(convert), WithJsonSchema(schema)]
 
 
-def _unit_vector(value: object) -> tuple[float, float]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise Fault("not a direction in the plane", "Write two components, like [1, 0]")
-    x, y = (to_si(component, units.RATIO) for component in value)
-    length = math.hypot(x, y)
+def _unit_vector(value: object) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
+        raise Fault("not a direction", "Write two components, like [1, 0], or three in space")
+    components = [to_si(component, units.RATIO) for component in value]
+    length = math.hypot(*components)
     if length == 0:
-        raise Fault("a direction without length", "Write two components, like [1, 0]")
-    return x / length, y / length
+        raise Fault("a direction without length", "Write two components, like [1, 0], or three in space")
+    return tuple(component / length for component in components)
+
+
+def _two_axes(value: object) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("a universal joint has two axes", "Write like [[0, 1, 0], [0, 0, 1]]")
+    first, second = (_unit_vector(axis) for axis in value)
+    along = sum(a * b for a, b in zip(first, second, strict=False))
+    if abs(along) > _SQUARE:
+        raise Fault("the two axes are not at right angles", "Write like [[0, 1, 0], [0, 0, 1]]")
+    return first, _unit_vector([b - along * a for a, b in zip(first, second, strict=False)])
+
+
+def _inertia(value: object) -> float | tuple[float, ...]:
+    """About the one axis of the plane; in space the principal ones about x, y, z, or these and J_xy, J_yz, J_zx."""
+    if not isinstance(value, (list, tuple)):
+        number = to_si(value, units.INERTIA)
+        if number < 0:
+            raise Fault("moment of inertia must not be negative", "Write one like '0.002 kg m^2'")
+        return number
+    if len(value) not in (3, 6):
+        raise Fault("not the inertia of a body in space", "Write [J_x, J_y, J_z], or these and J_xy, J_yz, J_zx")
+    found = tuple(to_si(component, units.INERTIA) for component in value)
+    _check_inertia(found)
+    return found
+
+
+def _check_inertia(found: tuple[float, ...]) -> None:
+    """Principal moments of any body are not negative, and none is more than the two others together."""
+    import numpy as np
+
+    (x, y, z), (xy, yz, zx) = found[:3], found[3:] or (0.0, 0.0, 0.0)
+    least, middle, most = np.linalg.eigvalsh([[x, xy, zx], [xy, y, yz], [zx, yz, z]])
+    if least < -_ROUNDING * abs(most) or most > (1.0 + _ROUNDING) * (least + middle):
+        reason = f"no body has the principal moments {least:.6g}, {middle:.6g} and {most:.6g} kg m^2"
+        raise Fault(reason, "Give moments of which none is negative or more than the two others together")
 
 
 def _address(value: object) -> Address:
@@ -196,6 +239,8 @@ def pair_schema(item: list[str] | str, description: str) -> WithJsonSchema:
     return _list_schema(item, 2, description)
 
 
+_DIRECTION_SCHEMA = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
+
 PositiveLength = _positive(units.LENGTH)
 Length = _quantity(units.LENGTH)
 NonNegativeLength = _quantity(units.LENGTH, lowest=0.0)
@@ -209,6 +254,7 @@ PositiveDensity = _positive(units.DENSITY)
 Angle = _quantity(units.ANGLE)
 PositiveAngle = _positive(units.ANGLE)
 AngularSpeed = _quantity(units.ANGULAR_SPEED)
+AngularVelocity = _vector(units.ANGULAR_SPEED)
 DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
@@ -231,7 +277,21 @@ ForceOrTorque = Annotated[
     float, WithJsonSchema({"type": ["number", "string"], "description": "a force, a torque, or a force per length"})
 ]
 Direction = Annotated[
-    tuple[float, float], BeforeValidator(_unit_vector), _list_schema("number", 2, "a direction, any length")
+    Vector,
+    BeforeValidator(_unit_vector),
+    WithJsonSchema(_DIRECTION_SCHEMA | {"description": "a direction, any length; three components in space"}),
+]
+Axes = Annotated[
+    tuple[Vector, Vector],
+    BeforeValidator(_two_axes),
+    WithJsonSchema({"type": "array", "items": _DIRECTION_SCHEMA, "minItems": 2, "maxItems": 2}),
+]
+BodyInertia = Annotated[
+    Any,  # a number in the plane, in space a tuple
+    BeforeValidator(_inertia),
+    WithJsonSchema(
+        {"type": ["number", "string", "array"], "description": "kg m^2; in space [J_x, J_y, J_z, J_xy, J_yz, J_zx]"}
+    ),
 ]
 AddressField = Annotated[Address, BeforeValidator(_address), _text_schema("'body', 'body.point' or 'ground'")]
 AddressPair = Annotated[

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr
@@ -15,7 +16,7 @@ from kaneflex.scene.events import Event
 from kaneflex.scene.friction import Friction
 from kaneflex.scene.laws import Law, parse_law
 from kaneflex.scene.parts import Damping, Joint, Load, Mass, Solve
-from kaneflex.scene.quantities import Acceleration, Address, Point
+from kaneflex.scene.quantities import Acceleration, Address, Point, Vector
 from kaneflex.scene.sensors import Sensor
 from kaneflex.scene.springs import Spring
 from kaneflex.scene.table import SceneTable
@@ -33,6 +34,32 @@ def given_value(raw: object, path: Sequence[str]) -> object:
         else:
             return None
     return None if isinstance(raw, dict) else raw
+
+
+def given_vectors(scene: Scene) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Where a scene gives a vector, and the vector: how many components they have says whether the scene is planar."""
+    tables: dict[str, SceneTable] = {"": scene}
+    for table in ("bodies", "joints", "drives", "loads", "contacts"):
+        tables |= {f"{table}.{name}.": entry for name, entry in getattr(scene, table).items()}
+    for name, body in scene.bodies.items():
+        inner: dict[str, SceneTable | None] = {"free": body.free, "pose": body.pose, "rotation": body.rotation}
+        tables |= {f"bodies.{name}.{key}.": entry for key, entry in inner.items() if entry is not None}
+    for path, entry in tables.items():
+        for field in sorted(entry.model_fields_set & _VECTORS):
+            value = getattr(entry, field)
+            if isinstance(value, dict):
+                yield from ((f"{path}{field}.{name}", point) for name, point in value.items())
+            elif field == "axes" and isinstance(value, tuple):
+                yield from ((f"{path}{field}", axis) for axis in value)
+            elif isinstance(value, tuple):
+                yield f"{path}{field}", value
+
+
+_VECTORS = frozenset((
+    "gravity", "ground", "centre", "points", "direction", "axis", "axes", "at", "velocity", "angular_velocity", "x",
+    "y",
+))  # fmt: skip
+"""Fields that hold vectors, or named points."""
 
 
 def _as_given(now: Any, read: Any, raw: Any) -> Any:
@@ -157,11 +184,20 @@ class Scene(SceneTable):
         """What the scene was read from: a shipped scene's name, or the name of a file without its folder."""
         return self._source or self.name
 
-    def point(self, address: Address) -> tuple[float, float]:
+    @cached_property
+    def is_spatial(self) -> bool:
+        """Whether vectors have three components; what has none of them is planar."""
+        return any(len(value) == 3 for _, value in given_vectors(self))
+
+    def vector(self, given: Vector) -> Vector:
+        """A vector with as many components as the scene has dimensions: those of defaults have no z."""
+        return (*given, 0.0) if self.is_spatial and len(given) == 2 else tuple(given)
+
+    def point(self, address: Address) -> Vector:
         """Position of a point in m, in its body's axes; of a fixed point in global axes."""
         if address.body == "ground":
-            return (0.0, 0.0) if address.point == "origin" else self.ground[address.point]
-        return self.bodies[address.body].points_all[address.point]
+            return self.vector((0.0, 0.0) if address.point == "origin" else self.ground[address.point])
+        return self.vector(self.bodies[address.body].points_all[address.point])
 
     def loop_joints(self) -> tuple[str, ...]:
         """Joints that close a loop: those whose two bodies the joints before them already connect."""

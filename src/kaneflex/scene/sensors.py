@@ -58,9 +58,11 @@ class Sensor(SceneTable):
     angle: moment) of a joint on `body`, by default the joint's second one. drive_torque: what a drive must apply;
     drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
-    turning. contact_force: the normal force of a contact; contact_gap: how far its sides are apart, below zero where
-    they are in each other. contact_torque, contact_angle: the same of a flank of a joint's backlash. friction_force:
-    what friction exerts on the second side of a contact or a guide; friction_torque: that of a pin.
+    turning. In space components are x, y, z, and angle_x, angle_y, angle_z for rotations, angular velocities and
+    accelerations, and moments about these axes. contact_force: the normal force of a contact; contact_gap: how far
+    its sides are apart, below zero where they are in each other. contact_torque, contact_angle: the same of a flank
+    of a joint's backlash. friction_force: what friction exerts on the second side of a contact or a guide;
+    friction_torque: that of a pin.
     """
 
     displacement: AddressField | None = None
@@ -83,7 +85,7 @@ class Sensor(SceneTable):
     friction_force: str | None = None
     friction_torque: str | None = None
     relative_to: Literal["frame", "chord", "start"] = "frame"
-    component: Literal["x", "y", "angle"] = "x"
+    component: Literal["x", "y", "z", "angle", "angle_x", "angle_y", "angle_z"] = "x"
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)
     reading: Literal["accelerometer", "kinematic"] = Field(default_factory=_default_reading)
     body: str | None = None
@@ -135,4 +137,4 @@ class Sensor(SceneTable):
     @cached_property
     def unit(self) -> str:
         """SI unit: m, m/s, m/s^2, rad, rad/s, rad/s^2, N, N m or 1."""
-        return (_UNITS_OF_ANGLE if self.component == "angle" else _UNITS)[self.kind]
+        return (_UNITS_OF_ANGLE if self.component.startswith("angle") else _UNITS)[self.kind]

@@ -27,6 +27,8 @@ def structure(scene: Scene) -> dict[str, Any]:
 
     Numbers stand as 0, in directions also as 1 and -1, where they are exactly that, else as "*".
     """
+    if scene.is_spatial:
+        return _in_space(scene)
     tables = {"springs": _spring, "contacts": _contact}
     acting = {key: {name: of(scene, name) for name in getattr(scene, key)} for key, of in tables.items()}
     closing = scene.loop_joints()
@@ -42,6 +44,19 @@ def structure(scene: Scene) -> dict[str, Any]:
         "frame": scene.is_frame,
         "viscous": scene.damping is not None and scene.damping.kind == "viscous",
     }
+
+
+def _in_space(scene: Scene) -> dict[str, Any]:
+    """What is derived of a scene in space: how its drives move, and how large its loads are."""
+    observed = {"observed": list(scene.observed)} if scene.observed else {}
+    joints = {name: {"kind": joint.kind, "between": ["ground", "ground"], "closes_loop": False}
+              for name, joint in scene.joints.items() if name in (*scene.drives, *scene.observed)}  # fmt: skip
+    drives = {name: _drive(scene, name) for name in scene.drives}
+    return observed | {
+        "space": True, "bodies": {}, "points": {}, "joints": joints, "masses": {}, "drives": drives,
+        "loads": {name: _size(scene, name) for name in scene.loads}, "gravity": [0, 0], "frame": False,
+        "viscous": False,
+    }  # fmt: skip
 
 
 def structure_hash(scene: Scene) -> str:
@@ -116,12 +131,19 @@ def _drive(scene: Scene, name: str) -> dict[str, Any]:
 def _load(scene: Scene, name: str) -> dict[str, Any]:
     load = scene.loads[name]
     if load.torque_at is not None:
-        entry = {"torque_at": load.torque_at}
+        entry = {}
     elif load.spread_on is not None:
         entry = {"spread_on": load.spread_on, "axes": load.axes, "direction": _direction(load.direction)}
         entry["profile"] = _direction(load.profile)
     else:
         entry = {"on": str(load.force_on), "axes": load.axes, "direction": _direction(load.direction)}
+    return entry | _size(scene, name)
+
+
+def _size(scene: Scene, name: str) -> dict[str, Any]:
+    """How large a load is."""
+    load = scene.loads[name]
+    entry = {} if load.torque_at is None else {"torque_at": load.torque_at}
     if load.kind == "table":
         return entry | {"kind": "table", "against": load.against}
     if load.kind == "law":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,12 +17,13 @@ from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
-from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
-from kaneflex.multibody.building import build_model
+from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module, find_spatial_module
+from kaneflex.multibody.building import build_model, rigid_model
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene.plausible import implausible
+from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.memory import check_memory
@@ -30,6 +31,8 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
+    from kaneflex.multibody.spatial_motion import SpatialMotion, State
+    from kaneflex.multibody.spatial_system import SpatialSystem
 
 Progress = Callable[[str], None]
 ONE_WAY = (
@@ -71,6 +74,8 @@ def load(
         raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
     started = time.perf_counter()
     options = resolve_options(scene)
+    if scene.is_spatial:
+        return _load_spatial(scene, options, progress, started)
     if options.dynamics == "coupled":
         return _load_coupled(scene, options, progress, started)
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
@@ -178,6 +183,58 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     return _timed(model, started, derived, compiled)
 
 
+def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
+    """A mechanism in space, where it starts, and its motion at that instant."""
+    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, start_of
+    from kaneflex.multibody.spatial_system import build_spatial_system
+
+    system = build_spatial_system(scene, find_spatial_module(scene, progress)[0])
+    start = start_of(system)
+    motion = SpatialKinematics(SpatialModule(system), system.parameters, lambda t: start)
+    return system, start, motion.at(0.0)
+
+
+def _load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
+    """:func:`load` of a rigid mechanism in space: of its module drives and loads are derived, all else is numbers."""
+    from kaneflex.multibody.spatial_forward import integrate
+    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, follow, start_of
+    from kaneflex.multibody.spatial_system import build_spatial_system
+
+    ignored, scene = _ignored(scene, options), acting(scene, options)
+    generated, derived = find_spatial_module(scene, progress)
+    system = build_spatial_system(scene, generated)
+    compiled = _compiled(progress, system.compile)
+    start = start_of(system)
+    open_reactions = system.undetermined(start.q)
+    check_spatial_sensors(scene, open_reactions)
+    module, energy = SpatialModule(system, frozenset(open_reactions)), None
+    if module.FREE:
+        progress("forward dynamics of the rigid mechanism")
+        motion, energy = integrate(system, start, module, options)
+    else:
+        motion = SpatialKinematics(module, system.parameters, follow(system, start))
+    check_finite(scene, motion, options)
+    model = replace(rigid_model(scene, options, motion), energy=energy, warnings=(*implausible(scene), *ignored))
+    return _timed(model, started, derived, compiled)
+
+
+def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None:
+    """No sensor may read what no equation determines.
+
+    Raises SceneError that names the sensor and the joint.
+    """
+    for name, sensor in scene.sensors.items():
+        joint = str(sensor.target)
+        own = sorted(each for each in open_reactions if each.rpartition(".")[0] == joint)
+        part = "drive" if sensor.kind in DRIVE_KINDS else "moment" if sensor.component.startswith("angle") else "force"
+        if sensor.kind in ("joint_force", *DRIVE_KINDS) and any(each.startswith(f"{joint}.{part}") for each in own):
+            raise SceneError(
+                f"sensors.{name}.{sensor.kind}", joint,
+                "more constraints hold the motion than it needs: rigid bodies don't say how this force is shared",
+                "Measure another one, or release what is held twice, as by a spherical joint for a revolute one",
+            )  # fmt: skip
+
+
 def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
     """Prescribed drives must take the rigid mechanism through their range; where free joints go is not known yet."""
     mechanism, twin = mechanism_of(scene), motion.module
@@ -275,6 +332,7 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
     known = [name for name in motion.column if not free_bodies or name in scene.loads or name.endswith(".angle")]
     laws = {name: scene.law(name) for name in scene.loads} if scene.observed else {}
     elsewhere = {name for name, law in laws.items() if law is not None and law.uses_any(scene.observed)}
+    elsewhere |= set(getattr(motion.module, "open_reactions", ()))  # which no equation determines
     known = [name for name in known if name not in elsewhere]  # they are known once the bodies are placed
     whole = len(known) == len(motion.column)  # else bodies need not be placed for it
     if np.isfinite(rigid.values).all() if whole else all(np.isfinite(rigid[name]).all() for name in known):

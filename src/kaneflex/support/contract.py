@@ -104,6 +104,11 @@ COUPLED_ATTRIBUTES = (
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``element_matrices``."""
 
+SPATIAL_ATTRIBUTES = (
+    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "DRIVES", "OBSERVED", "LOADS", "OPERATIONS", "courses", "magnitudes",
+)  # fmt: skip
+"""Attributes of every module of a scene in space."""
+
 
 class Slot(NamedTuple):
     """Numbers that stand together in a block: their name there, their axes, and what they are made of.

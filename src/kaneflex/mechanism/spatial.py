@@ -1,0 +1,181 @@
+"""The parts of a mechanism in space, by numbers in SI.
+
+A joint's freedoms and constraints are said once, here: the tree of a mechanism moves by the former, the cuts of its
+loops are held by the latter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Address
+from kaneflex.support.kept import Kept
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialBody:
+    """Mass [kg], centre [m], moments J_x, J_y, J_z and products J_xy, J_yz, J_zx of inertia about it [kg m^2], (6,),
+    and the axes where all joint coordinates are zero, columns of a matrix (3, 3)."""
+
+    mass: float
+    centre: np.ndarray
+    inertia: np.ndarray
+    rotation: np.ndarray
+
+
+@dataclass(frozen=True)
+class Side:
+    """A point of a body in its axes [m]."""
+
+    body: str
+    at: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialJoint:
+    """A joint between two sides; axes and directions are in the first body's axes, where all coordinates are zero.
+
+    ``axes``: of a revolute, prismatic or cylindrical joint one, of a universal one two, of others none.
+    """
+
+    name: str
+    kind: str
+    sides: tuple[Side, Side]
+    axes: tuple[np.ndarray, ...]
+
+    @property
+    def moves(self) -> list[tuple[str, np.ndarray]]:
+        """Its freedoms from the first body outwards: name and axis of turns and slides; a ball's ``rotation``."""
+        match self.kind:
+            case "revolute":
+                return [("angle", self.axes[0])]
+            case "prismatic":
+                return [("position", self.axes[0])]
+            case "cylindrical":
+                return [("position", self.axes[0]), ("angle", self.axes[0])]
+            case "universal":
+                return [("angle_1", self.axes[0]), ("angle_2", self.axes[1])]
+            case "spherical":
+                return [("rotation", np.zeros(3))]
+        return []
+
+    @property
+    def freedoms(self) -> int:
+        return 3 if self.kind == "spherical" else len(self.moves)
+
+    @property
+    def across(self) -> list[np.ndarray] | None:
+        """Axes of the first body across which the second point stays; None where the two points are one."""
+        return across(self.axes[0]) if self.kind in ("prismatic", "cylindrical") else None
+
+    @property
+    def parallel(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Axes of the first body and of the second, by what they are at zero, that stay at right angles."""
+        match self.kind:
+            case "revolute" | "cylindrical":
+                return [(axis, self.axes[0]) for axis in across(self.axes[0])]
+            case "universal":
+                return [(self.axes[0], self.axes[1])]
+            case "prismatic" | "weld":
+                x, y, z = np.eye(3)
+                return [(x, y), (y, z), (z, x)]
+        return []
+
+
+def across(axis: np.ndarray) -> list[np.ndarray]:
+    """Two unit vectors at right angles to a unit vector and to each other."""
+    least = np.eye(3)[np.argmin(abs(axis))]
+    first = np.cross(axis, least)
+    first /= np.linalg.norm(first)
+    return [first, np.cross(axis, first)]
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialLoad:
+    """A force along a direction, global or in the body's axes, or a torque at a joint, about its axis."""
+
+    at: Side | None
+    direction: np.ndarray
+    in_body: bool
+    joint: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialSpring:
+    """Stiffness, damping and free length or angle of a spring between two points, or at a joint."""
+
+    sides: tuple[Side, ...]
+    joint: str | None
+    numbers: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialMechanism:
+    """Bodies, joints, loads and springs; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
+
+    ``asked``: joints whose coordinate a drive, a law, a spring or a sensor knows.
+    """
+
+    bodies: Mapping[str, SpatialBody]
+    joints: Mapping[str, SpatialJoint]
+    loads: Mapping[str, SpatialLoad]
+    springs: Mapping[str, SpatialSpring]
+    floating: tuple[str, ...]
+    asked: frozenset[str]
+    gravity: np.ndarray
+    size: float
+
+    def stands(self, body: str) -> np.ndarray:
+        """Axes of a body where all joint coordinates are zero, (3, 3)."""
+        return np.eye(3) if body == GROUND else self.bodies[body].rotation
+
+
+def spatial_mechanism_of(scene: Scene) -> SpatialMechanism:
+    """The mechanism of a scene in space; made once, as scenes don't change."""
+    return _MADE.of(scene, lambda: _made(scene))
+
+
+_MADE: Kept[Scene, SpatialMechanism] = Kept()
+
+
+def _made(scene: Scene) -> SpatialMechanism:
+    def side(address: Address) -> Side:
+        return Side(address.body, scene.point(address))
+
+    bodies = {name: _body(scene, name) for name in scene.bodies}
+    joints = {}
+    for name, joint in scene.joints.items():
+        axes = joint.axes or tuple(axis for axis in (joint.axis, joint.direction) if axis is not None)
+        first, second = (side(address) for address in joint.addresses)
+        joints[name] = SpatialJoint(name, joint.kind, (first, second), tuple(np.asarray(axis) for axis in axes))
+    loads = {}
+    for name, load in scene.loads.items():
+        at = None if load.force_on is None else side(load.force_on)
+        loads[name] = SpatialLoad(at, np.asarray(load.direction), load.axes == "body", load.torque_at)
+    springs = {}
+    for name, spring in scene.springs.items():
+        free = spring.length if spring.torsional_at is None else spring.angle
+        ends = tuple(side(end) for end in spring.ends)
+        springs[name] = SpatialSpring(ends, spring.torsional_at, (spring.stiffness, spring.damping, free))
+    reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
+    size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
+    asked = {*scene.drives, *scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
+    asked |= {sensor.position.body for sensor in scene.sensors.values() if sensor.position is not None}
+    gravity = np.asarray(scene.vector(scene.gravity))
+    return SpatialMechanism(
+        bodies, joints, loads, springs, tuple(scene.floating), frozenset(asked & set(joints)), gravity, float(size)
+    )
+
+
+def _body(scene: Scene, name: str) -> SpatialBody:
+    """A body; left out, its inertia is that of a thin bar along x."""
+    body = scene.bodies[name]
+    given = body.inertia if isinstance(body.inertia, tuple) else (0.0, body.inertia, body.inertia)
+    inertia = np.array([*given, *np.zeros(6 - len(given))])
+    rotation = np.eye(3) if body.rotation is None else body.rotation.matrix
+    return SpatialBody(body.mass, np.asarray(scene.vector(body.centre)), inertia, rotation)

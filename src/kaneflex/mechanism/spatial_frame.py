@@ -1,0 +1,85 @@
+"""Kinematics of bodies in space: how vectors turn with a body, and how its points move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import Scalars
+from kaneflex.mechanism.planar import GROUND
+
+AXES = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
+"""Entries of a body's axes: ``rod.axes_xy`` is the global x of its y axis."""
+_STILL = np.zeros((3, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialFrame:
+    """The axes of a body in a motion, which carry its points; those of the ground stand still.
+
+    What :class:`~kaneflex.mechanism.body_frame.BodyFrame` is in the plane, with three components: points p are given in
+    these axes, (3,) or (3, n_times) [m]; vectors are (3, n_times).
+    """
+
+    motion: Scalars
+    body: str
+
+    def _vector(self, *names: str) -> np.ndarray:
+        if self.body == GROUND:
+            return np.zeros((3, len(self.motion.times)))
+        return np.array([self.motion[f"{self.body}.{name}"] for name in names])
+
+    @cached_property
+    def axes(self) -> np.ndarray:
+        """Axes as columns, (3, 3, n_times)."""
+        if self.body == GROUND:
+            return np.repeat(np.eye(3)[:, :, None], len(self.motion.times), axis=2)
+        return np.array([self.motion[f"{self.body}.axes_{name}"] for name in AXES]).reshape(3, 3, -1)
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Angular velocity, global [rad/s], (3, n_times)."""
+        return self._vector("omega_x", "omega_y", "omega_z")
+
+    @property
+    def epsilon(self) -> np.ndarray:
+        """Angular acceleration, global [rad/s^2], (3, n_times)."""
+        return self._vector("epsilon_x", "epsilon_y", "epsilon_z")
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Place of the body's start, global [m], (3, n_times)."""
+        return self._vector("x", "y", "z")
+
+    def to_global(self, vector) -> np.ndarray:
+        """Global components of a vector in these axes."""
+        return np.einsum("ijt,jt->it", self.axes, _columns(vector, len(self.motion.times)))
+
+    def to_body(self, vector) -> np.ndarray:
+        """Components in these axes of a global vector."""
+        return np.einsum("jit,jt->it", self.axes, _columns(vector, len(self.motion.times)))
+
+    def place(self, p) -> np.ndarray:
+        """Global place of a point [m]."""
+        return self.origin + self.to_global(p)
+
+    def velocity(self, p, p_rate=_STILL) -> np.ndarray:
+        """Global velocity of a point that moves by p' in these axes [m/s]."""
+        return self._vector("v_x", "v_y", "v_z") + _cross(self.omega, self.to_global(p)) + self.to_global(p_rate)
+
+    def acceleration(self, p, p_rate=_STILL, p_accel=_STILL) -> np.ndarray:
+        """Global acceleration of a point that moves by p', p'' in these axes [m/s^2]."""
+        arm, omega = self.to_global(p), self.omega
+        carried = _cross(self.epsilon, arm) + _cross(omega, _cross(omega, arm))
+        relative = self.to_global(p_accel) + 2.0 * _cross(omega, self.to_global(p_rate))
+        return self._vector("a_x", "a_y", "a_z") + carried + relative
+
+
+def _columns(vector, count: int) -> np.ndarray:
+    return np.broadcast_to(np.asarray(vector, dtype=float).reshape(3, -1), (3, count))
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.cross(a, b, axis=0)

@@ -1,0 +1,316 @@
+"""Compiled dynamics of a mechanism in space: loops closed, dependent speeds eliminated, reactions recovered.
+
+A *choice* says which rows of the cuts count, which speeds depend on the others by them, which are prescribed and which
+are left: as many as the motion has freedoms (Kane & Levinson 1985, sec. 2.13: nonholonomic partial velocities, as loops
+are eliminated here at the level of speeds). All coordinates are integrated; where they stand is closed on the loops at
+every step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kaneflex.generated import spatial as laws
+from kaneflex.multibody import dense_lu, inner, spatial_engine, spatial_tables, tables
+from kaneflex.multibody.spatial_engine import accelerate, add_cross, demand, move, partials, place, push
+from kaneflex.multibody.spatial_tables import (
+    BALL,
+    COINCIDE,
+    COORDINATE,
+    FIRST,
+    FIXED,
+    KIND,
+    PARENT,
+    ROW,
+    SECOND,
+    SPEED,
+    WHAT,
+)  # fmt: skip
+from kaneflex.multibody.tables import OPTIONS, OUTER, apart, larger
+from kaneflex.support.fingerprint import made_of
+
+_MOST = 30
+"""Newton steps to close a loop; from the last instant it takes two or three."""
+_CLOSED = 1e-13
+"""Last Newton step, in rad or sizes of the mechanism, up to which a loop counts as closed."""
+_LARGEST = 0.3
+"""Largest Newton step: beyond it the first derivatives say little."""
+
+_made_of_parts = made_of(
+    laws.__file__, dense_lu.__file__, inner.__file__, spatial_engine.__file__, spatial_tables.__file__, tables.__file__
+)
+
+
+class Choice(NamedTuple):
+    """Which rows of the cuts count, and which speeds are dependent, prescribed and independent, each by numbers; the
+    measure of speeds (1 rad, or the mechanism's size); room for factors, a step, the basis and pivots."""
+
+    rows: np.ndarray
+    dependent: np.ndarray
+    prescribed: np.ndarray
+    independent: np.ndarray
+    measure: np.ndarray
+    room: np.ndarray
+    step: np.ndarray
+    basis: np.ndarray
+    pivots: np.ndarray
+
+
+@njit(**OPTIONS)
+def advance(m, q, step):
+    """Move the coordinates by a step of the speeds: a ball turns by the rotation vector in its axes."""
+    apart()
+    for n in range(len(m.nodes)):
+        kind, k, s = m.nodes[n, KIND], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
+        if kind == BALL:
+            x, y, z = step[s], step[s + 1], step[s + 2]
+            angle = math.sqrt(x * x + y * y + z * z)
+            share = 0.5 if angle < 1e-8 else math.sin(0.5 * angle) / angle
+            _compose(q, k, math.cos(0.5 * angle), share * x, share * y, share * z)
+        elif kind != FIXED:
+            q[k] += step[s]
+
+
+@njit(**OPTIONS)
+def _compose(q, k, w, x, y, z):
+    """The quaternion at q[k] times another, of unit length again."""
+    apart()
+    a, b, c, d = q[k], q[k + 1], q[k + 2], q[k + 3]
+    w, x, y, z = (
+        a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w,
+    )  # fmt: skip
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    q[k], q[k + 1], q[k + 2], q[k + 3] = w / length, x / length, y / length, z / length
+
+
+@njit(**OPTIONS)
+def coordinate_rates(m, q, u, out):
+    """q' of the speeds: of a ball 1/2 q (0, omega)."""
+    apart()
+    for n in range(len(m.nodes)):
+        kind, k, s = m.nodes[n, KIND], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
+        if kind == BALL:
+            a, b, c, d = q[k], q[k + 1], q[k + 2], q[k + 3]
+            x, y, z = u[s], u[s + 1], u[s + 2]
+            out[k] = -0.5 * (b * x + c * y + d * z)
+            out[k + 1], out[k + 2], out[k + 3] = 0.5 * (a * x + c * z - d * y), 0.5 * (a * y + d * x - b * z), 0.5 * (
+                a * z + b * y - c * x
+            )
+        elif kind != FIXED:
+            out[k] = u[s]
+
+
+@njit(**OPTIONS)
+def _fill(k, choice, A):
+    """Factors of J by the dependent speeds, of the rows that count, where A begins; False where it is singular."""
+    apart()
+    count = len(choice.dependent)
+    for i in range(count):
+        for j in range(count):
+            A[count * i + j] = k.J[choice.rows[i], choice.dependent[j]]
+    return dense_lu.factorise(A, 0, count, choice.pivots, 0)
+
+
+@njit(**OPTIONS)
+def close(m, q, k, choice):
+    """Close the loops by the dependent coordinates (Newton), the others as they are; whether that came to an end.
+
+    The factors of J are at hand afterwards.
+    """
+    apart()
+    count, A, step = len(choice.dependent), choice.room, choice.step
+    for s in range(len(step)):
+        step[s] = 0.0
+    for turn in range(_MOST):
+        place(m, q, k)
+        partials(m, k)
+        if not _fill(k, choice, A):
+            return False
+        if count == 0:
+            return True
+        first = count * count
+        for i in range(count):
+            A[first + i] = -k.rows[choice.rows[i], 0]
+        dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+        largest = 0.0
+        for i in range(count):
+            largest = larger(largest, abs(A[first + i]) / choice.measure[choice.dependent[i]])
+        if not largest < 1e6:
+            return False
+        if largest < _CLOSED or (turn > 4 and largest < 100.0 * _CLOSED):
+            return True
+        shorter = _LARGEST / larger(_LARGEST, largest)
+        for i in range(count):
+            step[choice.dependent[i]] = shorter * A[first + i]
+        advance(m, q, step)
+    return False
+
+
+@njit(**OPTIONS)
+def tie(k, choice, u, column, less):
+    """Fill dependent entries of u so that J u + c vanishes in the rows that count, c a column of the rows (-1: none).
+
+    ``less``: prescribed entries count in c already.
+    """
+    apart()
+    count, A = len(choice.dependent), choice.room
+    first = count * count
+    for i in range(count):
+        row = choice.rows[i]
+        A[first + i] = -k.rows[row, column] if column >= 0 else 0.0
+        for n in range(0 if less else len(choice.prescribed)):
+            A[first + i] -= k.J[row, choice.prescribed[n]] * u[choice.prescribed[n]]
+        for n in range(len(choice.independent)):
+            A[first + i] -= k.J[row, choice.independent[n]] * u[choice.independent[n]]
+    dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+    for i in range(count):
+        u[choice.dependent[i]] = A[first + i]
+
+
+@njit(**OPTIONS)
+def basis(k, choice):
+    """B of u = B u_independent + what is prescribed, (independent, speeds): row j is u for a unit of the j-th."""
+    apart()
+    B, A, count = choice.basis, choice.room, len(choice.dependent)
+    first = count * count
+    for j in range(len(choice.independent)):
+        for s in range(B.shape[1]):
+            B[j, s] = 0.0
+        B[j, choice.independent[j]] = 1.0
+        for i in range(count):
+            A[first + i] = -k.J[choice.rows[i], choice.independent[j]]
+        dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+        for i in range(count):
+            B[j, choice.dependent[i]] = A[first + i]
+
+
+@njit(**OPTIONS)
+def accelerations(m, k, choice, u, du, sizes):
+    """du where the loops are closed (``close``), u has all but the dependent speeds, du the prescribed rates.
+
+    Kane's equations of the independent speeds: B (M B^T x + h) = 0, h with what is prescribed and quadratic. False
+    where they are singular.
+    """
+    apart()
+    tie(k, choice, u, -1, False)
+    move(m, u, k)
+    for n in range(len(choice.dependent)):
+        du[choice.dependent[n]] = 0.0
+    for n in range(len(choice.independent)):
+        du[choice.independent[n]] = 0.0
+    accelerate(m, u, du, k)
+    tie(k, choice, du, 2, True)
+    accelerate(m, u, du, k)
+    free, speeds = len(choice.independent), len(u)
+    if free == 0:
+        return True
+    demand(m, k, sizes, True)
+    basis(k, choice)
+    B, A = choice.basis, choice.room
+    at = len(choice.dependent) ** 2 + len(choice.dependent)
+    x = at + free * free
+    for i in range(free):
+        A[x + i] = 0.0
+        for s in range(speeds):
+            A[x + i] -= B[i, s] * k.h[s]
+        for s in range(speeds):
+            choice.step[s] = 0.0
+            for t in range(speeds):
+                choice.step[s] += k.M[s, t] * B[i, t]
+        for j in range(free):
+            A[at + free * i + j] = 0.0
+            for s in range(speeds):
+                A[at + free * i + j] += choice.step[s] * B[j, s]
+    if not dense_lu.factorise(A, at, free, choice.pivots, len(choice.dependent)):
+        return False
+    dense_lu.substitute(A, at, free, choice.pivots, len(choice.dependent), x)
+    for i in range(free):
+        for s in range(speeds):
+            du[s] += A[x + i] * B[i, s]
+    accelerate(m, u, du, k)
+    return True
+
+
+@njit(**OPTIONS)
+def exerted(m, k, choice, sizes, multipliers, wrenches, drives):
+    """What joints exert where ``accelerations`` was.
+
+    multipliers (n_rows,): of the cuts' rows, zero of those that follow from others; wrenches (n_nodes, 6): force and
+    moment about its origin that a node's joint exerts on it; drives (n_speeds,): what is exerted along every speed
+    beyond loads, springs and cuts: by drives, along prescribed ones.
+    """
+    apart()
+    demand(m, k, sizes, False)
+    count, A = len(choice.dependent), choice.room
+    first = count * count
+    for i in range(count):
+        for j in range(count):
+            A[count * i + j] = k.J[choice.rows[j], choice.dependent[i]]
+        A[first + i] = k.h[choice.dependent[i]]
+    if not dense_lu.factorise(A, 0, count, choice.pivots, 0):
+        return False
+    dense_lu.substitute(A, 0, count, choice.pivots, 0, first)
+    for row in range(len(multipliers)):
+        multipliers[row] = 0.0
+    for i in range(count):
+        multipliers[choice.rows[i]] = A[first + i]
+    for s in range(len(drives)):
+        drives[s] = k.h[s]
+        for i in range(count):
+            drives[s] -= k.J[choice.rows[i], s] * A[first + i]
+    pass_on(m, k, multipliers, wrenches)
+    return _fill(k, choice, A)
+
+
+@njit(**OPTIONS)
+def pass_on(m, k, multipliers, wrenches):
+    """Wrenches of the tree's joints from what the bodies ask for at F, the cuts' multipliers acting beside."""
+    apart()
+    for c in range(len(m.cuts)):
+        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+            push(m, k, m.cuts[c, FIRST], k.rows[j], 3, multipliers[j])
+            push(m, k, m.cuts[c, SECOND], k.rows[j], 9, multipliers[j])
+    for n in range(len(m.nodes)):
+        for i in range(6):
+            wrenches[n, i] = k.F[n, i]
+    for n in range(len(m.nodes) - 1, -1, -1):
+        parent = m.nodes[n, PARENT]
+        if parent >= 0:
+            for i in range(3):
+                k.x[i] = k.r[n, i] - k.r[parent, i]
+            for i in range(6):
+                wrenches[parent, i] += wrenches[n, i]
+            add_cross(k.x, 0, wrenches[n], 0, wrenches[parent], 3)
+
+
+PLACE, CLOSE, ACCELERATE, EXERT, PASS_ON, BASIS, RATES, DEMAND = range(8)
+"""What :func:`compute` does."""
+
+
+@njit(cache=True, **OUTER)
+@_made_of_parts
+def compute(what, m, choice, k, q, u, du, sizes, multipliers, wrenches, along):
+    """What Python calls of these: one function, so that it is compiled once; False where something is singular."""
+    if what == PLACE:
+        place(m, q, k)
+        partials(m, k)
+    elif what == CLOSE:
+        return close(m, q, k, choice)
+    elif what == ACCELERATE:
+        return accelerations(m, k, choice, u, du, sizes)
+    elif what == EXERT:
+        return exerted(m, k, choice, sizes, multipliers, wrenches, along)
+    elif what == PASS_ON:
+        pass_on(m, k, multipliers, wrenches)
+    elif what == BASIS:
+        basis(k, choice)
+    elif what == RATES:
+        coordinate_rates(m, q, u, along)
+    else:
+        demand(m, k, sizes, True)
+    return True

@@ -1,0 +1,446 @@
+"""Compiled kinematics and dynamics of a tree of bodies in space, whose loops are closed by cuts.
+
+Kane's method with the tree's joint rates, and a ball's relative angular velocity in its own axes, for generalised
+speeds (Kane & Levinson 1985, ch. 2 to 6): partial velocities of all bodies, what Kane's equations of each free body ask
+for (``kaneflex.generated.spatial``), and both together as M u' + h. Speeds that cuts tie are dependent on the others.
+
+All vectors are global unless said otherwise; a body's origin stands for the body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from kaneflex.generated import spatial as laws
+from kaneflex.multibody.spatial_tables import (
+    AXIS,
+    AXIS_1,
+    AXIS_2,
+    BALL,
+    BODY,
+    COINCIDE,
+    COORDINATE,
+    FIRST,
+    KIND,
+    PARENT,
+    PERPENDICULAR,
+    PLACE,
+    ROTATION,
+    ROW,
+    SECOND,
+    SHIFT,
+    SLIDE,
+    SPEED,
+    TURN,
+    WHAT,
+    Tables,
+)  # fmt: skip
+from kaneflex.multibody.tables import OPTIONS, apart
+
+SECTION = 15
+"""Numbers of a section."""
+
+
+class Work(NamedTuple):
+    """What the compiled functions fill, n bodies' nodes, s speeds.
+
+    Attributes
+    ----------
+    R, r, P : ndarray (n, 3, 3), (n, 3), (n, 3)
+        Axes, origins, and where the joint's point is.
+    v, w, a, e : ndarray (n, 3)
+        Velocity of the origin, angular velocity, acceleration of the origin, angular acceleration.
+    Jv, Jw : ndarray (n, s, 3)
+        Partial velocities of the origin, partial angular velocities.
+    sections : ndarray (n_sections, 15)
+    axes : ndarray (n_axes, 3)
+    rows : ndarray (n_rows, 15)
+        Of the cuts, see ``kaneflex.generated.spatial``.
+    J : ndarray (n_rows, s)
+        Their rates by the speeds.
+    M, h : ndarray (s, s), (s,)
+    F : ndarray (n, 6)
+        Force and moment about its origin that a node's body asks for beyond what acts on it.
+    B : ndarray (6, s)
+        Partial velocities of one body in its own axes.
+    x : ndarray (108,)
+        Vectors and matrices at hand.
+    springs, twists : ndarray (n_springs, 7), (n_twists, 4)
+        Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
+    """
+
+    R: np.ndarray
+    r: np.ndarray
+    P: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
+    a: np.ndarray
+    e: np.ndarray
+    Jv: np.ndarray
+    Jw: np.ndarray
+    sections: np.ndarray
+    axes: np.ndarray
+    rows: np.ndarray
+    J: np.ndarray
+    M: np.ndarray
+    h: np.ndarray
+    F: np.ndarray
+    B: np.ndarray
+    x: np.ndarray
+    springs: np.ndarray
+    twists: np.ndarray
+
+
+def work_of(tables: Tables, speeds: int, rows: int) -> Work:
+    """Room for a mechanism."""
+    n, sections, axes = len(tables.nodes), len(tables.on), len(tables.axis_on)
+    sizes = ((n, 3, 3), *((n, 3),) * 6, (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3),
+             (rows, SECTION), (rows, speeds), (speeds, speeds), (speeds,), (n, 6), (6, speeds), (108,),
+             (len(tables.springs), 7), (len(tables.twists), 4))  # fmt: skip
+    return Work(*(np.zeros(size) for size in sizes))
+
+
+@njit(**OPTIONS)
+def _times(A, x, i, y, j):
+    """y = A x, a matrix (3, 3) and vectors that begin at i and j."""
+    apart()
+    for row in range(3):
+        y[j + row] = A[row, 0] * x[i] + A[row, 1] * x[i + 1] + A[row, 2] * x[i + 2]
+
+
+@njit(**OPTIONS)
+def add_cross(a, i, b, j, y, k):
+    """y += a x b, vectors that begin at i, j and k."""
+    apart()
+    y[k] += a[i + 1] * b[j + 2] - a[i + 2] * b[j + 1]
+    y[k + 1] += a[i + 2] * b[j] - a[i] * b[j + 2]
+    y[k + 2] += a[i] * b[j + 1] - a[i + 1] * b[j]
+
+
+@njit(**OPTIONS)
+def _less(a, b, y, k):
+    """y = a - b."""
+    for i in range(3):
+        y[k + i] = a[i] - b[i]
+
+
+@njit(**OPTIONS)
+def _turn(n, kind, axis, q, k, R):
+    """The axes R of a node after its turn: about an axis by Rodrigues' formula, or by a ball's quaternion at q[k]."""
+    apart()
+    if kind == TURN:
+        half = 0.5 * q[k]
+        s = math.sin(half)
+        w, x, y, z = math.cos(half), s * axis[AXIS], s * axis[AXIS + 1], s * axis[AXIS + 2]
+        two = 2.0
+    else:
+        w, x, y, z = q[k], q[k + 1], q[k + 2], q[k + 3]
+        two = 2.0 / (w * w + x * x + y * y + z * z)
+    for i in range(3):
+        a, b, c = R[i, 0], R[i, 1], R[i, 2]
+        R[i, 0] = a * (1.0 - two * (y * y + z * z)) + b * two * (x * y + w * z) + c * two * (x * z - w * y)
+        R[i, 1] = a * two * (x * y - w * z) + b * (1.0 - two * (x * x + z * z)) + c * two * (y * z + w * x)
+        R[i, 2] = a * two * (x * z + w * y) + b * two * (y * z - w * x) + c * (1.0 - two * (x * x + y * y))
+
+
+@njit(**OPTIONS)
+def place(m, q, k):
+    """Axes and origins of all nodes, and where sections and axes are."""
+    apart()
+    x = k.x
+    for n in range(len(m.nodes)):
+        kind, parent, numbers, R, P, r = m.nodes[n, KIND], m.nodes[n, PARENT], m.numbers[n], k.R[n], k.P[n], k.r[n]
+        if parent >= 0:
+            base = k.R[parent]
+            for i in range(3):
+                for j in range(3):
+                    R[i, j] = 0.0
+                    for l in range(3):
+                        R[i, j] += base[i, l] * numbers[ROTATION + 3 * l + j]
+            _times(base, numbers, PLACE, P, 0)
+            for i in range(3):
+                P[i] += k.r[parent, i]
+        else:
+            for i in range(3):
+                P[i] = numbers[PLACE + i]
+                for j in range(3):
+                    R[i, j] = numbers[ROTATION + 3 * i + j]
+        if kind == SLIDE:
+            _times(R, numbers, AXIS, x, 0)
+            for i in range(3):
+                P[i] += x[i] * q[m.nodes[n, COORDINATE]]
+        elif kind == TURN or kind == BALL:
+            _turn(n, kind, numbers, q, m.nodes[n, COORDINATE], R)
+        _times(R, numbers, SHIFT, x, 0)
+        for i in range(3):
+            r[i] = P[i] - x[i]
+    for n in range(len(m.twists)):
+        k.twists[n, 0] = q[m.nodes[m.twists[n, 3], COORDINATE]]
+    for n in range(len(m.axis_on)):
+        _carried_to(k, m.axis_on[n], m.axes[n], k.axes[n])
+    for n in range(len(m.on)):
+        on = m.on[n]
+        _carried_to(k, on, m.at[n], k.sections[n])
+        for i in range(3):
+            k.sections[n, i] += k.r[on, i] if on >= 0 else 0.0
+
+
+@njit(**OPTIONS)
+def _carried_to(k, on, vector, out):
+    """A vector in a node's axes, or in the ground's, in global ones."""
+    apart()
+    if on >= 0:
+        _times(k.R[on], vector, 0, out, 0)
+    else:
+        for i in range(3):
+            out[i] = vector[i]
+
+
+@njit(**OPTIONS)
+def partials(m, k):
+    """Partial velocities of all nodes (Kane & Levinson 1985, sec. 2.14) and J of the cuts, where ``place`` was."""
+    apart()
+    x = k.x
+    for n in range(len(m.nodes)):
+        kind, parent, u, Jv, Jw, R = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED], k.Jv[n], k.Jw[n], k.R[n]
+        for s in range(len(k.h)):
+            for i in range(3):
+                Jw[s, i] = k.Jw[parent, s, i] if parent >= 0 else 0.0
+                Jv[s, i] = k.Jv[parent, s, i] if parent >= 0 else 0.0
+        if parent >= 0:
+            _less(k.r[n], k.r[parent], x, 0)
+            for s in range(u):
+                add_cross(Jw[s], 0, x, 0, Jv[s], 0)
+        _less(k.r[n], k.P[n], x, 0)
+        if kind == SLIDE:
+            _times(R, m.numbers[n], AXIS, Jv[u], 0)
+        elif kind == TURN:
+            _times(R, m.numbers[n], AXIS, Jw[u], 0)
+            add_cross(Jw[u], 0, x, 0, Jv[u], 0)
+        elif kind == BALL:
+            for j in range(3):
+                for i in range(3):
+                    Jw[u + j, i] = R[i, j]
+                add_cross(Jw[u + j], 0, x, 0, Jv[u + j], 0)
+    rows(m, k)
+    for c in range(len(m.cuts)):
+        for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
+            for s in range(len(k.h)):
+                k.J[j, s] = 0.0
+            _along(m, k, m.cuts[c, FIRST], k.rows[j], 3, k.J[j])
+            _along(m, k, m.cuts[c, SECOND], k.rows[j], 9, k.J[j])
+
+
+@njit(**OPTIONS)
+def _along(m, k, section, wrench, at, out):
+    """Add what a force and a moment at a section are along every speed."""
+    apart()
+    on, x = m.on[section], k.x
+    if on < 0:
+        return
+    _less(k.sections[section], k.r[on], x, 0)
+    for i in range(3):
+        x[3 + i] = wrench[at + 3 + i]
+    add_cross(x, 0, wrench, at, x, 3)
+    for s in range(len(out)):
+        for i in range(3):
+            out[s] += wrench[at + i] * k.Jv[on, s, i] + x[3 + i] * k.Jw[on, s, i]
+
+
+@njit(**OPTIONS)
+def rows(m, k):
+    """Residuals of the cuts, their rates and Jacobians by the sections' twists."""
+    apart()
+    sections, axes, out = k.sections.reshape(-1), k.axes.reshape(-1), k.rows.reshape(-1)
+    for c in range(len(m.cuts)):
+        what, first, second, n = m.cuts[c, WHAT], m.cuts[c, FIRST], m.cuts[c, SECOND], SECTION * m.cuts[c, ROW]
+        if what == COINCIDE:
+            laws.coincide(sections, first, second, out, n)
+        elif what == PERPENDICULAR:
+            laws.perpendicular(sections, first, second, axes, m.cuts[c, AXIS_1], m.cuts[c, AXIS_2], out, n)
+        else:
+            laws.on_plane(sections, first, second, axes, m.cuts[c, AXIS_1], out, n)
+
+
+@njit(**OPTIONS)
+def move(m, u, k):
+    """Velocities of all nodes and sections, where ``partials`` was."""
+    apart()
+    for n in range(len(m.nodes)):
+        for i in range(3):
+            k.v[n, i] = k.w[n, i] = 0.0
+            for s in range(len(u)):
+                k.v[n, i] += k.Jv[n, s, i] * u[s]
+                k.w[n, i] += k.Jw[n, s, i] * u[s]
+    for n in range(len(m.on)):
+        on, section = m.on[n], k.sections[n]
+        for i in range(3, SECTION):
+            section[i] = 0.0
+        if on >= 0:
+            _less(section, k.r[on], k.x, 0)
+            for i in range(3):
+                section[3 + i], section[9 + i] = k.v[on, i], k.w[on, i]
+            add_cross(k.w[on], 0, k.x, 0, section, 3)
+
+
+@njit(**OPTIONS)
+def accelerate(m, u, du, k):
+    """Accelerations of all nodes and sections, where ``move`` was; the cuts' rows with their second rates."""
+    apart()
+    x = k.x
+    for n in range(len(m.nodes)):
+        kind, parent, s, a, e, R = m.nodes[n, KIND], m.nodes[n, PARENT], m.nodes[n, SPEED], k.a[n], k.e[n], k.R[n]
+        for i in range(3):
+            a[i] = k.a[parent, i] if parent >= 0 else 0.0
+            e[i] = k.e[parent, i] if parent >= 0 else 0.0
+            x[i] = k.w[parent, i] if parent >= 0 else 0.0
+            x[3 + i] = k.P[n, i] - (k.r[parent, i] if parent >= 0 else 0.0)
+        _centripetal(x, 0, e, x, 3, a, 0, x)
+        if kind == SLIDE:
+            _times(R, m.numbers[n], AXIS, x, 6)
+            for i in range(3):
+                a[i] += x[6 + i] * du[s]
+                x[6 + i] *= 2.0 * u[s]
+            add_cross(x, 0, x, 6, a, 0)
+        elif kind == TURN:
+            _times(R, m.numbers[n], AXIS, x, 6)
+            for i in range(3):
+                e[i] += x[6 + i] * du[s]
+                x[6 + i] *= u[s]
+            add_cross(x, 0, x, 6, e, 0)
+        elif kind == BALL:
+            _times(R, du, s, x, 9)
+            _times(R, u, s, x, 6)
+            for i in range(3):
+                e[i] += x[9 + i]
+            add_cross(x, 0, x, 6, e, 0)
+        _less(k.r[n], k.P[n], x, 3)
+        _centripetal(k.w[n], 0, e, x, 3, a, 0, x)
+    for n in range(len(m.on)):
+        on, section = m.on[n], k.sections[n]
+        if on >= 0:
+            _less(section, k.r[on], x, 3)
+            for i in range(3):
+                section[6 + i], section[12 + i] = k.a[on, i], k.e[on, i]
+            _centripetal(k.w[on], 0, k.e[on], x, 3, section, 6, x)
+    rows(m, k)
+
+
+@njit(**OPTIONS)
+def _centripetal(w, i, e, arm, j, a, k, x):
+    """a += e x arm + w x (w x arm): acceleration of a point of a body against its origin's; x from 12 is filled."""
+    apart()
+    x[12] = x[13] = x[14] = 0.0
+    add_cross(w, i, arm, j, x, 12)
+    add_cross(e, 0, arm, j, a, k)
+    add_cross(w, i, x, 12, a, k)
+
+
+@njit(**OPTIONS)
+def demand(m, k, sizes, with_mass):
+    """F, what every body asks for beyond loads and springs, h = F along the speeds, and M where wanted."""
+    apart()
+    x, count = k.x, len(k.h)
+    for s in range(count):
+        k.h[s] = 0.0
+        for t in range(count if with_mass else 0):
+            k.M[s, t] = 0.0
+    for n in range(len(m.nodes)):
+        F, R, own = k.F[n], k.R[n], m.nodes[n, BODY]
+        for i in range(6):
+            F[i] = 0.0
+        if own < 0:
+            continue
+        for i in range(3):
+            x[i] = x[3 + i] = x[6 + i] = 0.0
+            for j in range(3):
+                x[i] += R[j, i] * k.w[n, j]
+                x[3 + i] += R[j, i] * (k.a[n, j] - m.gravity[j])
+                x[6 + i] += R[j, i] * k.e[n, j]
+        laws.demand(m.p, own, x, 0, x, 9)
+        _times(R, x, 9, F, 0)
+        _times(R, x, 12, F, 3)
+        if with_mass:
+            _add_mass(m, k, n)
+    _act(m, k, sizes)
+    for n in range(len(m.nodes)):
+        for s in range(count):
+            for i in range(3):
+                k.h[s] += k.F[n, i] * k.Jv[n, s, i] + k.F[n, 3 + i] * k.Jw[n, s, i]
+
+
+@njit(**OPTIONS)
+def _add_mass(m, k, n):
+    """M += B^T I B, B the partial velocities of a body in its axes."""
+    apart()
+    x, B, R = k.x, k.B, k.R[n]
+    laws.inertia(m.p, m.nodes[n, BODY], x, 36)
+    for s in range(len(k.h)):
+        for i in range(3):
+            B[i, s] = B[3 + i, s] = 0.0
+            for j in range(3):
+                B[i, s] += R[j, i] * k.Jv[n, s, j]
+                B[3 + i, s] += R[j, i] * k.Jw[n, s, j]
+    for t in range(len(k.h)):
+        for i in range(6):
+            x[72 + i] = 0.0
+            for j in range(6):
+                x[72 + i] += x[36 + 6 * i + j] * B[j, t]
+        for s in range(len(k.h)):
+            for i in range(6):
+                k.M[s, t] += B[i, s] * x[72 + i]
+
+
+@njit(**OPTIONS)
+def push(m, k, section, wrench, at, share):
+    """Take a share of a force and a moment that act at a section off what its body asks for."""
+    apart()
+    on, x = m.on[section], k.x
+    if on >= 0:
+        _less(k.sections[section], k.r[on], x, 90)
+        x[93] = x[94] = x[95] = 0.0
+        add_cross(x, 90, wrench, at, x, 93)
+        for i in range(3):
+            k.F[on, i] -= share * wrench[at + i]
+            k.F[on, 3 + i] -= share * (wrench[at + 3 + i] + x[93 + i])
+
+
+@njit(**OPTIONS)
+def _act(m, k, sizes):
+    """Take what loads and springs exert off what the bodies ask for."""
+    apart()
+    x = k.x
+    for i in range(84, 90):
+        x[i] = 0.0
+    for n in range(len(m.forces)):
+        for i in range(3):
+            x[84 + i] = k.axes[m.forces[n, 2], i]
+        push(m, k, m.forces[n, 0], x, 84, sizes[n])
+    for n in range(len(m.springs)):
+        laws.pull(k.sections.reshape(-1), m.springs[n, 0], m.springs[n, 1], m.stiffness[n, 0], m.stiffness[n, 1],
+                  m.stiffness[n, 2], k.springs.reshape(-1), 7 * n)  # fmt: skip
+        for i in range(3):
+            x[84 + i] = k.springs[n, 2 + i]
+        push(m, k, m.springs[n, 1], x, 84, 1.0)
+        push(m, k, m.springs[n, 0], x, 84, -1.0)
+    for i in range(3):
+        x[84 + i] = 0.0
+    for n in range(len(m.torques)):
+        for i in range(3):
+            x[87 + i] = k.axes[m.torques[n, 2], i]
+        push(m, k, m.torques[n, 1], x, 84, sizes[len(m.forces) + n])
+        push(m, k, m.torques[n, 0], x, 84, -sizes[len(m.forces) + n])
+    for n in range(len(m.twists)):
+        stiffness, damping, rate, turned = m.torsion[n, 0], m.torsion[n, 1], 0.0, k.twists[n, 0] - m.torsion[n, 2]
+        first, second = m.twists[n, 0], m.twists[n, 1]
+        for i in range(3):
+            x[87 + i] = k.axes[m.twists[n, 2], i]
+            rate += x[87 + i] * (k.sections[second, 9 + i] - k.sections[first, 9 + i])
+        torque = stiffness * turned + damping * rate
+        k.twists[n, 1], k.twists[n, 2], k.twists[n, 3] = torque, 0.5 * stiffness * turned**2, damping * rate**2
+        push(m, k, second, x, 84, -torque)
+        push(m, k, first, x, 84, torque)

@@ -1,0 +1,315 @@
+"""A mechanism in space as the tables that compiled loops walk.
+
+Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball
+does, or stays: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a body that moves
+freely hangs on three that slide and a ball. The last node of a chain carries the body. Joints that the tree leaves over
+are *cuts*, which close its loops by elementary constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
+from kaneflex.support.errors import SceneError
+
+FIXED, TURN, SLIDE, BALL = range(4)
+KIND, PARENT, COORDINATE, SPEED, BODY = range(5)
+"""Columns of ``nodes``; BODY: where the numbers of a body that has mass begin in ``p``, else -1."""
+ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
+"""Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis and the joint's point
+in its own."""
+COINCIDE, PERPENDICULAR, ON_PLANE = range(3)
+ROWS = (3, 1, 1)
+"""Rows of an elementary constraint."""
+WHAT, FIRST, SECOND, AXIS_1, AXIS_2, ROW = range(6)
+"""Columns of ``cuts``: which constraint, sections, axes, and its first row."""
+SPEEDS = (0, 1, 1, 3)
+COORDINATES = (0, 1, 1, 4)
+"""Of a node by its kind: a ball has a unit quaternion for coordinates."""
+
+
+class Tables(NamedTuple):
+    """What compiled functions take.
+
+    Attributes
+    ----------
+    nodes, numbers : ndarray (n_nodes, 5), (n_nodes, 18)
+    p : ndarray
+        Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``.
+    on, at : ndarray (n_sections,), (n_sections, 3)
+        Node (-1: the ground) of every section and the place of its point in that node's axes.
+    axis_on, axes : ndarray (n_axes,), (n_axes, 3)
+        The same of axes.
+    cuts : ndarray (n_constraints, 6)
+    forces : ndarray (n_forces, 3)
+        Section, 1 where a load is in the body's axes, its direction among ``axes``.
+    torques : ndarray (n_torques, 3)
+        First and second section, axis.
+    springs, stiffness : ndarray (n_springs, 2), (n_springs, 3)
+        Sections; stiffness, damping, free length.
+    twists, torsion : ndarray (n_twists, 4), (n_twists, 3)
+        First and second section, axis, node that turns; stiffness, damping, free angle.
+    gravity : ndarray (3,)
+    """
+
+    nodes: np.ndarray
+    numbers: np.ndarray
+    p: np.ndarray
+    on: np.ndarray
+    at: np.ndarray
+    axis_on: np.ndarray
+    axes: np.ndarray
+    cuts: np.ndarray
+    forces: np.ndarray
+    torques: np.ndarray
+    springs: np.ndarray
+    stiffness: np.ndarray
+    twists: np.ndarray
+    torsion: np.ndarray
+    gravity: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Names for what the tables count.
+
+    Attributes
+    ----------
+    node_of : mapping
+        Body -> its node.
+    tree : mapping
+        Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
+    cuts : mapping
+        Joint that closes a loop -> its rows.
+    speeds : tuple of str
+        What every generalised speed is called, like ``shaft.angle`` or ``ball.omega_x``.
+    """
+
+    node_of: Mapping[str, int]
+    tree: Mapping[str, tuple[tuple[int, ...], int]]
+    cuts: Mapping[str, slice]
+    speeds: tuple[str, ...]
+
+
+class _Maker:
+    """Rows of the tables as they are found."""
+
+    def __init__(self, mechanism: SpatialMechanism) -> None:
+        self.mechanism = mechanism
+        self.nodes: list[list[int]] = []
+        self.numbers: list[np.ndarray] = []
+        self.p: list[np.ndarray] = []
+        self.sections: list[tuple[int, np.ndarray]] = []
+        self.axes: list[tuple[int, np.ndarray]] = []
+        self.node_of = {GROUND: -1}
+        self.speeds: list[str] = []
+        self.coordinates = 0
+
+    def node(self, kind: int, parent: int, names: Sequence[str], rotation=None, place=None, axis=None) -> int:
+        """Add a node; its speeds are called by their names."""
+        row = np.zeros(18)
+        row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
+        row[PLACE:AXIS] = 0.0 if place is None else place
+        row[AXIS:SHIFT] = 0.0 if axis is None else axis
+        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1])
+        self.numbers.append(row)
+        self.coordinates += COORDINATES[kind]
+        self.speeds += names
+        return len(self.nodes) - 1
+
+    def body(self, name: str, node: int, at: Sequence[float]) -> None:
+        """The body that the last node of a chain carries, joined at a point in its axes."""
+        self.node_of[name] = node
+        self.numbers[node][SHIFT:] = at
+        body = self.mechanism.bodies[name]
+        if body.mass or np.any(body.inertia):
+            self.nodes[node][BODY] = 10 * len(self.p)
+            self.p.append(np.concatenate([[body.mass], body.centre, body.inertia]))
+
+    def section(self, side: Side) -> int:
+        """Number of the section at a point of a body."""
+        self.sections.append((self.node_of[side.body], np.asarray(side.at, float)))
+        return len(self.sections) - 1
+
+    def axis(self, body: str, vector: np.ndarray) -> int:
+        """Number of an axis in a body's axes."""
+        self.axes.append((self.node_of[body], np.asarray(vector, float)))
+        return len(self.axes) - 1
+
+
+def build_tables(mechanism: SpatialMechanism) -> tuple[Tables, Layout]:
+    """The tables of a mechanism, nothing in motion and no loop closed yet.
+
+    Raises
+    ------
+    SceneError
+        If a body hangs on nothing, or its place at first is said twice.
+    """
+    maker, tree, closing, cuts = _Maker(mechanism), {}, {}, []
+    for name, child in spanning_tree(mechanism):
+        if child < 0:
+            _float(maker, name)
+        else:
+            tree[name] = (_hang(maker, mechanism.joints[name], child), 1 if child == 1 else -1)
+    rows = 0
+    for name, joint in mechanism.joints.items():
+        if name not in tree:
+            found = _cut(maker, joint, rows)
+            cuts += found
+            closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
+    tables = _tables(maker, cuts, tree)
+    nodes = {name: node for name, node in maker.node_of.items() if name != GROUND}
+    return tables, Layout(nodes, tree, closing, tuple(maker.speeds))
+
+
+def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
+    """What hangs on what, from the ground outwards: joints with the side that is the outer one, and bodies that move
+    freely, with -1.
+
+    Joints whose coordinate something asks for come first, then those of few freedoms: a cut then has few rows.
+    """
+    group = {name: name for name in (GROUND, *mechanism.bodies)}
+    chosen = []
+    order = {name: (name not in mechanism.asked, joint.freedoms) for name, joint in mechanism.joints.items()}
+    for name in sorted(order, key=order.__getitem__):
+        first, second = (group[side.body] for side in mechanism.joints[name].sides)
+        if first != second:
+            chosen.append(name)
+            group = {body: first if root == second else root for body, root in group.items()}
+    _check_hanging(mechanism, group)
+    found: list[tuple[str, int]] = []
+    reached, waiting = {GROUND}, [name for name in mechanism.joints if name in chosen]
+    for start in (GROUND, *mechanism.floating):
+        if start != GROUND:
+            found.append((start, -1))
+            reached.add(start)
+        while ready := [name for name in waiting if any(s.body in reached for s in mechanism.joints[name].sides)]:
+            for name in ready:
+                child = 0 if mechanism.joints[name].sides[1].body in reached else 1
+                found.append((name, child))
+                reached.add(mechanism.joints[name].sides[child].body)
+            waiting = [name for name in waiting if name not in ready]
+    return found
+
+
+def _check_hanging(mechanism: SpatialMechanism, group: Mapping[str, str]) -> None:
+    """Every body hangs on the ground, or on one body that moves freely."""
+    parts: dict[str, list[str]] = {}
+    for body in mechanism.bodies:
+        parts.setdefault(group[body], []).append(body)
+    for root, bodies in parts.items():
+        free = [body for body in bodies if body in mechanism.floating]
+        if root == group[GROUND] and free:
+            reason = "joints connect it to the ground, which say where it is"
+            raise SceneError(f"bodies.{free[0]}.free", None, reason, "Leave it out, or give initial speeds at drives")
+        if root != group[GROUND] and len(free) != 1:
+            if free:
+                reason = f"joints connect it to {free[0]}, whose place is given, too"
+                raise SceneError(f"bodies.{free[1]}.free", None, reason, "Leave one of them out")
+            cure = "Join it to the ground, or let it move freely, like free = {at = [0, 0, 0]}"
+            raise SceneError(f"bodies.{bodies[0]}", None, "nothing holds it, nor says where it is", cure)
+
+
+def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
+    """Nodes of a joint of the tree.
+
+    Seen from its second body a joint's freedoms come in the other order and with the other sign.
+    """
+    bodies = maker.mechanism.bodies
+    inner, outer = joint.sides[1 - child], joint.sides[child]
+    relative = maker.mechanism.stands(inner.body).T @ bodies[outer.body].rotation
+    own = np.eye(3) if child == 0 else relative.T  # from the first body's axes into the outer one's, at zero
+    moves = [(TURN if name.startswith("angle") else BALL if name == "rotation" else SLIDE, name, own @ axis)
+             for name, axis in joint.moves]  # fmt: skip
+    if child == 0:
+        moves = [(kind, name, -axis) for kind, name, axis in reversed(moves)]
+    parent, nodes = maker.node_of[inner.body], []
+    for k, (kind, name, axis) in enumerate(moves or [(FIXED, "", np.zeros(3))]):
+        names = _speed_names(joint.name, kind, name)
+        first = {"rotation": relative, "place": inner.at} if k == 0 else {}
+        parent = maker.node(kind, parent, names, axis=axis, **first)
+        nodes.append(parent)
+    maker.body(outer.body, parent, outer.at)
+    return tuple(nodes)
+
+
+def _speed_names(owner: str, kind: int, name: str) -> list[str]:
+    if kind == BALL:
+        return [f"{owner}.omega_{axis}" for axis in "xyz"]
+    return [] if kind == FIXED else [f"{owner}.{name}"]
+
+
+def _float(maker: _Maker, name: str) -> None:
+    """A body on three nodes that slide along global axes, and a ball."""
+    parent = -1
+    for axis, row in zip("xyz", np.eye(3), strict=True):
+        parent = maker.node(SLIDE, parent, [f"{name}.{axis}"], axis=row)
+    stands = maker.mechanism.bodies[name].rotation
+    node = maker.node(BALL, parent, _speed_names(name, BALL, ""), rotation=stands)
+    maker.body(name, node, (0.0, 0.0, 0.0))
+
+
+def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
+    """Elementary constraints of a joint that closes a loop, the first of whose rows is ``row``."""
+    first, second = (maker.section(side) for side in joint.sides)
+    bodies, found = [side.body for side in joint.sides], list[tuple[int, ...]]()
+
+    def axes(vectors: Sequence[np.ndarray], of: int) -> list[int]:
+        """Of vectors in the first body's axes at zero, fixed in either body."""
+        turned = maker.mechanism.stands(bodies[of]).T @ maker.mechanism.stands(bodies[0])
+        return [maker.axis(bodies[of], turned @ vector) for vector in vectors]
+
+    def add(what: int, axis_1: int = 0, axis_2: int = 0) -> None:
+        nonlocal row
+        found.append((what, first, second, axis_1, axis_2, row))
+        row += ROWS[what]
+
+    across, parallel = joint.across, joint.parallel
+    if across is None:
+        add(COINCIDE)
+    else:
+        for axis in axes(across, 0):
+            add(ON_PLANE, axis)
+    for one, other in parallel:
+        add(PERPENDICULAR, axes([one], 0)[0], axes([other], 1)[0])
+    return found
+
+
+def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...], int]]) -> Tables:
+    mechanism = maker.mechanism
+    forces, torques, springs, stiffness, twists, torsion = ([] for _ in range(6))
+    for load in mechanism.loads.values():
+        if load.at is not None:
+            body = load.at.body if load.in_body else GROUND
+            forces.append((maker.section(load.at), int(load.in_body), maker.axis(body, load.direction)))
+        elif load.joint is not None:
+            joint = mechanism.joints[load.joint]
+            first, second = (maker.section(side) for side in joint.sides)
+            torques.append((first, second, maker.axis(joint.sides[0].body, joint.moves[0][1])))
+    for spring in mechanism.springs.values():
+        if spring.joint is None:
+            springs.append([maker.section(side) for side in spring.sides])
+            stiffness.append(spring.numbers)
+        else:
+            joint = mechanism.joints[spring.joint]
+            sections = [maker.section(side) for side in joint.sides]
+            twists.append([*sections, maker.axis(joint.sides[0].body, joint.moves[0][1]), tree[spring.joint][0][0]])
+            torsion.append(spring.numbers)
+    return Tables(
+        _whole(maker.nodes, 5), np.array(maker.numbers).reshape(-1, 18), np.concatenate([*maker.p, np.zeros(0)]),
+        np.array([node for node, _ in maker.sections], int), np.array([at for _, at in maker.sections]).reshape(-1, 3),
+        np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
+        _whole(cuts, 6), _whole(forces, 3), _whole(torques, 3), _whole(springs, 2),
+        np.array(stiffness, float).reshape(-1, 3), _whole(twists, 4), np.array(torsion, float).reshape(-1, 3),
+        np.asarray(mechanism.gravity, float),
+    )  # fmt: skip
+
+
+def _whole(rows: Sequence, columns: int) -> np.ndarray:
+    return np.array(rows, int).reshape(-1, columns)

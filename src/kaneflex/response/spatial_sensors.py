@@ -1,0 +1,66 @@
+"""Sensors of a mechanism in space: what has three components there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.response.sensors import Reader, address_of
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import Sensor
+
+
+class SpatialReader(Reader):
+    """Series of one motion in space.
+
+    A displacement is u, v, w and three rotations in the body's axes; rotations, angular velocities and the like are
+    vectors, of which ``angle_x`` and so on are components.
+    """
+
+    def _point(self, address: Address) -> Rates:
+        d, d_rate, d_accel = (part[:3] for part in self._elastic(address))
+        return np.reshape(self.scene.point(address), (3, 1)) + d, d_rate, d_accel
+
+    def _component(self, sensor: Sensor, vector: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """The component that a sensor reads of a global vector, or of a rotation's, global, too."""
+        if sensor.component.startswith("angle"):
+            vector = angle
+        if sensor.axes == "body":
+            vector = self.rigid.frame(address_of(sensor).body).to_body(vector)
+        return vector["xyz".index(sensor.component[-1])]
+
+    def _position(self, sensor: Sensor) -> np.ndarray:
+        address = address_of(sensor)
+        if address.body in self.scene.joints:
+            return self._joint_coordinate(address.body)
+        return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
+
+    def _joint_coordinate(self, name: str) -> np.ndarray:
+        """Angle of a joint, counted on from turn to turn [rad], or its slide along the guide [m]."""
+        return self.rigid[f"{name}.angle"]
+
+    def _velocity(self, sensor: Sensor) -> np.ndarray:
+        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
+        velocity = frame.velocity(*self._point(address_of(sensor))[:2])
+        return self._component(sensor, velocity, frame.omega + frame.to_global(moved[1][3:]))
+
+    def _acceleration(self, sensor: Sensor) -> np.ndarray:
+        """That of the displaced point; an accelerometer reads a - g."""
+        frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
+        acceleration = frame.acceleration(*self._point(address_of(sensor)))
+        if sensor.reading == "accelerometer":
+            acceleration = acceleration - np.reshape(self.scene.vector(self.scene.gravity), (3, 1))
+        return self._component(sensor, acceleration, frame.epsilon + frame.to_global(moved[2][3:]))
+
+    def _joint_component(self, sensor: Sensor, reaction: Callable[[str], np.ndarray]) -> np.ndarray:
+        """Force of a joint on ``sensor.body`` (by default the second), or its moment about the joint's second point."""
+        name = str(sensor.joint_force)
+        first, second = (address.body for address in self.scene.joints[name].addresses)
+        part = "moment" if sensor.component.startswith("angle") else "force"
+        vector = np.array([reaction(f"{name}.{part}_{axis}") for axis in "xyz"])
+        if sensor.axes == "body":
+            vector = self.rigid.frame(sensor.body or second).to_body(vector)
+        sign = -1.0 if sensor.body == first else 1.0
+        return sign * vector["xyz".index(sensor.component[-1])]

@@ -1,0 +1,143 @@
+"""What a scene in space must satisfy, and what is planar only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kaneflex.scene.scene import Scene, given_value, given_vectors
+from kaneflex.scene.sensors import Sensor
+from kaneflex.support.errors import Fault, Problem
+
+_SENSORS = ("position", "velocity", "acceleration", "joint_force", "drive_torque", "drive_force", "spring_force",
+            "spring_torque")  # fmt: skip
+_SEVERAL = ("cylindrical", "universal", "spherical")
+"""Joints with more than one freedom."""
+
+
+def dimension_problems(scene: Scene) -> list[Problem]:
+    """Vectors of two components beside ones of three, and what belongs to a scene of the other kind."""
+    vectors = list(given_vectors(scene))
+    flat = next((key for key, value in vectors if len(value) == 2), None)
+    deep = next((key for key, value in vectors if len(value) == 3), None)
+    if flat is not None and deep is not None:
+        given = given_value(scene.raw, flat.split("."))
+        reason = f"two components, where {deep} has three"
+        return [Problem(flat, given, reason, "Give all vectors of a scene as many: three in space")]
+    if scene.is_spatial:
+        parts = _planar_only, _joints, _laws, _bodies, _drives, _sensors
+        return [problem for part in parts for problem in part(scene)]
+    return list(_spatial_only(scene))
+
+
+def _spatial_only(scene: Scene) -> Iterator[Problem]:
+    """What only a scene in space has."""
+    cure = "Give vectors three components, or leave it out"
+    for name, body in scene.bodies.items():
+        if isinstance(body.inertia, tuple):
+            yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
+    for name, joint in scene.joints.items():
+        if joint.kind in _SEVERAL:
+            yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
+    for name, sensor in scene.sensors.items():
+        if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
+            yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has none", cure)
+
+
+def _planar_only(scene: Scene) -> Iterator[Problem]:
+    """What there is in the plane alone, so far."""
+    reason, cure = "only planar scenes have this so far", "Leave it out"
+    for name, body in scene.bodies.items():
+        for field in ("beam", "modal_data", "pose"):
+            if getattr(body, field) is not None:
+                yield Problem(f"bodies.{name}.{field}", None, reason, cure)
+    for name, joint in scene.joints.items():
+        for field in ("branch", "near", "clearance", "friction", "relative_angle"):
+            if field in joint.model_fields_set:
+                right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
+                yield Problem(f"joints.{name}.{field}", None, reason, right)
+    for table in ("contacts", "masses", "events"):
+        for name in getattr(scene, table):
+            yield Problem(f"{table}.{name}", None, reason, cure)
+    for name, load in scene.loads.items():
+        if load.spread_on is not None:
+            yield Problem(f"loads.{name}.spread_on", load.spread_on, reason, "Let forces act on points")
+    if scene.damping is not None:
+        yield Problem("damping", None, reason, cure)
+    if scene.solve.preset == "coupled" and "preset" in scene.solve.model_fields_set:
+        yield Problem("solve.preset", "coupled", "only planar scenes have this preset so far", "Choose rigid")
+
+
+def _laws(scene: Scene) -> Iterator[Problem]:
+    """Laws of loads must be smooth, and know joints with one coordinate alone."""
+    several = [name for name, joint in scene.joints.items() if joint.kind in _SEVERAL]
+    for name, load in scene.loads.items():
+        try:
+            law = scene.law(name)
+        except Fault:
+            continue  # named where loads are checked
+        key = f"loads.{name}.law"
+        if law is not None and law.uses_any(several):
+            known = next(joint for joint in several if law.uses_any([joint]))
+            reason = f"{known} has several freedoms, and no coordinate of its own"
+            yield Problem(key, load.law, reason, "Write it in t, or in a joint with one coordinate")
+        elif law is not None and law.kinks():
+            reason = f"the slope of {law.kinks()} jumps, which only planar scenes follow so far"
+            yield Problem(key, load.law, reason, "Write it smoothly, like tanh(1000 * x)")
+
+
+def _joints(scene: Scene) -> Iterator[Problem]:
+    for name, joint in scene.joints.items():
+        if joint.kind in ("revolute", "cylindrical") and joint.axis is None:
+            reason = f"in space a {joint.kind} joint turns about an axis"
+            yield Problem(f"joints.{name}", None, reason, "Give it, like axis = [0, 0, 1]")
+        elif joint.kind == "universal" and joint.axes is None:
+            reason = "a universal joint turns about two axes"
+            yield Problem(f"joints.{name}", None, reason, "Give them, like axes = [[0, 1, 0], [0, 0, 1]]")
+
+
+def _bodies(scene: Scene) -> Iterator[Problem]:
+    for name, body in scene.bodies.items():
+        if body.free is not None:
+            for field, right in (("angle", "the body's rotation"), ("angular_speed", "angular_velocity")):
+                if field in body.free.model_fields_set:
+                    yield Problem(f"bodies.{name}.free.{field}", None, "of a planar body", f"Give {right}")
+        if "inertia" in body.model_fields_set and not isinstance(body.inertia, tuple):
+            reason = "a body in space has three principal moments of inertia"
+            given = given_value(scene.raw, ("bodies", name, "inertia"))
+            yield Problem(f"bodies.{name}.inertia", given, reason, "Give [J_x, J_y, J_z]")
+
+
+def _drives(scene: Scene) -> Iterator[Problem]:
+    for name, drive in scene.drives.items():
+        joint = scene.joints.get(name)
+        if joint is None:
+            continue
+        if joint.kind in _SEVERAL and drive.kind != "free":
+            reason = f"a {joint.kind} joint has more than one freedom to prescribe"
+            yield Problem(f"drives.{name}", None, reason, "Drive a revolute or a prismatic joint, or let it be free")
+        for field in ("angle", "position", "initial_speed") if joint.kind in _SEVERAL else ():
+            if field in drive.model_fields_set:
+                yield Problem(f"drives.{name}.{field}", None, "this joint has several freedoms", "Leave it out")
+        if joint.kind != "spherical" and drive.angular_velocity is not None:
+            yield Problem(f"drives.{name}.angular_velocity", None, "of a spherical joint", "Give initial_speed")
+
+
+def _sensors(scene: Scene) -> Iterator[Problem]:
+    for name, sensor in scene.sensors.items():
+        key = f"sensors.{name}"
+        if sensor.kind not in _SENSORS:
+            yield Problem(f"{key}.{sensor.kind}", None, "only planar scenes have this so far", "Leave it out")
+        elif sensor.component == "angle" and not _of_a_joint(scene, sensor):
+            yield Problem(f"{key}.component", "angle", "a rotation in space is about an axis", "Write like angle_z")
+        elif sensor.component.startswith("angle_") and sensor.kind == "position":
+            cure = "Measure a velocity or an acceleration, or the position of a joint"
+            yield Problem(f"{key}.component", sensor.component, "angles in space don't add up to a position", cure)
+        elif sensor.position is not None and sensor.position.body in scene.joints:
+            kind = scene.joints[sensor.position.body].kind
+            if kind in ("universal", "spherical", "weld"):
+                reason = f"a {kind} joint has no coordinate of its own to measure"
+                yield Problem(f"{key}.position", sensor.position.body, reason, "Measure points of its bodies")
+
+
+def _of_a_joint(scene: Scene, sensor: Sensor) -> bool:
+    return sensor.position is not None and sensor.position.body in scene.joints

@@ -1,0 +1,325 @@
+"""Rigid mechanisms in space: kernels, joints, and motions against closed forms, a peer and published numbers."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kaneflex import load, read_scene, simulate
+from kaneflex.generated import spatial as kernels
+from kaneflex.mechanism.position_analysis import place, with_branches
+from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.multibody.spatial_system import build_spatial_system
+from kaneflex.multibody.spatial_tables import ROWS, WHAT, build_tables
+from kaneflex.scene.rotation import about
+from kaneflex.solve.loading import find_spatial_module, spatial_start
+
+DATA = Path(__file__).parent / "data"
+SEED = 20261122
+
+
+def scene_of(tmp_path, text, name="scene.toml"):
+    path = tmp_path / name
+    path.write_text("schema = 1\n" + text)
+    return read_scene(path)
+
+
+def test_a_body_asks_for_what_newton_and_euler_say():
+    """F = m a_centre; M about the origin = J e + w x J w + c x F (Euler 1750), written by hand."""
+    rng = np.random.default_rng(SEED)
+    for _ in range(5):
+        m, c = rng.uniform(0.5, 2.0), rng.normal(size=3)
+        root = rng.normal(size=(3, 3))
+        J, w, a, e = root @ root.T, *rng.normal(size=(3, 3))
+        p = np.array([m, *c, J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[1, 2], J[2, 0]])
+        found, mass = np.zeros(6), np.zeros(36)
+        kernels.demand(p, 0, np.array([*w, *a, *e]), 0, found, 0)
+        force = m * (a + np.cross(e, c) + np.cross(w, np.cross(w, c)))
+        moment = J @ e + np.cross(w, J @ w) + np.cross(c, force)
+        assert found == pytest.approx(np.concatenate([force, moment]), rel=1e-12, abs=1e-12)
+        kernels.inertia(p, 0, mass, 0)
+        still = np.zeros(6)
+        kernels.demand(p, 0, np.zeros(9), 0, still, 0)
+        columns = []
+        for k in range(6):
+            unit = np.zeros(9)
+            unit[3 + k] = 1.0
+            column = np.zeros(6)
+            kernels.demand(p, 0, unit, 0, column, 0)
+            columns.append(column - still)
+        assert mass.reshape(6, 6) == pytest.approx(np.array(columns).T, rel=1e-12, abs=1e-12)
+
+
+KINDS = {
+    "revolute": ("axis = [1, 2, 2]", 5),
+    "prismatic": ("direction = [1, 2, 2]", 5),
+    "cylindrical": ("axis = [2, -1, 2]", 4),
+    "universal": ("axes = [[1, 2, 2], [2, -2, 1]]", 4),
+    "spherical": ("", 3),
+    "weld": ("", 6),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_a_joint_holds_as_a_cut_is_what_it_leaves_free_in_the_tree(tmp_path, kind, turned):
+    """The same joint twice: the second one, a cut, holds nothing more, wherever the first lets the body go."""
+    given, held = KINDS[kind]
+    sides = '["ground.away", "block.corner"]' if not turned else '["block.corner", "ground.away"]'
+    joint = f"{{{kind} = {sides}, {given}}}".replace(", }", "}")
+    drives = "" if kind == "weld" else "[drives]\nfirst = {free = true}"
+    scene = scene_of(tmp_path, f"""
+gravity = [0, 0, -9.81]
+[ground]
+away = [0.3, -0.2, 0.1]
+[bodies.block]
+mass = 1
+inertia = [1, 1, 1]
+rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
+points = {{corner = [0.1, 0.2, 0.3]}}
+[joints]
+first = {joint}
+second = {joint}
+{drives}
+[solve]
+duration = 1
+""")
+    mechanism = spatial_mechanism_of(scene)
+    tables, _ = build_tables(mechanism)
+    assert sum(ROWS[what] for what in tables.cuts[:, WHAT]) == held == 6 - mechanism.joints["first"].freedoms
+    system = build_spatial_system(scene, find_spatial_module(scene, lambda stage: None)[0])
+    rng = np.random.default_rng(SEED)
+    for _ in range(4):
+        q = rng.normal(size=system.coordinates)
+        system.place(q)
+        assert abs(system.work.rows[:, 0]).max() < 1e-13
+        assert abs(system.work.J).max(initial=0.0) < 1e-13
+        by_twist = system.work.rows[:, 9:] if not turned else system.work.rows[:, 3:9]
+        assert np.linalg.matrix_rank(by_twist, 1e-6) == held
+
+
+def test_rows_of_a_loop_move_as_their_jacobian_says():
+    scene = read_scene("spatial-slider-crank")
+    system, start, _ = spatial_start(scene)
+    q, h = start.q.copy(), 1e-6
+    system.place(q)
+    J, before = system.work.J.copy(), system.work.rows[:, 0].copy()
+    scalars = [k for k, name in enumerate(system.layout.speeds) if ".omega" not in name]
+    assert len(scalars) == system.speeds == len(q)  # no ball in this tree
+    for k in scalars:
+        moved = q.copy()
+        moved[k] += h
+        system.place(moved)
+        assert (system.work.rows[:, 0] - before) / h == pytest.approx(J[:, k], abs=1e-6)
+
+
+def test_bricard_against_the_reference():
+    """IFToMM A04, solved by Exudyn with a step of 5e-4 s: its own step error is 1e-4."""
+    solution = simulate(load(read_scene("bricard")))
+    t, *corner = json.loads((DATA / "bricard.json").read_text())["values"][
+        "P3 is the point that starts at (1,-1,1)"
+    ][0]
+    found = [float(solution[f"corner_{axis}"].interp(time=t)) for axis in "xyz"]
+    assert found == pytest.approx(corner, abs=1e-4)
+    assert solution.model.energy.drift < 1e-8
+
+
+def test_bricards_shared_forces_are_not_numbers(tmp_path):
+    scene = '\nlike = "bricard"\n[sensors]\nshared = {joint_force = "second", component = "x"}\n'
+    with pytest.raises(Exception, match=r"sensors.shared.joint_force = 'second'.*rigid bodies don't say"):
+        load(scene_of(tmp_path, scene))
+    model = load(read_scene("bricard"))
+    assert np.isnan(model.motion.at(0.1)["second.force_x"]).all()
+
+
+def test_the_slider_crank_stands_where_the_reference_says():
+    """x of theta is geometry: that of the reference at its crank angles, by straight lines between instants."""
+    reference = json.loads((DATA / "spatial_slider_crank.json").read_text())["values"]
+    solution = simulate(load(read_scene("spatial-slider-crank")))
+    angle, x = solution["crank_angle"].values, solution["slider_x"].values
+    for _, x_there, angle_there, _ in reference:
+        assert np.interp(angle_there, angle, x) == pytest.approx(x_there, abs=1e-6)
+    assert solution.model.energy.drift < 1e-7
+
+
+def test_the_slider_crank_against_exudyn():
+    """Nonlinear in both; Exudyn with Euler parameters and multipliers, whose 2000 steps leave an error of 1e-5 m, here
+    Kane's one independent speed."""
+    exu = pytest.importorskip("exudyn")
+    if not hasattr(exu.SystemContainer().AddSystem(), "CreateGenericJoint"):
+        import exudyn.utilities  # noqa: F401  its functions become methods
+    from exudyn.utilities import RigidBodyInertia
+
+    mbs = exu.SystemContainer().AddSystem()
+    gravity, e_x, e_y = [0, 0, -9.81], np.array([2, -1, -2]) / 3, np.array([0, 2, -1]) / math.sqrt(5)
+    rod_axes = np.column_stack([e_x, e_y, np.cross(e_x, e_y)])
+    up = np.column_stack([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]).astype(float)
+    A, B, w = np.array([0, 0.1, 0.2]), np.array([0.2, 0, 0]), np.array([6.0, 0, 0])
+    v_A = np.cross(w, [0, 0, 0.08])
+    v_B = np.array([(B - A) @ v_A / (B - A)[0], 0, 0])
+    ground = mbs.CreateGround()
+
+    def body(at, axes, mass, J, v, omega):
+        return mbs.CreateRigidBody(
+            referencePosition=at, referenceRotationMatrix=axes, initialVelocity=v, initialAngularVelocity=omega,
+            inertia=RigidBodyInertia(mass=mass, inertiaTensor=np.diag(J)), gravity=gravity,
+        )  # fmt: skip
+
+    crank = body([0, 0.1, 0.16], up, 0.12, [1e-5, 1e-4, 1e-4], np.cross(w, [0, 0, 0.04]), w)
+    omega_rod = np.cross(e_x, (v_B - v_A) / 0.3)
+    rod = body((A + B) / 2, rod_axes, 0.5, [4e-4, 4e-3, 4e-3], (v_A + v_B) / 2, omega_rod)
+    slider = body(B, np.eye(3), 2.0, [1e-3] * 3, v_B, np.zeros(3))
+    mbs.CreateRevoluteJoint(itemNumbers=[ground, crank], position=[0, 0.1, 0.12], axis=[1, 0, 0])
+    mbs.CreateSphericalJoint(itemNumbers=[crank, rod], position=A)
+    mbs.CreatePrismaticJoint(itemNumbers=[ground, slider], position=B, axis=[1, 0, 0])
+    mbs.CreateGenericJoint(
+        itemNumbers=[rod, slider], position=B, constrainedAxes=[1, 1, 1, 1, 0, 0], rotationMatrixAxes=rod_axes
+    )
+    sensor = mbs.AddSensor(
+        exu.itemInterface.SensorBody(
+            bodyNumber=slider, storeInternal=True, outputVariableType=exu.OutputVariableType.Position
+        )
+    )
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = 1.0, 2000
+    settings.timeIntegration.verboseMode = 0
+    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
+    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
+    mbs.SolveDynamic(settings)
+    there = mbs.GetSensorStoredData(sensor)
+    solution = simulate(load(read_scene("spatial-slider-crank")))
+    here = np.interp(there[:, 0], solution.times, solution["slider_x"].values)
+    assert len(there) > 50
+    assert here == pytest.approx(there[:, 1], abs=2e-5)
+
+
+def test_the_top_nutates_between_its_two_angles():
+    """Lagrange's top (Goldstein 1980, sec. 5-7): u = cos(theta) moves between the roots of
+    u'^2 = (1 - u^2) (alpha - beta u) - (b - a u)^2, here from rest, and takes the integral's time for it."""
+    from scipy.integrate import quad
+
+    scene = read_scene("spinning-top")
+    solution = simulate(load(scene))
+    body = scene.bodies["top"]
+    l, (J_3, J_c, _), m = body.centre[0], body.inertia, body.mass
+    J_1, omega = J_c + m * l**2, scene.drives["tip"].angular_velocity[0]
+    u_0, a, beta = math.cos(math.radians(30.0)), J_3 * omega / J_1, 2 * m * 9.81 * l / J_1
+    # from rest b = a u_0 and alpha = beta u_0: u'^2 = (u_0 - u) [beta (1 - u^2) - a^2 (u_0 - u)]
+    roots = np.roots([-beta, a**2, beta - a**2 * u_0])
+    u_1 = float(next(root.real for root in roots if -1 < root.real < 1))
+    height = solution["height"].values / body.length
+    assert height.max() == pytest.approx(u_0, abs=1e-9)
+    assert height.min() == pytest.approx(u_1, abs=1e-5)  # instants lie 1 ms apart
+    rest = float(next(root.real for root in roots if not -1 < root.real < 1))
+    middle, half = (u_0 + u_1) / 2, (u_0 - u_1) / 2
+    time, _ = quad(lambda s: 1 / math.sqrt(beta * (rest - (middle + half * math.sin(s)))), -math.pi / 2, math.pi / 2)
+    below = height < middle
+    begun = solution.times[1:][below[1:] & ~below[:-1]]
+    assert np.diff(begun).mean() == pytest.approx(2 * time, rel=2e-3)
+    exact = solution.model.motion.at(time)["top.axes_zx"]
+    assert exact == pytest.approx(u_1, abs=1e-8)
+
+
+def test_a_free_body_flips_and_keeps_its_momentum(tmp_path):
+    """Dzhanibekov's flip: about its middle principal axis a rotation is unstable; energy and momentum stay."""
+    scene = scene_of(tmp_path, """
+gravity = [0, 0, 0]
+[bodies.nut]
+mass = 1
+inertia = [3, 2, 1.2]
+free = {at = [1, 2, 3], velocity = [0.1, 0.2, 0.3], angular_velocity = [0.001, 5, 0.002]}
+[sensors]
+spin = {velocity = "nut", component = "angle_y"}
+[solve]
+duration = 30
+""")
+    solution = simulate(load(scene))
+    rigid = solution.motion.rigid
+    frame = rigid.frame("nut")
+    momentum = frame.to_global(np.array([[3.0], [2.0], [1.2]]) * frame.to_body(frame.omega))
+    spin = solution["spin"].values
+    assert spin.max() > 4.9 and spin.min() < -4.9  # it has turned over
+    assert abs(momentum - momentum[:, :1]).max() < 1e-7 * np.linalg.norm(momentum[:, 0])
+    assert solution.model.energy.drift == 0.0 or np.ptp(solution.model.energy.kinetic) < 1e-7
+    there = np.array([[1.0], [2.0], [3.0]]) + np.array([[0.1], [0.2], [0.3]]) * solution.times
+    assert frame.place([0, 0, 0]) == pytest.approx(there, abs=1e-9)
+
+
+PLANAR = ("engine", "engine-3", "four-bar", "six-bar", "v-engine", "quick-return", "slider-crank-150", "two-link-arm")
+
+
+def lifted(scene, R):
+    """A planar scene in space, turned by R: axes, gravity and fixed points with it, bodies as they stand at first."""
+    scene = with_branches(scene)
+    poses = place(scene).poses
+
+    def vector(v):
+        return [*map(float, v), 0.0]
+
+    def turned(v):
+        return [float(x) for x in R @ vector(v)]
+
+    def first(joint, v, axis):
+        return turned(v) if joint.addresses[0].body == "ground" and not axis else v
+
+    bodies = {}
+    for name, body in scene.bodies.items():
+        axes = R @ about(np.array([0.0, 0.0, 1.0]), poses[name][2])
+        entry = {
+            "mass": body.mass or 1e-300, "centre": vector(body.centre), "inertia": [body.inertia, 0.0, body.inertia],
+            "points": {p: vector(at) for p, at in body.points.items()},
+            "rotation": {"x": axes[:, 0].tolist(), "y": axes[:, 1].tolist()},
+        }  # fmt: skip
+        bodies[name] = entry | ({} if body.length is None else {"length": body.length})
+        if not body.mass:
+            del bodies[name]["mass"]
+    joints = {}
+    for name, joint in scene.joints.items():
+        entry = {joint.kind: [str(side) for side in joint.addresses]}
+        ground = joint.addresses[0].body == "ground"
+        if joint.kind == "revolute":
+            entry["axis"] = (R[:, 2] if ground else np.array([0.0, 0.0, 1.0])).tolist()
+        if joint.kind == "prismatic":
+            entry["direction"] = turned(joint.direction) if ground else vector(joint.direction)
+        joints[name] = entry
+    drives = {name: {"speed": drive.speed} for name, drive in scene.drives.items()}
+    return {
+        "schema": 1, "gravity": turned(scene.gravity), "ground": {p: turned(at) for p, at in scene.ground.items()},
+        "bodies": bodies, "joints": joints, "drives": drives, "solve": {"duration": 0.7 * scene.horizon},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_a_planar_mechanism_moves_the_same_in_space(tmp_path, name):
+    """Lifted into space and turned by any rotation, where redundant constraints hold it: places, rates, drive."""
+    import tomlkit
+
+    planar = read_scene(name)
+    if any(drive.kind != "constant speed" for drive in planar.drives.values()) or planar.springs:
+        pytest.skip("its drive's coordinate enters, which begins at zero in the lifted scene")
+    planar = planar.model_copy(update={"loads": {}, "masses": {}, "sensors": {}, "damping": None, "events": {}})
+    R = about(np.array([2.0, -1.0, 2.0]) / 3.0, 1.1)
+    path = tmp_path / "lifted.toml"
+    path.write_text(tomlkit.dumps(lifted(planar, R)))
+    model = load(read_scene(path))
+    flat = load(planar.model_copy(update={"solve": planar.solve.model_copy(update={"preset": "rigid"})}))
+    times = np.linspace(0.0, 0.7 * planar.horizon, 23)
+    here, there = model.motion.at(times), flat.motion.at(times)
+    size = spatial_mechanism_of(model.scene).size
+    for body in planar.bodies:
+        mine, plane = here.frame(body), there.frame(body)
+        point = np.array([0.3, 0.1]) * size
+        pairs = [(mine.place([*point, 0.0]), plane.place(point))]
+        pairs += [(mine.velocity([*point, 0.0]), plane.velocity(point))]
+        pairs += [(mine.acceleration([*point, 0.0]), plane.acceleration(point))]
+        for space, flat_one in pairs:
+            back = R.T @ space
+            assert back[:2] == pytest.approx(flat_one, abs=1e-9 * max(abs(flat_one).max(), size))
+            assert abs(back[2]).max() < 1e-9 * max(abs(flat_one).max(), size)
+    for drive in planar.drives:
+        if f"{drive}.drive" not in model.module.open_reactions:
+            wanted = there[f"{drive}.drive"]
+            assert here[f"{drive}.drive"] == pytest.approx(wanted, abs=1e-9 * abs(wanted).max())
