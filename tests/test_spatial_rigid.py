@@ -185,7 +185,7 @@ def test_the_slider_crank_against_exudyn():
     mbs.Assemble()
     settings = exu.SimulationSettings()
     settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = 1.0, 2000
-    settings.timeIntegration.verboseMode = 0
+    settings.timeIntegration.verboseMode, settings.solution.file.write = 0, False
     settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
     settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
     mbs.SolveDynamic(settings)
