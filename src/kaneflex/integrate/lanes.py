@@ -313,7 +313,7 @@ def eliminate_row(typing, band, place, above, row, width):
             builder.store(numbers[half + right], pointer("above", begin, right), align=8)
             numbers[half + right] = builder.fmul(numbers[half + right], reciprocal, flags=flags)
         numbers[half] = reciprocal
-        for k, number in enumerate(numbers, strict=True):
+        for k, number in enumerate(numbers):
             builder.store(number, pointer("band", first, k), align=8)
         return pivot
 
