@@ -60,11 +60,9 @@ def read(
     wrong with them.
     """
     for name, model in models.items():
-        yield name, _tried(lambda name=name, model=model: reader(name, (solver or solve)(model())))
-
-
-def _tried(action: Callable[[], Found]) -> Found | Exception:
-    try:
-        return action()
-    except Exception as error:  # whatever one model breaks, the others are to be computed
-        return error
+        found: Found | Exception
+        try:
+            found = reader(name, (solver or solve)(model()))
+        except Exception as error:  # whatever one model breaks, the others are to be computed
+            found = error
+        yield name, found
