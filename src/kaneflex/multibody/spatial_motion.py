@@ -230,6 +230,12 @@ def _check_named(system: SpatialSystem, choice: Choice, q: np.ndarray) -> None:
     from scipy.linalg import null_space
 
     named = np.array(system.named(), int)
+    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
+    if free and not len(choice.independent):
+        raise SceneError(
+            f"drives.{free[0]}", "free", "joints and drives leave the mechanism no freedom",
+            "Leave a joint or a drive out, or check their axes",
+        )  # fmt: skip
     J = system.work.J[choice.rows] * system.measure
     held = np.concatenate([choice.prescribed, named])
     selected = np.zeros((len(held), system.speeds))
