@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from types import ModuleType
 
 from kaneflex.scene import Scene
+from kaneflex.scene.parts import JOINT_KINDS
 from kaneflex.scene.read import _validated
 from kaneflex.scene.sensors import CONTACT_KINDS, KINDS, POINT_KINDS
 
@@ -102,7 +103,7 @@ def renamed(scene: Scene, new: Renaming) -> Scene:
             found[new.of["joints" if table == "drives" else table][name]] = entry
             if table == "bodies" and "points" in entry:
                 entry["points"] = {new.points[name, point]: at for point, at in entry["points"].items()}
-            for key in ("revolute", "prismatic", "weld", "between", *CONTACTS):
+            for key in (*JOINT_KINDS, "between", *CONTACTS):
                 if key in entry:
                     entry[key] = [new.address(end) for end in entry[key]]
             for key in ("at", "force_on", *(POINT_KINDS if table == "sensors" else ())):
@@ -130,6 +131,8 @@ def under_new_names(module: ModuleType, new: Renaming) -> ModuleType:
     found.__dict__.update(module.__dict__)
     found.PARAMETERS = tuple((new.path(path), unit) for path, unit in module.PARAMETERS)
     found.TABLES = tuple(map(new.path, module.TABLES))
+    if not hasattr(module, "SCALARS"):  # of a scene in space, whose tables name nothing more
+        return found
     found.SCALARS = tuple((new.scalar(name), *rest) for name, *rest in module.SCALARS)
     bodies, joints = new.of["bodies"], new.of["joints"]
     if hasattr(module, "BODIES"):

@@ -12,7 +12,7 @@ import kaneflex
 from kaneflex.derive import generate
 from kaneflex.derive.names import numbered
 from kaneflex.mechanism.floating_frames import shape_counts
-from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module
+from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module, find_spatial_module
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
 SHORTER = {"engine-rig-clearance": ("solve.duration=0.1 s", "solve.steps=1000")}
@@ -41,7 +41,10 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     scene, plain = with_settings(read_scene(name), SHORTER.get(name, ())), run(name, *SHORTER.get(name, ()))
     new = renaming.drawn(scene, 4)
     other = renaming.renamed(scene, new)
-    modules = find_module(scene, quiet)[0], None
+    if scene.is_spatial:
+        spatial = renaming.under_new_names(find_spatial_module(scene, quiet)[0], new)
+        monkeypatch.setattr("kaneflex.solve.loading.find_spatial_module", lambda scene, progress: (spatial, 0.0))
+    modules = (None if scene.is_spatial else find_module(scene, quiet)[0]), None
     if scene.solve.preset == "coupled":
         modules = modules[0], find_coupled_module(scene, shape_counts(scene), quiet)[0]
     rigid, coupled = (module and renaming.under_new_names(module, new) for module in modules)

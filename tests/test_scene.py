@@ -93,14 +93,15 @@ def test_settings_go_over_what_was_changed_of_a_scene(name):
     tables = ("bodies", "joints", "masses", "drives", "loads", "springs", "sensors")
     changed = {table: {key: entry.model_copy() for key, entry in getattr(scene, table).items()} for table in tables}
     body = next(iter(scene.bodies))
-    points = {**scene.bodies[body].points, "mark": (0.01, 0.0)}
+    mark, gravity = scene.vector((0.01, 0.0)), scene.vector((0.0, -1.5))
+    points = {**scene.bodies[body].points, "mark": mark}
     changed["bodies"][body] = scene.bodies[body].model_copy(update={"points": points})
-    changed |= {"gravity": (0.0, -1.5), "solve": scene.solve.model_copy(update={"steps": 77})}
+    changed |= {"gravity": gravity, "solve": scene.solve.model_copy(update={"steps": 77})}
     changed["sensors"] = dict(list(changed["sensors"].items())[:1])
     copy = scene.model_copy(update=changed | {"events": {}})
     found = with_settings(copy, ["solve.rho_infinity=0.5"])
-    assert (found.bodies[body].points["mark"], found.gravity, found.solve.steps) == ((0.01, 0.0), (0.0, -1.5), 77)
-    assert found.solve.rho_infinity == 0.5 and scene.raw.get("gravity") != (0.0, -1.5)
+    assert (found.bodies[body].points["mark"], found.gravity, found.solve.steps) == (mark, gravity, 77)
+    assert found.solve.rho_infinity == 0.5 and scene.raw.get("gravity") != gravity
     expected = copy.model_copy(update={"solve": copy.solve.model_copy(update={"rho_infinity": 0.5})})
     assert found.model_dump() == expected.model_dump()
     assert pickle.loads(pickle.dumps(copy)).raw == copy.raw

@@ -20,7 +20,7 @@ from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 from kaneflex.support.errors import SceneError
 
-SCENES = tuple(shipped_scenes())
+SCENES = tuple(name for name in shipped_scenes() if not read_scene(name).is_spatial)  # those have tests of their own
 
 QUICK_RETURN = """
 schema = 1

@@ -51,7 +51,8 @@ def scene_of(tmp_path, *changes):
         ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not that joint's coordinate"),
         ("{revolute", "{universal", r"joints.hinge.*has none"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
-         'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]', r"joints.hinge.axes.*not at right angles"),
+         'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 1, 1]]',
+         r"joints.hinge.axes.*not at right angles"),
         ("[sensors]", '[loads]\npush = {force_on = "bar.end", direction = [1, 0, 0], law = "abs(hinge)"}\n[sensors]',
          r"loads.push.law.*the slope of abs\(hinge\) jumps"),
         ("[solve]", '[contacts]\nstop = {between = ["ground", "bar.end"], kind = "point-line"}\n[solve]', r"contacts"),
@@ -78,8 +79,8 @@ def test_the_spin_of_a_rod_between_balls_is_named(tmp_path):
 def test_drives_that_a_loop_holds_are_named(tmp_path):
     path = tmp_path / "held.toml"
     path.write_text(
-        'schema = 1\nlike = "spatial-slider-crank"\n[drives]\nshaft = {speed = 1, free = "none", initial_speed = "none"}\n'
-        "guide = {speed = 1}\n"
+        'schema = 1\nlike = "spatial-slider-crank"\n[drives]\n'
+        'shaft = {speed = 1, free = "none", initial_speed = "none"}\nguide = {speed = 1}\n'
     )
     with pytest.raises(SceneError, match=r"drives\.(shaft|guide).*the loops and the other drives say already"):
         load(read_scene(path))

@@ -45,7 +45,7 @@ _TIGHTEST = 1e-13
 TERM_NAMES = ("spin", "gyroscopic", "euler", "geometric", "damping", "rotary", "shear", "gravity")
 
 
-_JOINTS = ("revolute", "prismatic", "weld", "cylindrical", "universal", "spherical")
+JOINT_KINDS = ("revolute", "prismatic", "weld", "cylindrical", "universal", "spherical")
 
 
 class Joint(SceneTable):
@@ -85,7 +85,7 @@ class Joint(SceneTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Joint:
-        kind = the_one_given(self, _JOINTS)
+        kind = the_one_given(self, JOINT_KINDS)
         if kind == "prismatic" and self.direction is None:
             raise Fault("a prismatic joint slides along a direction", "Give it, like direction = [1, 0]")
         if kind != "prismatic" and self.direction is not None:
@@ -133,7 +133,7 @@ class Joint(SceneTable):
 
     @cached_property
     def kind(self) -> str:
-        return first_given(self, _JOINTS)
+        return first_given(self, JOINT_KINDS)
 
     @cached_property
     def addresses(self) -> tuple[Address, Address]:
