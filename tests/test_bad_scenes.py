@@ -118,7 +118,8 @@ BAD = {
         "bodies.rod.points.mid = [1, 0]: every body has this point already. Choose another name."),
     "three components": (
         LENGTH, LENGTH + ", points = {top = [1, 0, 0]}",
-        "bodies.rod.points.top = [1, 0, 0]: not a vector in the plane. Write two components, [x, y]."),
+        "joints.bore.direction = [1, 0]: two components, where bodies.rod.points.top has three. Give all vectors of a "
+        "scene as many: three in space."),
     "reserved name": (
         "[bodies]", "[bodies]\npi = {mass = 1}",
         "bodies.pi: a reserved name: laws are written with it. Choose another name."),
@@ -171,11 +172,12 @@ BAD = {
         "bodies."),
     "two kinds of joint": (
         CRANK_PIN, CRANK_PIN[:-1] + ', weld = ["rod", "piston"]}',
-        "joints.pin: revolute and weld exclude each other. Give exactly one of revolute, prismatic, weld."),
+        "joints.pin: revolute and weld exclude each other. Give exactly one of revolute, prismatic, weld, cylindrical, "
+        "universal, spherical."),
     "no kind of joint": (
         CRANK_PIN, 'pin = {rotation = "shared"}',
-        "joints.pin: none of revolute, prismatic, weld is given. Give exactly one of revolute, prismatic, "
-        "weld."),
+        "joints.pin: none of revolute, prismatic, weld, cylindrical, universal, spherical is given. Give exactly one "
+        "of revolute, prismatic, weld, cylindrical, universal, spherical."),
     "branch where no loop closes": (
         CRANK_PIN, CRANK_PIN[:-1] + ', branch = "+"}',
         "joints.pin.branch = '+': this joint closes no loop. Give branch at bore."),
@@ -191,7 +193,8 @@ BAD = {
         "joints.bore: a prismatic joint slides along a direction. Give it, like direction = [1, 0]."),
     "zero direction": (
         "direction = [1, 0]", "direction = [0, 0]",
-        "joints.bore.direction = [0, 0]: a direction without length. Write two components, like [1, 0]."),
+        "joints.bore.direction = [0, 0]: a direction without length. Write two components, like [1, 0], or three in "
+        "space."),
     "joint with a body's name": (
         "wrist = ", "rod = ",
         "joints.rod: a body has this name already. Choose another name."),
@@ -425,7 +428,8 @@ BAD = {
         "solve.rho_infinity = 1.1: above one, the integrator would amplify. Give a number from 0 to 1."),
     "direction of three components": (
         "direction = [-1, 0]", "direction = [-1, 0, 0]",
-        "loads.gas.direction = [-1, 0, 0]: not a direction in the plane. Write two components, like [1, 0]."),
+        "joints.bore.direction = [1, 0]: two components, where loads.gas.direction has three. Give all vectors of a "
+        "scene as many: three in space."),
     "address of three words": (
         'force_on = "piston"', 'force_on = "rod.end.x"',
         "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'."),

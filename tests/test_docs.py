@@ -32,7 +32,7 @@ HEADING_OF = {
     "Spring": "Springs", "Damping": "Damping", "Rayleigh": "Rayleigh damping", "ModalDamping": "Modal damping",
     "Viscous": "Viscous damping", "Sensor": "Sensors", "Event": "Events", "Solve": "Solve",
     "Contact": "Contacts", "ContactLaw": "Contact laws", "Clearance": "Clearances", "Friction": "Friction",
-    "Forward": "Forward dynamics", "Start": "Starting from a state",
+    "Rotation": "In space", "Forward": "Forward dynamics", "Start": "Starting from a state",
 }  # fmt: skip
 SCHEMA = Scene.model_json_schema(by_alias=True)
 TABLES = {"Scene": SCHEMA, **SCHEMA["$defs"]}

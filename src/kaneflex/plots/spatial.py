@@ -67,7 +67,7 @@ def animate(solution: Solution, path: Path) -> Path:
 
 
 def _drawn(scene: Scene, motion: RigidMotion, title: str, tracks: dict[str, np.ndarray]) -> Figure:
-    figure = new_figure(10.0, 8.4, title)
+    figure = new_figure(9.0, 7.6, title)
     lines, axes_of = _bodies(scene, motion), _axes(scene, motion)
     count = motion.times.size
     ghosts = np.unique(np.linspace(0, count - 1, _GHOSTS).round().astype(int))[1:].tolist()

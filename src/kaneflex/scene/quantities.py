@@ -138,7 +138,7 @@ def _inertia(value: object) -> float | tuple[float, ...]:
     if not isinstance(value, (list, tuple)):
         number = to_si(value, units.INERTIA)
         if number < 0:
-            raise Fault("moment of inertia must not be negative", "Write one like '0.002 kg m^2'")
+            raise Fault(f"{units.INERTIA.name} must not be negative", f"Write one like '{units.INERTIA.example}'")
         return number
     if len(value) not in (3, 6):
         raise Fault("not the inertia of a body in space", "Write [J_x, J_y, J_z], or these and J_xy, J_yz, J_zx")
