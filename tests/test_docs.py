@@ -162,7 +162,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 def test_every_complete_scene_runs(solved):
     assert set(solved) == {
         "cantilever", "arm", "flying", "frame", "shaft", "band-brake", "belt", "brake", "coupling", "knock",
-        "slow-engine",
+        "slow-engine", "pendulum",
     }  # fmt: skip
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"
