@@ -1,6 +1,7 @@
 """Scenes in space: what is said of broken ones, loads and springs, starts and dead centres."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from click.testing import CliRunner
 
 from kaneflex import SceneError, load, read_scene, simulate
 from kaneflex.cli import main
+from kaneflex.generated import spinning_top
 
 PENDULUM = """
 schema = 1
@@ -174,3 +176,9 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path):
     assert done.exit_code == 2 and "drawn as it starts" in done.output
     done = runner.invoke(main, ["modes", "bricard"])
     assert done.exit_code == 2 and "nothing is elastic" in done.output
+    done = runner.invoke(main, ["derive", "spinning-top", "-o", str(tmp_path / "top.py")])
+    assert done.exit_code == 0 and (tmp_path / "top.py").read_bytes() == Path(spinning_top.__file__).read_bytes()
+    for refused in (["equations", "bricard", "--latex"], ["compare", "bricard", "--with", "exudyn"],
+                    ["derive", "bricard", "--coupled", "-o", str(tmp_path / "no.py")]):  # fmt: skip
+        done = runner.invoke(main, refused)
+        assert done.exit_code == 2 and "only planar scenes so far" in done.output, refused

@@ -147,6 +147,7 @@ def linearise(asked: SceneArguments, at: str | None, sensors: tuple[str, ...], o
 @force_option
 def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> None:
     """Print the equations of SCENE that are compiled: the programs of its module, and the element's matrices."""
+    from kaneflex.scene.spatial_check import refuse_in_space
     from kaneflex.support.atomic_output import refuse_existing, write_text
     from kaneflex.support.terminal import Waiting
 
@@ -155,6 +156,7 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
     if output is not None:
         refuse_existing(output, force, "engine.tex")
     scene = read(name, [])
+    refuse_in_space(scene, "equations", "equations are printed of")
     with Waiting() as waiting:
         waiting.stage("importing SymPy")
         from kaneflex.derive.latex import latex

@@ -18,6 +18,7 @@ from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.scene import Scene
 from kaneflex.scene.numbers import number_at
 from kaneflex.scene.options import acting, left_out, resolve_options
+from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.scene.structure import coupled_hash, pruned_hash
 from kaneflex.support.contract import COUPLED_ATTRIBUTES, COURSES, REQUIRED_ATTRIBUTES, SPATIAL_ATTRIBUTES
 from kaneflex.support.errors import SceneError
@@ -48,6 +49,7 @@ def coupled_text(scene: Scene, shapes: Counts, progress: Progress = lambda stage
     """Text of the coupled module of a scene's structure with so many shapes."""
     from kaneflex.derive import generate_coupled
 
+    refuse_in_space(scene, "solve.preset", "preset coupled moves")
     return generate_coupled(scene, shapes, coupled_hash(scene, shapes), progress)
 
 
@@ -93,6 +95,8 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
     SceneError
         If the drives and joints don't determine the motion; it names what is open and what is redundant.
     """
+    if scene.is_spatial:
+        return spatial_text(scene, progress)
     from kaneflex.derive import generate
 
     with derivable(scene):

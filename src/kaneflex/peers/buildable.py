@@ -9,6 +9,7 @@ import numpy as np
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
+from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Problem, SceneError
 
@@ -19,6 +20,7 @@ _MOST_CYCLES = 60
 
 def check_buildable(scene: Scene) -> None:
     """Raise SceneError that names everything in a scene that has no counterpart in the peer."""
+    refuse_in_space(scene, "scene", "the peer is handed")
     problems = [*_bodies(scene), *_joints(scene), *_forces(scene), *_solving(scene)]
     if problems:
         raise SceneError.gather(problems)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import Sensor
-from kaneflex.support.errors import Fault, Problem
+from kaneflex.support.errors import Fault, Problem, SceneError
 
 _SENSORS = ("position", "velocity", "acceleration", "joint_force", "drive_torque", "drive_force", "spring_force",
             "spring_torque")  # fmt: skip
@@ -27,6 +27,12 @@ def dimension_problems(scene: Scene) -> list[Problem]:
         parts = _planar_only, _joints, _laws, _bodies, _drives, _sensors
         return [problem for part in parts for problem in part(scene)]
     return list(_spatial_only(scene))
+
+
+def refuse_in_space(scene: Scene, key: str, what: str) -> None:
+    """Raise SceneError for a spatial scene that is given to what knows planar ones alone."""
+    if scene.is_spatial:
+        raise SceneError(key, scene.name, f"{what} only planar scenes so far", "Take a planar scene")
 
 
 def _spatial_only(scene: Scene) -> Iterator[Problem]:
