@@ -146,13 +146,18 @@ def sample_times(horizon: float) -> np.ndarray:
     return np.linspace(0.0, horizon, _SAMPLES + 1)
 
 
-@lru_cache(maxsize=256)
-def parse_law(text: str, names: tuple[str, ...]) -> Law:
+def parse_law(text: str, names: Collection[str]) -> Law:
     """The law of `text`, which may use `names` (t, drives' names and NAME_speed) and pi.
 
     The law's own text is a law again. Raises Fault: not an expression, too large, an unknown name, a call of anything
     but FUNCTIONS, anything else Python has; a constant part that is not finite and real.
     """
+    return _parsed(text, tuple(names))
+
+
+@lru_cache(maxsize=256)
+def _parsed(text: str, names: tuple[str, ...]) -> Law:
+    """Once each: every point of a study asks for the same ones."""
     if len(text) > _LONGEST:
         raise Fault(f"longer than {_LONGEST} characters", _AS_A_TABLE)
     try:

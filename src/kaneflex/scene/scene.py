@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from functools import cached_property
 from typing import Any, Literal
 
@@ -308,7 +309,7 @@ class Scene(SceneTable):
         """What the equations depend on, as plain data (see `kaneflex.scene.structure`)."""
         from kaneflex.scene.structure import structure
 
-        return _STRUCTURES.of(self, lambda: structure(self))
+        return deepcopy(_STRUCTURES.of(self, lambda: structure(self)))
 
     def structure_hash(self) -> str:
         """The structure's name: equal structures share one generated module."""
