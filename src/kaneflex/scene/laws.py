@@ -146,12 +146,13 @@ def sample_times(horizon: float) -> np.ndarray:
     return np.linspace(0.0, horizon, _SAMPLES + 1)
 
 
-def parse_law(text: str, names: Collection[str]) -> Law:
+def parse_law(text: str | None, names: Collection[str]) -> Law:
     """The law of `text`, which may use `names` (t, drives' names and NAME_speed) and pi.
 
     The law's own text is a law again. Raises Fault: not an expression, too large, an unknown name, a call of anything
     but FUNCTIONS, anything else Python has; a constant part that is not finite and real.
     """
+    assert text is not None  # whose kind is a law has one
     return _parsed(text, tuple(names))
 
 
