@@ -30,9 +30,6 @@ def between_steps(model: Model) -> list[str]:
     within = int(np.clip(_SAMPLES // options.steps, 2, _FINEST))
     steps = min(options.steps, _SAMPLES // within)
     seen = model.motion.at(model.step * np.arange(steps + 1))
-    spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
-    instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted runs
-    rigid = model.motion.at(instants)
     found = []
     for name, drive in scene.drives.items():
         turned = abs(np.diff(seen[f"{name}.angle"])).max()
@@ -43,7 +40,12 @@ def between_steps(model: Model) -> list[str]:
                 f"solve.steps = {wanted} or more"
             )
     varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "constant"}
-    speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in rigid}
+    speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}
+    if not varying and not speeds:
+        return found
+    spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
+    instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted runs
+    rigid = model.motion.at(instants)
     fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # the rest may be rounding
     for thing, name in (varying | speeds).items():
         values = rigid[name]
