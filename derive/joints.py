@@ -59,7 +59,7 @@ _SPRINGS = {
     ),
 }  # fmt: skip
 
-_EITHER = '''@njit(**OPTIONS)
+EITHER = '''@njit(**OPTIONS)
 def pull(sec, i, j, k, c, L_0, out, n):
     """A spring between two points that may meet where it has neither free length nor damper: see its two cases."""
     if c == 0.0 and L_0 == 0.0:
@@ -83,7 +83,7 @@ def joints_text() -> str:
             emit.literal("ROWS", {kind: _count(kind) for kind in _DOCS}, "kernel -> the rows that it stores"),
             emit.literal("OPERATIONS", counts, emit.OPERATIONS),
         ]),
-        kernels="\n\n".join([*emit.print_kernels((kernel for kernel, _ in kernels), Names({})), _EITHER]),
+        kernels="\n\n".join([*emit.print_kernels((kernel for kernel, _ in kernels), Names({})), EITHER]),
     )  # fmt: skip
 
 

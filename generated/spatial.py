@@ -16,7 +16,8 @@ Operations of one call, written out -> with shared subexpressions:
     coincide            9 -> 9
     perpendicular     153 -> 96
     on_plane          150 -> 93
-    pull              217 -> 32
+    pull_directed     217 -> 32
+    pull_regular       37 -> 16
 
 Kernels check nothing: of an array that is too short they read what lies behind it.
 """
@@ -68,7 +69,8 @@ OPERATIONS = {
     'coincide': (9, 9),
     'perpendicular': (153, 96),
     'on_plane': (150, 93),
-    'pull': (217, 32),
+    'pull_directed': (217, 32),
+    'pull_regular': (37, 16),
 }
 
 
@@ -303,7 +305,7 @@ def on_plane(sec, i, j, axes, k, out, n):
 
 
 @njit(**OPTIONS)
-def pull(sec, i, j, k, c, L_0, out, n):
+def pull_directed(sec, i, j, k, c, L_0, out, n):
     """Spring and damper T = k (L - L_0) + c L' between two points that are apart.
 
         Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
@@ -333,3 +335,35 @@ def pull(sec, i, j, k, c, L_0, out, n):
     out[n + 4] = -w2*w5
     out[n + 5] = 0.5*k*(w4*w4)
     out[n + 6] = c*(rate*rate)
+
+
+@njit(**OPTIONS)
+def pull_regular(sec, i, j, k, out, n):
+    """The same without free length and damper, also where the points meet.
+
+        Stores at out[n]: length [m], tension [N], force on the second point x, y, z [N], energy [J], dissipated power [W]."""
+    r_x_1 = sec[15 * i]
+    r_y_1 = sec[15 * i + 1]
+    r_z_1 = sec[15 * i + 2]
+    r_x_2 = sec[15 * j]
+    r_y_2 = sec[15 * j + 1]
+    r_z_2 = sec[15 * j + 2]
+    w0 = -r_x_1 + r_x_2
+    w1 = -r_y_1 + r_y_2
+    w2 = -r_z_1 + r_z_2
+    length = out[n] = math.sqrt((w0*w0) + (w1*w1) + (w2*w2))
+    tension = out[n + 1] = k*length
+    out[n + 2] = -k*w0
+    out[n + 3] = -k*w1
+    out[n + 4] = -k*w2
+    out[n + 5] = 0.5*k*(length*length)
+    out[n + 6] = 0.0
+
+
+@njit(**OPTIONS)
+def pull(sec, i, j, k, c, L_0, out, n):
+    """A spring between two points that may meet where it has neither free length nor damper: see its two cases."""
+    if c == 0.0 and L_0 == 0.0:
+        pull_regular(sec, i, j, k, out, n)
+    else:
+        pull_directed(sec, i, j, k, c, L_0, out, n)

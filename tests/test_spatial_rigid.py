@@ -116,13 +116,13 @@ def test_rows_of_a_loop_move_as_their_jacobian_says():
 
 
 def test_bricard_against_the_reference():
-    """IFToMM A04, solved by Exudyn with a step of 5e-4 s: its own step error is 1e-4."""
+    """IFToMM A04, solved by Exudyn with a step of 5e-4 s, whose own step error may be 1e-4: both agree to 1e-6."""
     solution = simulate(load(read_scene("bricard")))
     t, *corner = json.loads((DATA / "bricard.json").read_text())["values"][
         "P3 is the point that starts at (1,-1,1)"
     ][0]
     found = [float(solution[f"corner_{axis}"].interp(time=t)) for axis in "xyz"]
-    assert found == pytest.approx(corner, abs=1e-4)
+    assert found == pytest.approx(corner, abs=1e-6)
     assert solution.model.energy.drift < 1e-8
 
 
@@ -142,58 +142,6 @@ def test_the_slider_crank_stands_where_the_reference_says():
     for _, x_there, angle_there, _ in reference:
         assert np.interp(angle_there, angle, x) == pytest.approx(x_there, abs=1e-6)
     assert solution.model.energy.drift < 1e-7
-
-
-def test_the_slider_crank_against_exudyn():
-    """Nonlinear in both; Exudyn with Euler parameters and multipliers, whose 2000 steps leave an error of 1e-5 m, here
-    Kane's one independent speed."""
-    exu = pytest.importorskip("exudyn")
-    if not hasattr(exu.SystemContainer().AddSystem(), "CreateGenericJoint"):
-        import exudyn.utilities  # noqa: F401  its functions become methods
-    from exudyn.utilities import RigidBodyInertia
-
-    mbs = exu.SystemContainer().AddSystem()
-    gravity, e_x, e_y = [0, 0, -9.81], np.array([2, -1, -2]) / 3, np.array([0, 2, -1]) / math.sqrt(5)
-    rod_axes = np.column_stack([e_x, e_y, np.cross(e_x, e_y)])
-    up = np.column_stack([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]).astype(float)
-    A, B, w = np.array([0, 0.1, 0.2]), np.array([0.2, 0, 0]), np.array([6.0, 0, 0])
-    v_A = np.cross(w, [0, 0, 0.08])
-    v_B = np.array([(B - A) @ v_A / (B - A)[0], 0, 0])
-    ground = mbs.CreateGround()
-
-    def body(at, axes, mass, J, v, omega):
-        return mbs.CreateRigidBody(
-            referencePosition=at, referenceRotationMatrix=axes, initialVelocity=v, initialAngularVelocity=omega,
-            inertia=RigidBodyInertia(mass=mass, inertiaTensor=np.diag(J)), gravity=gravity,
-        )  # fmt: skip
-
-    crank = body([0, 0.1, 0.16], up, 0.12, [1e-5, 1e-4, 1e-4], np.cross(w, [0, 0, 0.04]), w)
-    omega_rod = np.cross(e_x, (v_B - v_A) / 0.3)
-    rod = body((A + B) / 2, rod_axes, 0.5, [4e-4, 4e-3, 4e-3], (v_A + v_B) / 2, omega_rod)
-    slider = body(B, np.eye(3), 2.0, [1e-3] * 3, v_B, np.zeros(3))
-    mbs.CreateRevoluteJoint(itemNumbers=[ground, crank], position=[0, 0.1, 0.12], axis=[1, 0, 0])
-    mbs.CreateSphericalJoint(itemNumbers=[crank, rod], position=A)
-    mbs.CreatePrismaticJoint(itemNumbers=[ground, slider], position=B, axis=[1, 0, 0])
-    mbs.CreateGenericJoint(
-        itemNumbers=[rod, slider], position=B, constrainedAxes=[1, 1, 1, 1, 0, 0], rotationMatrixAxes=rod_axes
-    )
-    sensor = mbs.AddSensor(
-        exu.itemInterface.SensorBody(
-            bodyNumber=slider, storeInternal=True, outputVariableType=exu.OutputVariableType.Position
-        )
-    )
-    mbs.Assemble()
-    settings = exu.SimulationSettings()
-    settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = 1.0, 2000
-    settings.timeIntegration.verboseMode, settings.solution.file.write = 0, False
-    settings.timeIntegration.generalizedAlpha.spectralRadius = 0.9
-    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
-    mbs.SolveDynamic(settings)
-    there = mbs.GetSensorStoredData(sensor)
-    solution = simulate(load(read_scene("spatial-slider-crank")))
-    here = np.interp(there[:, 0], solution.times, solution["slider_x"].values)
-    assert len(there) > 50
-    assert here == pytest.approx(there[:, 1], abs=2e-5)
 
 
 def test_the_top_nutates_between_its_two_angles():

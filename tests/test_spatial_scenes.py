@@ -57,6 +57,8 @@ def scene_of(tmp_path, *changes):
          r"joints.hinge.axes.*not at right angles"),
         ("[sensors]", '[loads]\npush = {force_on = "bar.end", direction = [1, 0, 0], law = "abs(hinge)"}\n[sensors]',
          r"loads.push.law.*the slope of abs\(hinge\) jumps"),
+        ('{revolute', "{cylindrical",
+         r"sensors.angle.position = 'hinge': a cylindrical joint has no coordinate of its own to measure"),
         ("[solve]", '[contacts]\nstop = {between = ["ground", "bar.end"], kind = "point-line"}\n[solve]', r"contacts"),
         ("[joints]", '[bodies.loose]\nmass = 1\n[joints]', r"bodies.loose: nothing holds it, nor says where it is"),
         ("[joints]", "[joints]\nother = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}",
@@ -66,6 +68,153 @@ def scene_of(tmp_path, *changes):
 def test_what_is_wrong_is_named(tmp_path, old, new, said):
     with pytest.raises(SceneError, match=said):
         load(scene_of(tmp_path, (old, new)))
+
+
+PLANAR = (
+    PENDULUM.replace('[0, 0, "-9.81 m/s^2"]', '[0, "-9.81 m/s^2"]')
+    .replace(", axis = [0, 1, 0]", "")
+    .replace("[0.001, 0.08, 0.08]", "0.08")
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("mass", "rotation = {axis = [0, 1], angle = 1}\nmass", r"bodies.bar.rotation.*turns by its joints alone"),
+        ('"bar.start"]', '"bar.start"], axis = [0, 1]', r"joints.hinge.axis.*planar joints turn across the plane"),
+        ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
+    ],
+)
+def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(tmp_path, old, new, said):
+    assert old in PLANAR
+    path = tmp_path / "planar.toml"
+    path.write_text(PLANAR.replace(old, new))
+    with pytest.raises(SceneError, match=said):
+        load(read_scene(path))
+
+
+def test_a_freedom_that_moves_nothing_heavy_is_named(tmp_path):
+    """A thin bar on a ball, whose inertia about itself is left out, resists no spin."""
+    scene = scene_of(
+        tmp_path, ("inertia = [0.001, 0.08, 0.08]\n", ""), ("{revolute", "{spherical"), (", axis = [0, 1, 0]", ""),
+        ('angle = {position = "hinge", component = "angle"}', 'tip = {position = "bar.end", component = "z"}'),
+    )  # fmt: skip
+    with pytest.raises(SceneError, match=r"drives.hinge: nothing that has inertia resists hinge.omega_x"):
+        load(scene)
+
+
+def test_a_spring_pulls_points_that_meet_if_it_needs_no_direction(tmp_path):
+    spring = '[springs]\ncoil = {between = ["ground", "bar.start"], stiffness = 10}\n[sensors]'
+    alone = simulate(load(scene_of(tmp_path)))
+    assert simulate(load(scene_of(tmp_path, ("[sensors]", spring))))["angle"].values == pytest.approx(
+        alone["angle"].values, abs=1e-9
+    )
+    with pytest.raises(SceneError, match=r"springs.coil.between.*its points meet"):
+        load(scene_of(tmp_path, ("[sensors]", spring.replace("10}", "10, damping = 1}"))))
+
+
+FOUR_BAR = """
+schema = 1
+gravity = [0, 0, "-9.81 m/s^2"]
+[ground]
+far = [1, 0, 0]
+[bodies]
+crank = {length = "0.3 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1], rotation = {axis = [0, 1, 0], angle = -1}}
+rod = {length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}
+rocker = {length = "0.5 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1], rotation = {axis = [0, 1, 0], angle = -1}}
+[joints]
+shaft = {revolute = ["ground", "crank.start"], axis = [0, 1, 0]}
+knee = {revolute = ["crank.end", "rod.start"], axis = [0, 1, 0]}
+wrist = {revolute = ["rod.end", "rocker.end"], axis = [0, 1, 0]}
+foot = {revolute = ["ground.far", "rocker.start"], axis = [0, 1, 0]}
+[drives]
+shaft = {free = true, initial_speed = "5 rad/s"}
+[sensors]
+turn = {position = "shaft", component = "angle"}
+[solve]
+duration = "0.4 s"
+"""
+
+
+def test_a_law_knows_speeds_that_depend_on_others(tmp_path):
+    """A torque -k phi - c phi' at a joint whose speed the loop ties is a spring with its damper."""
+    path, found = tmp_path / "four_bar.toml", []
+    for said in ('[loads]\ncoil = {torque_at = "foot", law = "-4 * foot - 0.7 * foot_speed"}\n',
+                 '[springs]\ncoil = {torsional_at = "foot", stiffness = 4, damping = 0.7}\n'):  # fmt: skip
+        path.write_text(FOUR_BAR.replace("[solve]", said + "[solve]"))
+        found.append(simulate(load(read_scene(path))))
+    law, spring = (solution["turn"].values for solution in found)
+    assert law == pytest.approx(spring, abs=1e-8)
+    assert found[1].model.energy.dissipated[-1] > 0.1
+
+
+def test_a_coordinate_too_many_in_a_loop_is_named(tmp_path):
+    path = tmp_path / "four_bar.toml"
+    asked = "".join(f'{name} = {{position = "{name}", component = "angle"}}\n' for name in ("knee", "wrist", "foot"))
+    path.write_text(FOUR_BAR.replace("[solve]", asked + "[solve]"))
+    with pytest.raises(SceneError, match=r"joints\..*it closes a loop whose other joints' coordinates are asked for"):
+        load(read_scene(path))
+
+
+def test_a_start_where_the_loops_do_not_close_is_named(tmp_path):
+    """The crank reaches its far dead centre before it reaches what is asked."""
+    path = tmp_path / "four_bar.toml"
+    text = FOUR_BAR.replace("[solve]", 'foot = {position = "foot", component = "angle"}\n[solve]')
+    shaft = 'shaft = {free = true, initial_speed = "5 rad/s"}'
+    path.write_text(text.replace(shaft, "foot = {free = true, angle = 0.3}"))
+    with pytest.raises(SceneError, match=r"drives.foot.angle = 0.3.*there the loops don't close; nearby they do at"):
+        load(read_scene(path))
+
+
+@pytest.mark.parametrize("method", ["RK45", "Radau", "LSODA"])
+def test_all_methods_come_to_the_same(tmp_path, method):
+    text = '\nlike = "spatial-slider-crank"\nschema = 1\n[solve]\nduration = 0.2\n[solve.forward]\nmethod = "{}"\n'
+    path, found = tmp_path / "method.toml", []
+    for name in (method, "DOP853"):
+        path.write_text(text.format(name))
+        found.append(simulate(load(read_scene(path)))["crank_angle"].values)
+    assert found[0] == pytest.approx(found[1], abs=1e-6)
+
+
+@pytest.mark.parametrize(("free", "cut"), [("", "ball"), ("ball", "cross"), ("ball cross", "guide")])
+def test_every_body_is_in_balance_with_its_joints(tmp_path, free, cut):
+    """Newton and Euler for each body, by hand: m a_centre and J e + w x J w are what joints and weight exert on it,
+    whichever joint closes the loop; and each joint exerts the same then."""
+    path = tmp_path / "balance.toml"
+    drives = "".join(f"{name} = {{free = true}}\n" for name in free.split())
+    path.write_text(f'schema = 1\nlike = "spatial-slider-crank"\n[drives]\n{drives}[solve]\nduration = 0.3\n')
+    model = load(read_scene(path))
+    assert list(model.module.system.layout.cuts) == [cut]
+    times = np.linspace(0.01, 0.29, 5)
+    rigid, scene = model.motion.at(times), model.scene
+    mechanism = model.module.system.mechanism
+
+    def vector(name):
+        return np.array([rigid[f"{name}{axis}"] for axis in "xyz"])
+
+    for name, body in mechanism.bodies.items():
+        frame = rigid.frame(name)
+        centre, w, e = frame.place(body.centre), vector(f"{name}.omega_"), vector(f"{name}.epsilon_")
+        zero = np.zeros((3, times.size))
+        a = frame.acceleration(np.tile(body.centre[:, None], times.size), zero, zero)
+        force = body.mass * (a - np.array(scene.gravity)[:, None])
+        xx, yy, zz, xy, yz, zx = body.inertia
+        J = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+        own_w, own_e = frame.to_body(w), frame.to_body(e)
+        moment = frame.to_global(J @ own_e + np.cross(own_w, J @ own_w, axis=0))
+        for joint_name, joint in mechanism.joints.items():
+            for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):
+                if side.body == name:
+                    push = sign * vector(f"{joint_name}.force_")
+                    second = joint.sides[1]
+                    at = rigid.frame(second.body).place(second.at)
+                    force = force - push
+                    moment = moment - sign * vector(f"{joint_name}.moment_") - np.cross(at - centre, push, axis=0)
+        assert abs(force).max() < 1e-9 and abs(moment).max() < 1e-10
+    plain = load(read_scene("spatial-slider-crank")).motion.at(times)
+    for joint in mechanism.joints:
+        for part in ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"):
+            assert rigid[f"{joint}.{part}"] == pytest.approx(plain[f"{joint}.{part}"], abs=2e-5)
 
 
 def test_the_spin_of_a_rod_between_balls_is_named(tmp_path):
@@ -182,3 +331,32 @@ def test_pictures_and_pages_of_a_scene_in_space(tmp_path):
                     ["derive", "bricard", "--coupled", "-o", str(tmp_path / "no.py")]):  # fmt: skip
         done = runner.invoke(main, refused)
         assert done.exit_code == 2 and "only planar scenes so far" in done.output, refused
+
+
+def test_a_bead_flies_outwards_along_a_turning_rod(tmp_path):
+    """r'' = Omega^2 r: r = r_0 cosh(Omega t), and the rod pushes it sideways with 2 m Omega r' (Coriolis 1835)."""
+    omega, mass = 5.0, 0.3
+    path = tmp_path / "bead.toml"
+    path.write_text(f"""
+schema = 1
+gravity = [0, 0, 0]
+[bodies]
+rod = {{length = "1 m", mass = "1 kg", inertia = [0.1, 0.1, 0.1]}}
+bead = {{mass = {mass}, inertia = [0.001, 0.001, 0.001]}}
+[joints]
+shaft = {{revolute = ["ground", "rod.start"], axis = [0, 1, 0]}}
+guide = {{prismatic = ["rod", "bead"], direction = [1, 0, 0]}}
+[drives]
+shaft = {{speed = {omega}}}
+guide = {{free = true, position = "0.2 m"}}
+[sensors]
+out = {{position = "guide", component = "x"}}
+side = {{joint_force = "guide", component = "z", axes = "body"}}
+[solve]
+duration = "0.5 s"
+""")
+    solution = simulate(load(read_scene(path)))
+    assert solution["out"].values == pytest.approx(0.2 * np.cosh(omega * solution.times), abs=1e-8)
+    rate = 0.2 * omega * np.sinh(omega * solution.times)
+    # a turn about +y takes the rod's x axis towards -z: what speeds along x is pushed along -z
+    assert solution["side"].values == pytest.approx(-2 * mass * omega * rate, abs=1e-6)

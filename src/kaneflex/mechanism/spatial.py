@@ -150,9 +150,10 @@ def _made(scene: Scene) -> SpatialMechanism:
     bodies = {name: _body(scene, name) for name in scene.bodies}
     joints = {}
     for name, joint in scene.joints.items():
-        axes = joint.axes or tuple(axis for axis in (joint.axis, joint.direction) if axis is not None)
         first, second = (side(address) for address in joint.addresses)
-        joints[name] = SpatialJoint(name, joint.kind, (first, second), tuple(np.asarray(axis) for axis in axes))
+        joints[name] = SpatialJoint(
+            name, joint.kind, (first, second), tuple(np.asarray(axis) for axis in joint.given_axes)
+        )
     loads = {}
     for name, load in scene.loads.items():
         at = None if load.force_on is None else side(load.force_on)

@@ -6,8 +6,12 @@ by the angle of the second body against the first, and its rate.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from kaneflex.mechanism.parts import Spring
 from kaneflex.mechanism.planar import Number, Vector, dot
+from kaneflex.scene.quantities import Address
+from kaneflex.support.errors import SceneError
 
 
 def is_directed(spring: Spring) -> bool:
@@ -41,5 +45,14 @@ def potential(spring: Spring, now: Number) -> Number:
 def force(spring: Spring, gap: Vector, pull: Number, length: Number) -> Vector:
     """Global force on the second point by the tension T: -T d / L, or -k d where that needs no direction."""
     if not is_directed(spring):
-        return -spring.stiffness * gap[0], -spring.stiffness * gap[1]
-    return -pull * gap[0] / length, -pull * gap[1] / length
+        return tuple(-spring.stiffness * part for part in gap)
+    return tuple(-pull * part / length for part in gap)
+
+
+def points_meet(name: str, between: Sequence[Address], where: str = "") -> SceneError:
+    """What is said of a spring that needs a direction, and has none."""
+    return SceneError(
+        f"springs.{name}.between", " and ".join(map(str, between)),
+        f"its points meet{where}, where length and damping have no direction",
+        "Move one of the points, or give stiffness alone",
+    )  # fmt: skip

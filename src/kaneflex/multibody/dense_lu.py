@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from numba import njit
 
+from kaneflex.multibody.inner import once
 from kaneflex.multibody.tables import OPTIONS, apart
 
 
+@once
 @njit(**OPTIONS)
 def factorise(a, at, n, pivots, first):
     """LU in place with row exchanges; False where a pivot vanishes."""
@@ -31,6 +33,7 @@ def factorise(a, at, n, pivots, first):
     return True
 
 
+@once
 @njit(**OPTIONS)
 def substitute(a, at, n, pivots, first, x):
     """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from numba.core import types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import InlineOverloads, NativeLowering
@@ -42,6 +43,13 @@ class Inner(CompilerBase):
         passes.add_pass_after(_Registered, NativeLowering)
         passes.finalize()
         return [passes]
+
+
+def once(dispatcher):
+    """Compile a function once for all integers, where numba does so for every constant that a caller gives it."""
+    of_types = dispatcher.get_call_template
+    dispatcher.get_call_template = lambda args, kws: of_types(tuple(map(types.unliteral, args)), kws)
+    return dispatcher
 
 
 _NOT_NEEDED = (InlineClosureLikes, InlineOverloads)

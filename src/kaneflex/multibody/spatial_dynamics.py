@@ -15,8 +15,10 @@ import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial as laws
-from kaneflex.multibody import dense_lu, inner, spatial_engine, spatial_tables, tables
-from kaneflex.multibody.spatial_engine import accelerate, add_cross, demand, move, partials, place, push
+from kaneflex.multibody import dense_lu, inner, spatial_forces, spatial_kinematics, spatial_tables, tables
+from kaneflex.multibody.inner import once
+from kaneflex.multibody.spatial_forces import demand, push
+from kaneflex.multibody.spatial_kinematics import accelerate, add_cross, move, partials, place
 from kaneflex.multibody.spatial_tables import (
     BALL,
     COINCIDE,
@@ -41,8 +43,9 @@ _LARGEST = 0.3
 """Largest Newton step: beyond it the first derivatives say little."""
 
 _made_of_parts = made_of(
-    laws.__file__, dense_lu.__file__, inner.__file__, spatial_engine.__file__, spatial_tables.__file__, tables.__file__
-)
+    laws.__file__, dense_lu.__file__, inner.__file__, spatial_forces.__file__, spatial_kinematics.__file__,
+    spatial_tables.__file__, tables.__file__,
+)  # fmt: skip
 
 
 class Choice(NamedTuple):
@@ -97,10 +100,8 @@ def coordinate_rates(m, q, u, out):
         if kind == BALL:
             a, b, c, d = q[k], q[k + 1], q[k + 2], q[k + 3]
             x, y, z = u[s], u[s + 1], u[s + 2]
-            out[k] = -0.5 * (b * x + c * y + d * z)
-            out[k + 1], out[k + 2], out[k + 3] = 0.5 * (a * x + c * z - d * y), 0.5 * (a * y + d * x - b * z), 0.5 * (
-                a * z + b * y - c * x
-            )
+            out[k], out[k + 1] = -0.5 * (b * x + c * y + d * z), 0.5 * (a * x + c * z - d * y)
+            out[k + 2], out[k + 3] = 0.5 * (a * y + d * x - b * z), 0.5 * (a * z + b * y - c * x)
         elif kind != FIXED:
             out[k] = u[s]
 
@@ -151,6 +152,7 @@ def close(m, q, k, choice):
     return False
 
 
+@once
 @njit(**OPTIONS)
 def tie(k, choice, u, column, less):
     """Fill dependent entries of u so that J u + c vanishes in the rows that count, c a column of the rows (-1: none).
@@ -191,13 +193,12 @@ def basis(k, choice):
 
 @njit(**OPTIONS)
 def accelerations(m, k, choice, u, du, sizes):
-    """du where the loops are closed (``close``), u has all but the dependent speeds, du the prescribed rates.
+    """du where the loops are closed (``close``) and the speeds tied (``tie``), from the prescribed rates in it.
 
     Kane's equations of the independent speeds: B (M B^T x + h) = 0, h with what is prescribed and quadratic. False
     where they are singular.
     """
     apart()
-    tie(k, choice, u, -1, False)
     move(m, u, k)
     for n in range(len(choice.dependent)):
         du[choice.dependent[n]] = 0.0
@@ -288,7 +289,7 @@ def pass_on(m, k, multipliers, wrenches):
             add_cross(k.x, 0, wrenches[n], 0, wrenches[parent], 3)
 
 
-PLACE, CLOSE, ACCELERATE, EXERT, PASS_ON, BASIS, RATES, DEMAND = range(8)
+PLACE, CLOSE, TIE, ACCELERATE, EXERT, PASS_ON, BASIS, RATES, DEMAND = range(9)
 """What :func:`compute` does."""
 
 
@@ -301,6 +302,8 @@ def compute(what, m, choice, k, q, u, du, sizes, multipliers, wrenches, along):
         partials(m, k)
     elif what == CLOSE:
         return close(m, q, k, choice)
+    elif what == TIE:
+        tie(k, choice, u, -1, False)
     elif what == ACCELERATE:
         return accelerations(m, k, choice, u, du, sizes)
     elif what == EXERT:

@@ -13,8 +13,9 @@ from collections.abc import Callable
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
-from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, State
-from kaneflex.multibody.spatial_system import SpatialSystem
+from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
 
@@ -50,6 +51,7 @@ class _Run:
         self.ends: list[float] = []
         self.curves: list[tuple[Callable[[float], np.ndarray], State]] = []
         self.works = [np.zeros(2)]
+        self.reason = ""  # for which the rates were not known somewhere
 
     def go(self, start: State) -> None:
         """Integrate to the end of the run."""
@@ -70,81 +72,75 @@ class _Run:
 
     def _steps(self, solver, state: State) -> State:
         """Step with one choice of speeds until another is better, or the end; the state there."""
+        found = state
         while solver.status == "running":
-            before = solver.t
-            try:
-                with np.errstate(all="ignore"):
-                    message = solver.step()
-            except (ValueError, np.linalg.LinAlgError):
-                message = "the rates are not finite there"
-            if solver.status == "failed" or message is not None or not np.isfinite(solver.y).all():
-                raise self._stopped(before, message or "the rates are not finite there")
+            before, self.reason = solver.t, ""
+            with np.errstate(all="ignore"):
+                message = solver.step()
+            if solver.status == "failed" or not np.isfinite(solver.y).all():
+                raise self._stopped(before, self.reason or message or "the rates are not finite there")
             if self.evaluations > _MOST:
                 raise self._stopped(solver.t, f"{self.evaluations} evaluations bring it no further")
             self.ends.append(solver.t)
             self.curves.append((solver.dense_output(), state))
             self.works.append(solver.y[-2:].copy())
-            choice = self._better(solver.y, state)
-            if choice is not None:
-                found = self._at(solver.t, solver.y, state)
-                return State(found.t, found.q, found.u, found.du, choice)
-        return self._at(solver.t, solver.y, state)
+            found = self._at(solver.t, solver.y, state)
+            better = self._better(found)
+            if better is not found:
+                return better
+        return found
 
-    def _better(self, y: np.ndarray, state: State):
-        """Another choice of independent speeds, where the dependent ones have grown fast beside these."""
-        system, choice = self.system, state.choice
+    def _better(self, found: State) -> State:
+        """The same by another choice of independent speeds, where the dependent ones have grown fast beside these."""
+        system, choice = self.system, found.choice
         if not len(choice.dependent) or not len(choice.independent):
-            return None
-        q = y[: system.coordinates].copy()
-        if not system.close(q, choice):
-            return None
+            return found
         grown = _largest(system, choice)
         if grown < _GROWTH:
-            return None
-        other = system.choose(q)
-        system.close(q, other)
-        return other if _largest(system, other) < 0.5 * grown else None
+            return found
+        try:
+            other = system.settle(found.t, found.q, found.u, system.choose_anew(found.q, choice))
+        except ArithmeticError:
+            return found
+        return other if _largest(system, other.choice) < 0.5 * grown else found
 
     def _rates_of(self, state: State) -> Callable[[float, np.ndarray], np.ndarray]:
-        system, choice, n = self.system, state.choice, self.system.coordinates
-
         def rates(t: float, y: np.ndarray) -> np.ndarray:
             self.evaluations += 1
-            found = self._at(t, y, state)
-            out, system_work = np.zeros(len(y)), system.work
-            out[:n] = system.coordinate_rates(found.q, found.u)
-            out[n : n + len(choice.independent)] = found.du[choice.independent]
-            out[-2:] = self._powers(found, system_work)
-            return out
+            try:
+                found = self._settle(t, y, state)
+            except ArithmeticError as reason:  # a shorter step may still find its way
+                self.reason = str(reason)
+                return np.full(len(y), np.nan)
+            moved = self.system.coordinate_rates(found.q, found.u)
+            return np.concatenate([moved, found.du[found.choice.independent], self._powers(found)])
 
         return rates
 
-    def _powers(self, found: State, k) -> tuple[float, float]:
-        """Dissipated by dampers, supplied by loads and prescribed drives [W], where ``_at`` was."""
-        system, tables = self.system, self.system.tables
+    def _powers(self, found: State) -> tuple[float, float]:
+        """Dissipated by dampers, supplied by loads and prescribed drives [W], where ``settle`` left ``work``."""
+        system, tables, k, given = self.system, self.system.tables, self.system.work, 0.0
         lost = k.springs[:, 6].sum() + k.twists[:, 3].sum()
-        given, sizes = 0.0, self.sizes
-        for size, (section, _, axis) in zip(sizes, tables.forces.tolist(), strict=False):
-            given += size * (k.axes[axis] @ k.sections[section, 3:6])
-        for size, (first, second, axis) in zip(sizes[len(tables.forces) :], tables.torques.tolist(), strict=True):
-            given += size * (k.axes[axis] @ (k.sections[second, 9:12] - k.sections[first, 9:12]))
+        for section, axis, load in tables.forces.tolist():
+            given += found.sizes[load] * (k.axes[axis] @ k.sections[section, 3:6])
+        for first, second, axis, load in tables.torques.tolist():
+            given += found.sizes[load] * (k.axes[axis] @ (k.sections[second, 9:12] - k.sections[first, 9:12]))
         if len(found.choice.prescribed):
-            _, _, along = system.exerted(found.choice, sizes)
+            _, _, along = system.exerted(found)
             given += along[found.choice.prescribed] @ found.u[found.choice.prescribed]
         return lost, given
 
+    def _settle(self, t: float, y: np.ndarray, like: State) -> State:
+        """The state that an integrator's numbers stand for."""
+        u = np.zeros(self.system.speeds)
+        u[like.choice.independent] = y[self.system.coordinates : -2]
+        return self.system.settle(t, y[: self.system.coordinates], u, like.choice)
+
     def _at(self, t: float, y: np.ndarray, like: State) -> State:
-        """The state that an integrator's numbers stand for, its loops closed, its rates known."""
-        system, choice = self.system, like.choice
-        q, u, du = y[: system.coordinates].copy(), np.zeros(system.speeds), np.zeros(system.speeds)
-        system.set_drives(t, q, u, du)
-        u[choice.independent] = y[system.coordinates : -2]
-        if not system.close(q, choice):
-            raise ValueError("a loop does not close")
-        self.sizes = system.sizes(t, q, u)
-        if not system.accelerate(choice, u, du, self.sizes):
-            raise ValueError("bodies without mass could move anyhow")
-        return State(t, q, u, du, choice)
+        try:
+            return self._settle(t, y, like)
+        except ArithmeticError as reason:
+            raise self._stopped(t, str(reason)) from None
 
     def state(self, t: float) -> State:
         """The state at a time of the run [s]."""
@@ -168,7 +164,7 @@ class _Run:
         )  # fmt: skip
 
 
-def _largest(system: SpatialSystem, choice) -> float:
+def _largest(system: SpatialSystem, choice: Choice) -> float:
     """Largest entry of the basis, in the measures of the speeds."""
     found = system.basis(choice) / system.measure
     return float(abs(found * system.measure[choice.independent][:, None]).max(initial=0.0))

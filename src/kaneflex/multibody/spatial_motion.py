@@ -11,9 +11,9 @@ import numpy as np
 
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame
-from kaneflex.multibody.spatial_dynamics import Choice
-from kaneflex.multibody.spatial_system import SpatialSystem
-from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
+from kaneflex.multibody.spatial_reactions import COMPONENTS, joint_wrenches
+from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.spatial_tables import COORDINATE
 from kaneflex.support.errors import SceneError
 
 _XYZ = "xyz"
@@ -25,25 +25,12 @@ _BODY = (
     *(("a_", axis, "m/s^2", "acceleration of the body's start, global") for axis in _XYZ),
     *(("epsilon_", axis, "rad/s^2", "angular acceleration, global") for axis in _XYZ),
 )
-_JOINT = (
-    *(("force_", axis, "N", "force on {body}, global") for axis in _XYZ),
-    *(("moment_", axis, "N m", "moment on {body}, global") for axis in _XYZ),
-)
+_JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
+               for name in COMPONENTS)  # fmt: skip
 _FAR = 0.05
 """Largest step of a prescribed drive [rad or sizes of the mechanism] from place to place where loops are followed."""
 _GROWTH = 30.0
 """How many times faster than the drives the other speeds may be before dependent speeds are chosen anew."""
-
-
-@dataclass(eq=False)
-class State:
-    """Where a mechanism is at an instant: coordinates, speeds, their rates, and the choice of speeds."""
-
-    t: float
-    q: np.ndarray
-    u: np.ndarray
-    du: np.ndarray
-    choice: Choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +75,8 @@ class SpatialModule:
         for body in mechanism.bodies:
             found += [(f"{body}.{head}{tail}", unit, meaning) for head, tail, unit, meaning in _BODY]
         for name, joint in mechanism.joints.items():
-            found += [(f"{name}.{head}{tail}", unit, meaning.format(body=joint.sides[1].body))
-                      for head, tail, unit, meaning in _JOINT]  # fmt: skip
+            found += [(f"{name}.{part}", unit, meaning.format(body=joint.sides[1].body))
+                      for part, unit, meaning in _JOINT]  # fmt: skip
         for name in self.system.driven:
             unit = "N" if mechanism.joints[name].kind == "prismatic" else "N m"
             found.append((f"{name}.drive", unit, "what the drive exerts"))
@@ -103,18 +90,21 @@ class SpatialModule:
     def coordinates(self) -> tuple[str, ...]:
         """Joints of the tree whose coordinate is tabulated: those that have one, and what is driven or free.
 
-        Of several freedoms it is the first; of a ball the angle of its rotation, from 0 to pi.
+        Of several freedoms it is the first, of a cylindrical joint its turn; of a ball the angle of its rotation, from
+        0 to pi.
         """
         joints, tree = self.system.mechanism.joints, self.system.layout.tree
         return tuple(
-            name for name in tree
+            name
+            for name in tree
             if joints[name].freedoms == 1 or (name in self.system.scene.drives and joints[name].freedoms)
         )
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialKinematics(RigidKinematics):
-    """The rigid motion of a mechanism in space: ``curve`` gives its state at an instant [s]."""
+    """The rigid motion of a mechanism in space: ``curve`` gives its state at an instant [s], like which the system's
+    ``work`` then stands and moves."""
 
     module: SpatialModule  # type: ignore[assignment]
     parameters: np.ndarray
@@ -132,22 +122,15 @@ class SpatialKinematics(RigidKinematics):
     def _row(self, state: State) -> np.ndarray:
         system, module = self.module.system, self.module
         k, tables, mechanism = system.work, system.tables, system.mechanism
-        q, u, du = state.q.copy(), state.u.copy(), state.du.copy()
-        system.close(q, state.choice)
-        sizes = system.sizes(state.t, q, u)
-        system.accelerate(state.choice, u, du, sizes)
-        kinetic = system.kinetic(u, sizes)
-        multipliers, wrenches, along = system.exerted(state.choice, sizes)
-        parts = [np.array([self._coordinate(name, q) for name in module.coordinates])]
-        parts.append(sizes[np.argsort(system._forces_first)])
+        kinetic = 0.5 * state.u @ system.mass(state.sizes) @ state.u
+        multipliers, wrenches, along = system.exerted(state)
+        parts = [np.array([self._coordinate(name, state.q) for name in module.coordinates]), state.sizes]
         heavy = 0.0
         for name, body in mechanism.bodies.items():
             n = system.layout.node_of[name]
             parts += [k.r[n], k.R[n].ravel(), k.v[n], k.w[n], k.a[n], k.e[n]]
             heavy -= body.mass * (tables.gravity @ (k.r[n] + k.R[n] @ body.centre))
-        exerts = system.joint_wrenches(wrenches, multipliers)
-        parts += [exerts[name] for name in mechanism.joints]
-        parts.append(along[system.columns(system.driven, SPEED)] if system.driven else np.zeros(0))
+        parts += [*joint_wrenches(system, wrenches, multipliers).values(), along[system.driven_speeds]]
         between, twists = iter(k.springs), iter(k.twists)
         parts.append(np.array([next(between if s.joint is None else twists)[1] for s in mechanism.springs.values()]))
         strain = k.springs[:, 5].sum() + k.twists[:, 2].sum()
@@ -177,102 +160,26 @@ class SpatialMotion(RigidMotion):
         return SpatialFrame(self, body)
 
 
-def start_of(system: SpatialSystem) -> State:
-    """Where a mechanism starts: drives where they are said to stand, loops closed, speeds as given.
-
-    Raises
-    ------
-    SceneError
-        If a loop can't close, drives fight the loops, or something moves that no one named.
-    """
-    q, u, du = system.at_zero.copy(), np.zeros(system.speeds), np.zeros(system.speeds)
-    system.set_drives(0.0, q, u, du)
-    choice = system.choose(q, prefer=True)
-    _check_drives(system, choice)
-    if not system.close(q, choice):
-        free = system.choose(q)
-        if not system.close(q, free):
-            system.check_closing(q)
-    choice = system.choose(q, prefer=True)
-    system.check_closing(q)
-    _check_named(system, choice, q)
-    given = system.given_speeds()
-    for k in choice.independent:
-        u[k] = given.get(int(k), 0.0)
-    system.accelerate(choice, u, du, system.sizes(0.0, q, u))
-    for k, wanted in given.items():
-        if abs(u[k] - wanted) > 1e-9 * (abs(u).max() + abs(wanted)):
-            name = system.layout.speeds[k].rpartition(".")[0]
-            raise SceneError(
-                f"drives.{name}.initial_speed", wanted,
-                f"with the other speeds it is {u[k]:.9g}: the loops tie them to each other",
-                "Give initial speeds to as many joints as the mechanism has freedoms",
-            )  # fmt: skip
-    return State(0.0, q, u, du, choice)
-
-
-def _check_drives(system: SpatialSystem, choice: Choice) -> None:
-    """Prescribed drives must be left free by the loops."""
-    J = system.work.J[choice.rows]
-    whole = np.linalg.matrix_rank(system.work.J, 1e-9 * max(abs(system.work.J).max(initial=0.0), 1e-300)) if len(
-        system.work.J
-    ) else 0
-    if whole > len(J):
-        name = system.driven[-1]
-        raise SceneError(
-            f"drives.{name}", None, "the loops and the other drives say already how this joint moves",
-            "Leave one drive out, or let it be free = true",
-        )  # fmt: skip
-
-
-def _check_named(system: SpatialSystem, choice: Choice, q: np.ndarray) -> None:
-    """Every freedom must be driven, or named as free."""
-    from scipy.linalg import null_space
-
-    named = np.array(system.named(), int)
-    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
-    if free and not len(choice.independent):
-        raise SceneError(
-            f"drives.{free[0]}", "free", "joints and drives leave the mechanism no freedom",
-            "Leave a joint or a drive out, or check their axes",
-        )  # fmt: skip
-    J = system.work.J[choice.rows] * system.measure
-    held = np.concatenate([choice.prescribed, named])
-    selected = np.zeros((len(held), system.speeds))
-    selected[np.arange(len(held)), held] = 1.0
-    left = null_space(np.vstack([J, selected]), rcond=1e-9)
-    if left.shape[1]:
-        moving = [system.layout.speeds[k] for k in np.flatnonzero(abs(left).max(axis=1) > 1e-6)]
-        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
-        count = f"{left.shape[1]} freedom{'s' * (left.shape[1] > 1)}"
-        raise SceneError(
-            "drives", None, f"{count} of the mechanism that nothing drives: of {', '.join(joints)}",
-            f"Drive a joint, or leave it to the forces, like drives.{joints[0]} = {{free = true}}",
-        )  # fmt: skip
-
-
 def follow(system: SpatialSystem, start: State) -> Callable[[float], State]:
     """States of a mechanism whose drives say where it is, loops followed from place to place."""
     track = [start]
 
     def ahead(t: float, last: State) -> State:
-        q, u, du = last.q.copy(), np.zeros(system.speeds), np.zeros(system.speeds)
-        system.set_drives(t, q, u, du)
-        choice = last.choice
-        if not system.close(q, choice):
-            raise _stuck(system, t)
-        system.check_closing(q)
-        system.accelerate(choice, u, du, system.sizes(t, q, u))
-        if not np.isfinite(du).all():
-            raise _stuck(system, t)
-        if _growth(system, u) > _GROWTH:
-            choice = system.choose(q)
-        return State(t, q, u, du, choice)
+        try:
+            found = system.settle(t, last.q, last.u, last.choice)
+            if _growth(system, found.u) <= _GROWTH:
+                return found
+            return system.settle(t, found.q, found.u, system.choose_anew(found.q, found.choice))
+        except ArithmeticError as reason:
+            raise SceneError(
+                "joints", ", ".join(system.driven) or "joints", f"{reason}, at t = {t:.6g} s",
+                "Change the lengths, or limit the drives' range",
+            ) from None  # fmt: skip
 
     def state(t: float) -> State:
         last = track[max(0, bisect.bisect_right(track, t, key=lambda known: known.t) - 1)]
         while True:
-            moved = abs(system.courses(t)[:, 0] - system.courses(last.t)[:, 0]) / system.measure[system._driven_speeds]
+            moved = abs(system.courses(t)[:, 0] - system.courses(last.t)[:, 0]) / system.measure[system.driven_speeds]
             steps = int(np.ceil(moved.max(initial=0.0) / _FAR))
             found = ahead(last.t + (t - last.t) / max(1, steps), last)
             if steps <= 1:
@@ -287,13 +194,5 @@ def follow(system: SpatialSystem, start: State) -> Callable[[float], State]:
 def _growth(system: SpatialSystem, u: np.ndarray) -> float:
     """How fast the dependent speeds are beside the prescribed ones."""
     speeds = abs(u) * system.measure / system.measure.max()
-    driven = speeds[system._driven_speeds].max(initial=0.0)
+    driven = speeds[system.driven_speeds].max(initial=0.0)
     return float(speeds.max() / driven) if driven else 0.0
-
-
-def _stuck(system: SpatialSystem, t: float) -> SceneError:
-    names = ", ".join(system.driven) or "joints"
-    return SceneError(
-        "joints", names, f"the loops can't close, or leave open how they go on, at t = {t:.6g} s",
-        "Change the lengths, or limit the drives' range",
-    )  # fmt: skip

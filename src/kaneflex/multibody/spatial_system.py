@@ -1,4 +1,4 @@
-"""A scene in space bound to its numbers: where it starts, which speeds are independent, how it accelerates."""
+"""A scene in space bound to its numbers: what is computed of it, which speeds are independent, how it accelerates."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from kaneflex.multibody.spatial_dynamics import (
     PASS_ON,
     PLACE,
     RATES,
+    TIE,
     Choice,
     compute,
 )  # fmt: skip
-from kaneflex.multibody.spatial_engine import Work, work_of
+from kaneflex.multibody.spatial_kinematics import Work, work_of
 from kaneflex.multibody.spatial_tables import (
     BALL,
     COORDINATE,
@@ -43,6 +44,20 @@ from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9
 """Pivot of a row or speed, as a share of the largest, below which it follows from the others."""
+_CLOSED = 1e-7
+"""How far off rows may be that follow from others, in rad or sizes of the mechanism."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a mechanism is at an instant: coordinates, speeds, their rates, sizes of loads, the choice of speeds."""
+
+    t: float
+    q: np.ndarray
+    u: np.ndarray
+    du: np.ndarray
+    sizes: np.ndarray
+    choice: Choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,20 +97,54 @@ class SpatialSystem:
         """Close the loops by the dependent coordinates, in place; whether they close."""
         return self._compute(CLOSE, choice, q)
 
-    def accelerate(self, choice: Choice, u: np.ndarray, du: np.ndarray, sizes: np.ndarray) -> bool:
-        """Dependent speeds in u and all rates in du, where the loops are closed; False at a singular place."""
-        return self._compute(ACCELERATE, choice, u=u, du=du, sizes=sizes)
+    def settle(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
+        """The state at t [s] near q with the independent ones of the speeds u; ``work`` stands and moves like that.
 
-    def exerted(self, choice: Choice, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Multipliers of the rows, wrenches of the nodes' joints, and what is exerted along every speed."""
+        Prescribed drives are put where they are, loops closed, dependent speeds tied: then loads know what they ask of
+        joints, and all rates follow.
+
+        Raises
+        ------
+        ArithmeticError
+            If a loop does not close, or the rates are not determined; it says which.
+        """
+        q, u, du = q.copy(), u.copy(), np.zeros(self.speeds)
+        course = self.courses(t)
+        q[self.driven_coordinates], u[self.driven_speeds], du[self.driven_speeds] = course.T
+        if not self.close(q, choice):
+            raise ArithmeticError("a loop does not close, or leaves open how it goes on")
+        if len(choice.rows) < self.row_count and self.gaps().max() > _CLOSED:
+            raise ArithmeticError("the loops close where they stand at the start, and not there")
+        self._compute(TIE, choice, u=u)
+        sizes = self.sizes(t, q, u)
+        if not self._compute(ACCELERATE, choice, u=u, du=du, sizes=sizes):
+            raise ArithmeticError("something without inertia could move anyhow")
+        if not np.isfinite(du).all():
+            raise ArithmeticError("the accelerations are not finite")
+        return State(t, q, u, du, sizes, choice)
+
+    def gaps(self) -> np.ndarray:
+        """How far off every row is where ``work`` stands, in rad or sizes of the mechanism."""
+        return abs(self.work.rows[:, 0]) / self.row_measure
+
+    def exerted(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Multipliers of the rows, wrenches of the nodes' joints, and what is exerted along every speed, where
+        ``work`` is as :meth:`settle` left it."""
         found = np.zeros(self.row_count), np.zeros((len(self.tables.nodes), 6)), np.zeros(self.speeds)
-        self._compute(EXERT, choice, sizes=sizes, exerts=found)
+        self._compute(EXERT, state.choice, sizes=state.sizes, exerts=found)
         return found
 
-    def kinetic(self, u: np.ndarray, sizes: np.ndarray) -> float:
-        """Kinetic energy [J] in the motion of ``work``."""
+    def passed_on(self, multipliers: np.ndarray) -> np.ndarray:
+        """Wrenches of the nodes' joints by multipliers of the rows alone, where ``work`` stands."""
+        wrenches = np.zeros((len(self.tables.nodes), 6))
+        self.work.F[:] = 0.0  # no body asks for anything
+        self._compute(PASS_ON, exerts=(multipliers, wrenches, self._none))
+        return wrenches
+
+    def mass(self, sizes: np.ndarray) -> np.ndarray:
+        """Mass matrix of all speeds where ``work`` stands, (speeds, speeds); loads are of these sizes."""
         self._compute(DEMAND, sizes=sizes)
-        return float(0.5 * u @ self.work.M @ u)
+        return self.work.M
 
     def coordinate_rates(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         """q' of speeds."""
@@ -128,7 +177,7 @@ class SpatialSystem:
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
         room = np.zeros(d * d + d + f * f + f), np.zeros(self.speeds), np.zeros((f, self.speeds))
         pivots = np.zeros(d + f, np.int64)
-        return Choice(rows, dependent, self._driven_speeds, independent, self.measure, *room, pivots)
+        return Choice(rows, dependent, self.driven_speeds, independent, self.measure, *room, pivots)
 
     @property
     def speeds(self) -> int:
@@ -159,12 +208,11 @@ class SpatialSystem:
         return (*self.scene.drives, *self.scene.observed)
 
     def node(self, joint: str) -> int:
-        """Number of the node that has a joint's one coordinate; of a cylindrical one its slide."""
+        """Number of the node that has a joint's first coordinate; of a cylindrical one's, its turn."""
         nodes, _ = self.layout.tree[joint]
-        return nodes[0] if self.mechanism.joints[joint].kind != "cylindrical" else self._sliding(nodes)
-
-    def _sliding(self, nodes: Sequence[int]) -> int:
-        return next(node for node in nodes if self.tables.nodes[node, KIND] != TURN)
+        if self.mechanism.joints[joint].kind != "cylindrical":
+            return nodes[0]
+        return next(node for node in nodes if self.tables.nodes[node, KIND] == TURN)
 
     def columns(self, names: Sequence[str], what: int) -> np.ndarray:
         """Where the first coordinates (COORDINATE) or speeds (SPEED) of joints are."""
@@ -197,36 +245,35 @@ class SpatialSystem:
         return out.reshape(-1, 3)
 
     def sizes(self, t: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Sizes of all loads [N or N m], those of forces before those of torques."""
-        loads = self.mechanism.loads
-        if not loads:
-            return np.zeros(0)
-        x, out = np.zeros(3 * len(self.known_joints)), np.zeros(len(loads))
-        single = [name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1]
-        for k, name in enumerate(self.known_joints):
-            if name in single:
-                node = self.tables.nodes[self.node(name)]
-                x[2 * k], x[2 * k + 1] = q[node[COORDINATE]], u[node[SPEED]]
-        self.module.magnitudes(t, x, 0, self.parameters, out, 0)
-        return out[self._forces_first]
+        """Sizes of all loads [N or N m]."""
+        x, out = np.zeros(3 * len(self.known_joints)), np.zeros(len(self.mechanism.loads))
+        if len(out):
+            where, coordinates, speeds = self._known
+            x[where], x[where + 1] = q[coordinates], u[speeds]
+            self.module.magnitudes(t, x, 0, self.parameters, out, 0)
+        return out
 
     @cached_property
-    def _forces_first(self) -> np.ndarray:
-        turning = [load.joint is not None for load in self.mechanism.loads.values()]
-        return np.argsort(turning, kind="stable")
-
-    def set_drives(self, t: float, q: np.ndarray, u: np.ndarray, du: np.ndarray) -> None:
-        """Put prescribed drives where they are at t [s], with their rates."""
-        course = self.courses(t)
-        q[self._driven_coordinates], u[self._driven_speeds], du[self._driven_speeds] = course.T
+    def _known(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where laws read a joint of one freedom, and its coordinate and speed."""
+        known = [(2 * k, name) for k, name in enumerate(self.known_joints)
+                 if self.mechanism.joints[name].freedoms == 1]  # fmt: skip
+        names = [name for _, name in known]
+        where = np.array([place for place, _ in known], int)
+        return where, self.columns(names, COORDINATE), self.columns(names, SPEED)
 
     @cached_property
-    def _driven_coordinates(self) -> np.ndarray:
+    def driven_coordinates(self) -> np.ndarray:
         return self.columns(self.driven, COORDINATE)
 
     @cached_property
-    def _driven_speeds(self) -> np.ndarray:
+    def driven_speeds(self) -> np.ndarray:
         return self.columns(self.driven, SPEED)
+
+    @cached_property
+    def open_speeds(self) -> np.ndarray:
+        """Speeds that no drive prescribes."""
+        return np.setdiff1d(np.arange(self.speeds), self.driven_speeds)
 
     @cached_property
     def at_zero(self) -> np.ndarray:
@@ -262,82 +309,33 @@ class SpatialSystem:
         free = [name for name, drive in self.scene.drives.items() if drive.kind == "free"]
         return [k for name in (*free, *self.mechanism.floating) for k in self.speeds_of(name)]
 
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """J of the rows by the speeds, both in their measures, where the mechanism stands."""
+        self.place(q)
+        return self.work.J * self.measure / self.row_measure[:, None]
+
     def choose(self, q: np.ndarray, prefer: bool = False) -> Choice:
         """Rows and speeds by pivoted QR where the mechanism stands; ``prefer``: named speeds are independent."""
         from scipy.linalg import qr
 
-        k = self.work
-        self.place(q)
-        open_speeds = np.setdiff1d(np.arange(self.speeds), self._driven_speeds)
-        J = k.J * self.measure / self.row_measure[:, None]
-        kept = np.zeros(0, int)
-        dependent = np.zeros(0, int)
-        if len(J) and len(open_speeds):
-            _, r, order = qr(J[:, open_speeds].T, pivoting=True, mode="economic")
+        J, free = self.jacobian(q)[:, self.open_speeds], self.open_speeds
+        kept, dependent = np.zeros(0, int), np.zeros(0, int)
+        if J.size:
+            _, r, order = qr(J.T, pivoting=True, mode="economic")
             kept = np.sort(order[: _rank(r)])
-            weight = np.ones(len(open_speeds))
+            weight = np.ones(len(free))
             if prefer:
-                weight[np.isin(open_speeds, self.named())] = 1e-3
-                weight[np.isin(open_speeds, list(self.given_speeds()))] = 1e-6
-            _, r, order = qr(J[np.ix_(kept, open_speeds)] * weight, pivoting=True, mode="economic")
-            dependent = open_speeds[order[: len(kept)]]
-        independent = np.setdiff1d(open_speeds, dependent)
-        return self._choice(kept, dependent, independent)
+                weight[np.isin(free, self.named())] = 1e-3
+                weight[np.isin(free, list(self.given_speeds()))] = 1e-6
+            _, _, order = qr(J[kept] * weight, pivoting=True, mode="economic")
+            dependent = free[order[: len(kept)]]
+        return self._choice(kept, dependent, np.setdiff1d(free, dependent))
 
-    def check_closing(self, q: np.ndarray) -> None:
-        """All rows must hold, those that follow from others, too."""
-        self.place(q)
-        off = abs(self.work.rows[:, 0]) / self.row_measure
-        if len(off) and off.max() > 1e-7:
-            joint = next(name for name, rows in self.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
-            raise SceneError(
-                f"joints.{joint}", None, "the loop that it closes can't close where the drives start",
-                "Check lengths and axes, and give the bodies rotations near to how they stand",
-            )  # fmt: skip
-
-    def undetermined(self, q: np.ndarray) -> set[str]:
-        """Names of reactions that no equation determines: more rows hold a motion than it needs."""
-        from scipy.linalg import null_space
-
-        k = self.work
-        self.place(q)
-        open_speeds = np.setdiff1d(np.arange(self.speeds), self._driven_speeds)
-        J = k.J * self.measure / self.row_measure[:, None]
-        found: set[str] = set()
-        if not len(J):
-            return found
-        for combination in null_space(J[:, open_speeds].T, rcond=_RANK).T:
-            multipliers = combination / self.row_measure
-            wrenches = np.zeros((len(self.tables.nodes), 6))
-            k.F[:] = 0.0  # no body asks for anything
-            self._compute(PASS_ON, exerts=(multipliers, wrenches, self._none))
-            largest = max(abs(wrenches).max(), abs(multipliers).max())
-            for joint, values in self.joint_wrenches(wrenches, multipliers).items():
-                names = [*(f"force_{axis}" for axis in "xyz"), *(f"moment_{axis}" for axis in "xyz")]
-                found |= {f"{joint}.{name}" for name, value in zip(names, values, strict=True)
-                          if abs(value) > 1e-7 * largest}  # fmt: skip
-            along = k.J[:, self._driven_speeds].T @ multipliers
-            found |= {f"{name}.drive" for name, value in zip(self.driven, along, strict=True)
-                      if abs(value) > 1e-7 * largest}  # fmt: skip
-        return found
-
-    def joint_wrenches(self, wrenches: np.ndarray, multipliers: np.ndarray) -> dict[str, np.ndarray]:
-        """Force and moment, global, of every joint on its second body at its second point, where ``work`` stands."""
-        k, found = self.work, {}
-        for name, joint in self.mechanism.joints.items():
-            if name in self.layout.tree:
-                nodes, sign = self.layout.tree[name]
-                force, moment = wrenches[nodes[-1], :3], wrenches[nodes[-1], 3:]
-                body = joint.sides[1].body
-                on = self.layout.node_of.get(body, -1)
-                at = np.asarray(joint.sides[1].at, float)
-                point = at if on < 0 else k.r[on] + k.R[on] @ at
-                arm = k.r[nodes[-1]] - point
-                found[name] = sign * np.concatenate([force, moment + np.cross(arm, force)])
-            else:
-                rows = self.layout.cuts[name]
-                found[name] = multipliers[rows] @ k.rows[rows, 9:15]
-        return found
+    def choose_anew(self, q: np.ndarray, choice: Choice) -> Choice:
+        """Other speeds where the mechanism stands, if they hold it by as many rows; the choice there was, if not: at a
+        singular place, where rows fall together, fewer would let it go."""
+        other = self.choose(q)
+        return other if len(other.rows) == len(choice.rows) else choice
 
 
 def _rank(r: np.ndarray) -> int:
@@ -349,7 +347,7 @@ def build_spatial_system(scene: Scene, module: ModuleType) -> SpatialSystem:
     """Bind a scene to its module."""
     mechanism = spatial_mechanism_of(scene)
     tables, layout = build_tables(mechanism)
-    for name in (*scene.drives, *scene.observed, *(s.joint for s in mechanism.springs.values() if s.joint)):
+    for name in sorted(mechanism.asked):
         if name in layout.cuts:
             raise SceneError(
                 f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",

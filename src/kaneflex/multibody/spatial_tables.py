@@ -48,9 +48,9 @@ class Tables(NamedTuple):
         The same of axes.
     cuts : ndarray (n_constraints, 6)
     forces : ndarray (n_forces, 3)
-        Section, 1 where a load is in the body's axes, its direction among ``axes``.
-    torques : ndarray (n_torques, 3)
-        First and second section, axis.
+        Section, direction among ``axes``, number of the load.
+    torques : ndarray (n_torques, 4)
+        First and second section, axis, number of the load.
     springs, stiffness : ndarray (n_springs, 2), (n_springs, 3)
         Sections; stiffness, damping, free length.
     twists, torsion : ndarray (n_twists, 4), (n_twists, 3)
@@ -284,14 +284,14 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
 def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...], int]]) -> Tables:
     mechanism = maker.mechanism
     forces, torques, springs, stiffness, twists, torsion = ([] for _ in range(6))
-    for load in mechanism.loads.values():
+    for number, load in enumerate(mechanism.loads.values()):
         if load.at is not None:
             body = load.at.body if load.in_body else GROUND
-            forces.append((maker.section(load.at), int(load.in_body), maker.axis(body, load.direction)))
+            forces.append((maker.section(load.at), maker.axis(body, load.direction), number))
         elif load.joint is not None:
             joint = mechanism.joints[load.joint]
             first, second = (maker.section(side) for side in joint.sides)
-            torques.append((first, second, maker.axis(joint.sides[0].body, joint.moves[0][1])))
+            torques.append((first, second, maker.axis(joint.sides[0].body, joint.moves[0][1]), number))
     for spring in mechanism.springs.values():
         if spring.joint is None:
             springs.append([maker.section(side) for side in spring.sides])
@@ -305,7 +305,7 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
         _whole(maker.nodes, 5), np.array(maker.numbers).reshape(-1, 18), np.concatenate([*maker.p, np.zeros(0)]),
         np.array([node for node, _ in maker.sections], int), np.array([at for _, at in maker.sections]).reshape(-1, 3),
         np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
-        _whole(cuts, 6), _whole(forces, 3), _whole(torques, 3), _whole(springs, 2),
+        _whole(cuts, 6), _whole(forces, 3), _whole(torques, 4), _whole(springs, 2),
         np.array(stiffness, float).reshape(-1, 3), _whole(twists, 4), np.array(torsion, float).reshape(-1, 3),
         np.asarray(mechanism.gravity, float),
     )  # fmt: skip

@@ -41,7 +41,7 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
     OSError
         If the folder or a file in it can't be written.
     """
-    from kaneflex.plots.animation import animate
+    from kaneflex.plots import animation, spatial
     from kaneflex.plots.style import save, styled
 
     folder = Path(folder)
@@ -55,9 +55,8 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
             if progress is not None:
                 progress((done + 1) / (len(kinds) + 1))
         if _moves(solution):
-            if solution.model.scene.is_spatial:
-                from kaneflex.plots.spatial import animate
-            written.append(animate(solution, folder / "animation.gif"))
+            kind = spatial if solution.model.scene.is_spatial else animation
+            written.append(kind.animate(solution, folder / "animation.gif"))
     if progress is not None:
         progress(1.0)
     return written

@@ -17,7 +17,7 @@ from kaneflex.plots.view import View, angle_name, view
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
-_FRAMES, _PER_SECOND, _DPI = 60, 12, 80
+FRAMES, PER_SECOND, DPI = 60, 12, 80
 _DRAWN = 0.1
 """Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 
@@ -27,7 +27,7 @@ def animate(solution: Solution, path: Path) -> Path:
 
     The title states the factor by which the deformation is enlarged, 1, 2 or 5 times a power of ten.
     """
-    shown = _frames(view(solution))
+    shown = frames_of(view(solution))
     model, fixed = solution.model, scenery(solution.model)
     still = rigid_outline(model.scene, shown.rigid, fixed)
     factor = enlargement(shown)
@@ -43,8 +43,8 @@ def animate(solution: Solution, path: Path) -> Path:
     caption = axes.set_title(_caption(shown, 0))
     figure.canvas.draw()
     figure.set_layout_engine("none")  # places are found once, not for every frame
-    writer = PillowWriter(fps=_PER_SECOND)
-    with writer.saving(figure, str(path), _DPI):
+    writer = PillowWriter(fps=PER_SECOND)
+    with writer.saving(figure, str(path), DPI):
         for k in range(len(shown.instants)):
             ghost.move(still, k)
             solid.move(moved, k)
@@ -53,10 +53,10 @@ def animate(solution: Solution, path: Path) -> Path:
     return path
 
 
-def _frames(shown: View) -> View:
+def frames_of(shown: View) -> View:
     """Instants at equal distances; the last one of a cycle is left out, as it is the first again."""
     periodic = shown.solution.model.options.cycles
-    picked = np.linspace(0, len(shown.instants) - 1, _FRAMES, endpoint=not periodic).round().astype(int)
+    picked = np.linspace(0, len(shown.instants) - 1, FRAMES, endpoint=not periodic).round().astype(int)
     return View(shown.solution, shown.instants[np.unique(picked)], shown.turns)
 
 

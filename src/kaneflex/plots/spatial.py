@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.plots.animation import DPI, PER_SECOND, frames_of
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.style import PALETTE, as_file, legend_beside, new_figure, styled
 from kaneflex.plots.view import view
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 _GHOSTS = 9
 """Instants at which the mechanism is drawn pale beside its first."""
-_FRAMES, _PER_SECOND, _DPI = 60, 12, 80
 _AXIS = 0.09
 """Half the length of a joint's axis as drawn, in sizes of the mechanism."""
 _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
@@ -45,9 +45,8 @@ def scheme_picture(scene: Scene, motion: RigidMotion, kind: str) -> bytes:
 
 def animate(solution: Solution, path: Path) -> Path:
     """The moving mechanism, seen at an angle, as a small GIF."""
-    shown = view(solution)
-    scene, picked = solution.model.scene, np.unique(np.linspace(0, len(shown.times) - 1, _FRAMES).round().astype(int))
-    lines = _bodies(scene, shown.motion.rigid)
+    shown = frames_of(view(solution))
+    lines = _bodies(solution.model.scene, shown.rigid)
     figure = new_figure(5.0, 4.6, "Rigid mechanism")
     axes = figure.add_subplot(projection="3d")
     _frame(axes, list(lines.values()))
@@ -56,9 +55,9 @@ def animate(solution: Solution, path: Path) -> Path:
     caption = axes.set_title("")
     figure.canvas.draw()
     figure.set_layout_engine("none")
-    writer = PillowWriter(fps=_PER_SECOND)
-    with writer.saving(figure, str(path), _DPI):
-        for k in picked:
+    writer = PillowWriter(fps=PER_SECOND)
+    with writer.saving(figure, str(path), DPI):
+        for k in range(len(shown.instants)):
             for name, line in found.items():
                 line.set_data_3d(*(MM * lines[name][:, :, k]).T)
             caption.set_text(f"t = {shown.times[k]:.3g} s")
@@ -68,7 +67,8 @@ def animate(solution: Solution, path: Path) -> Path:
 
 def _drawn(scene: Scene, motion: RigidMotion, title: str, tracks: dict[str, np.ndarray]) -> Figure:
     figure = new_figure(9.0, 7.6, title)
-    lines, axes_of = _bodies(scene, motion), _axes(scene, motion)
+    lines = _bodies(scene, motion)
+    axes_of = _axes(scene, motion, max(abs(points[:, :, 0]).max() for points in lines.values()))
     count = motion.times.size
     ghosts = np.unique(np.linspace(0, count - 1, _GHOSTS).round().astype(int))[1:].tolist()
     for place, names in enumerate((*_FLAT, None)):
@@ -125,17 +125,15 @@ def _bodies(scene: Scene, motion: RigidMotion) -> dict[str, np.ndarray]:
     return found
 
 
-def _axes(scene: Scene, motion: RigidMotion) -> list[np.ndarray]:
+def _axes(scene: Scene, motion: RigidMotion, reach: float) -> list[np.ndarray]:
     """Ends of the joints' axes at the first instant, (2, 3) [m]."""
     found = []
-    reach = [abs(points[:, :, 0]).max() for points in _bodies(scene, motion).values()]
     for joint in scene.joints.values():
-        given = joint.axes or tuple(axis for axis in (joint.axis, joint.direction) if axis is not None)
         first = joint.addresses[0]
         frame = motion.frame(first.body)
         at = frame.place(scene.point(first))[:, 0]
-        for axis in given:
-            arm = _AXIS * max(reach) * frame.to_global(axis)[:, 0]
+        for axis in joint.given_axes:
+            arm = _AXIS * reach * frame.to_global(axis)[:, 0]
             found.append(np.array([at - arm, at + arm]))
     return found
 

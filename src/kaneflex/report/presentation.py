@@ -12,6 +12,7 @@ import numpy as np
 from kaneflex.report.contacts import contact_line, friction_line
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
+from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
 from kaneflex.solve.initial import start_coordinates
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def _ranges(model: Model, times: np.ndarray) -> dict[str, str]:
     found = {}
     for name in model.module.coordinates:
         low, high = (float(pick(rigid[f"{name}.angle"])) for pick in (np.min, np.max))
-        sliding = joints[name].kind in ("prismatic", "cylindrical")
+        sliding = joints[name].kind == "prismatic"
         ends = [f"{1e3 * x:.6g} mm" if sliding else f"{np.degrees(x):.6g} deg" for x in (low, high)]
         found[name] = " to ".join(dict.fromkeys(ends))
     return found
@@ -163,7 +164,7 @@ def at_drive(model: Model) -> str:
 
 def parts(scene: Scene) -> str:
     """What a mechanism is made of, moved and loaded by, and what is measured."""
-    closing = scene.loop_joints()
+    closing = () if scene.is_spatial else scene.loop_joints()
     blocks = [
         f"{scene.name}: {scene.description}",
         block("bodies", {name: _body(body) for name, body in scene.bodies.items()}),
@@ -221,8 +222,7 @@ def _body(body: Body) -> str:
 
 
 def _joint(joint: Joint, closes: bool) -> str:
-    branch = "" if joint.axis or joint.axes or joint.kind == "spherical" else f", branch {joint.branch}"
-    closing = f", closes a loop{branch}" if closes else ""
+    closing = f", closes a loop, branch {joint.branch}" if closes else ""
     return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
 
 
@@ -252,6 +252,9 @@ def _drive(scene: Scene, name: str) -> str:
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
     if drive.kind in ("law", "table"):
         return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
+    if drive.kind == "free" and scene.is_spatial and scene.joints[name].kind in SEVERAL_FREEDOMS:
+        turning = " ".join(f"{omega:.6g}" for omega in drive.angular_velocity or ())
+        return f"free, at {turning} rad/s in its axes" if turning else "free"
     if drive.kind == "free":
         return f"free, from {start} at {scene.written_speed(name, drive.initial_speed)}"
     if drive.kind == "spin up":

@@ -218,7 +218,7 @@ def tolerance_of(scene: Scene, dynamics: str = "coupled") -> float:
 def has_term(scene: Scene, name: str) -> bool:
     """Whether the scene has what a group of terms is about: gravity, or a beam whose theory knows it."""
     if name == "gravity":
-        return scene.gravity != (0.0, 0.0)
+        return any(scene.gravity)
     if name in ("rotary", "shear"):
         return any(getattr(body.beam, name) for body in scene.bodies.values() if body.elastic)
     return True

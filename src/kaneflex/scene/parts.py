@@ -104,6 +104,11 @@ class Joint(SceneTable):
         return self
 
     @property
+    def given_axes(self) -> tuple[tuple[float, ...], ...]:
+        """Its axes or its direction in the first body's axes, as many as its kind has in space."""
+        return self.axes or tuple(axis for axis in (self.axis, self.direction) if axis is not None)
+
+    @property
     def has_backlash(self) -> bool:
         """Whether its clearance is in its angle alone: it holds its two points together all the same."""
         return self.clearance is not None and self.clearance.angle is not None

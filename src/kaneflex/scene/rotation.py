@@ -53,7 +53,7 @@ class Rotation(SceneTable):
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Matrix of a rotation by an angle [rad] about a unit vector (Rodrigues)."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    """Matrix of a rotation by an angle [rad] about a unit vector."""
+    from scipy.spatial.transform import Rotation as Turn
+
+    return Turn.from_rotvec(angle * axis).as_matrix()

@@ -10,8 +10,8 @@ from kaneflex.support.errors import Fault, Problem, SceneError
 
 _SENSORS = ("position", "velocity", "acceleration", "joint_force", "drive_torque", "drive_force", "spring_force",
             "spring_torque")  # fmt: skip
-_SEVERAL = ("cylindrical", "universal", "spherical")
-"""Joints with more than one freedom."""
+SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
+"""Kinds of joints with more than one freedom."""
 
 
 def dimension_problems(scene: Scene) -> list[Problem]:
@@ -41,9 +41,19 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
     for name, body in scene.bodies.items():
         if isinstance(body.inertia, tuple):
             yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
+        if body.rotation is not None:
+            yield Problem(f"bodies.{name}.rotation", None, "a planar body turns by its joints alone", cure)
+        if body.free is not None and body.free.angular_velocity is not None:
+            yield Problem(f"bodies.{name}.free.angular_velocity", None, "a planar body has one", "Give angular_speed")
     for name, joint in scene.joints.items():
-        if joint.kind in _SEVERAL:
+        if joint.kind in SEVERAL_FREEDOMS:
             yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
+        for field in ("axis", "axes"):
+            if getattr(joint, field) is not None:
+                yield Problem(f"joints.{name}.{field}", None, "planar joints turn across the plane", cure)
+    for name, drive in scene.drives.items():
+        if drive.angular_velocity is not None:
+            yield Problem(f"drives.{name}.angular_velocity", None, "a planar joint has one", "Give initial_speed")
     for name, sensor in scene.sensors.items():
         if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
             yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has none", cure)
@@ -75,8 +85,11 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
 
 def _laws(scene: Scene) -> Iterator[Problem]:
     """Laws of loads must be smooth, and know joints with one coordinate alone."""
-    several = [name for name, joint in scene.joints.items() if joint.kind in _SEVERAL]
+    several = [name for name, joint in scene.joints.items() if joint.kind in SEVERAL_FREEDOMS]
     for name, load in scene.loads.items():
+        if load.against in several:
+            reason = f"{load.against} has several freedoms, and no coordinate of its own"
+            yield Problem(f"loads.{name}.against", load.against, reason, "Name a joint with one coordinate, or t")
         try:
             law = scene.law(name)
         except Fault:
@@ -118,10 +131,10 @@ def _drives(scene: Scene) -> Iterator[Problem]:
         joint = scene.joints.get(name)
         if joint is None:
             continue
-        if joint.kind in _SEVERAL and drive.kind != "free":
+        if joint.kind in SEVERAL_FREEDOMS and drive.kind != "free":
             reason = f"a {joint.kind} joint has more than one freedom to prescribe"
             yield Problem(f"drives.{name}", None, reason, "Drive a revolute or a prismatic joint, or let it be free")
-        for field in ("angle", "position", "initial_speed") if joint.kind in _SEVERAL else ():
+        for field in ("angle", "position", "initial_speed") if joint.kind in SEVERAL_FREEDOMS else ():
             if field in drive.model_fields_set:
                 yield Problem(f"drives.{name}.{field}", None, "this joint has several freedoms", "Leave it out")
         if joint.kind != "spherical" and drive.angular_velocity is not None:
@@ -140,7 +153,7 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"{key}.component", sensor.component, "angles in space don't add up to a position", cure)
         elif sensor.position is not None and sensor.position.body in scene.joints:
             kind = scene.joints[sensor.position.body].kind
-            if kind in ("universal", "spherical", "weld"):
+            if kind in (*SEVERAL_FREEDOMS, "weld"):
                 reason = f"a {kind} joint has no coordinate of its own to measure"
                 yield Problem(f"{key}.position", sensor.position.body, reason, "Measure points of its bodies")
 

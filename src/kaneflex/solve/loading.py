@@ -17,6 +17,7 @@ from kaneflex.mechanism.mechanism import mechanism_of, same_mechanism
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
+from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module, find_spatial_module
 from kaneflex.multibody.building import build_model, rigid_model
 from kaneflex.multibody.model import Model
@@ -31,16 +32,16 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
-    from kaneflex.multibody.spatial_motion import SpatialMotion, State
-    from kaneflex.multibody.spatial_system import SpatialSystem
+    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
+    from kaneflex.multibody.spatial_system import SpatialSystem, State
 
 Progress = Callable[[str], None]
-ONE_WAY = (
-    "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
-)
+ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
 """Said of every run with free joints."""
 _MEETING = 1e-3
 """Share of a spring's greatest length under which it has no direction."""
+_ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
+"""Shares of a run at which reactions are looked at: its start, and where nothing is likely to be in line."""
 _MOST = 20_000
 """Instants at most at which laws must have values before anything is computed."""
 
@@ -185,34 +186,51 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
     """A mechanism in space, where it starts, and its motion at that instant."""
-    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, start_of
+    from kaneflex.multibody.spatial_motion import SpatialModule
+    from kaneflex.multibody.spatial_start import start_of
     from kaneflex.multibody.spatial_system import build_spatial_system
 
     system = build_spatial_system(scene, find_spatial_module(scene, progress)[0])
     start = start_of(system)
-    motion = SpatialKinematics(SpatialModule(system), system.parameters, lambda t: start)
-    return system, start, motion.at(0.0)
+    return system, start, _standing(SpatialModule(system), start).at(0.0)
+
+
+def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
+    """A mechanism in space that stays where it starts."""
+    from kaneflex.multibody.spatial_motion import SpatialKinematics
+
+    system = module.system
+    return SpatialKinematics(
+        module, system.parameters, lambda t: system.settle(start.t, start.q, start.u, start.choice)
+    )
 
 
 def _load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """:func:`load` of a rigid mechanism in space: of its module drives and loads are derived, all else is numbers."""
     from kaneflex.multibody.spatial_forward import integrate
-    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, follow, start_of
+    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, follow
+    from kaneflex.multibody.spatial_reactions import open_reactions
+    from kaneflex.multibody.spatial_start import start_of
     from kaneflex.multibody.spatial_system import build_spatial_system
 
     ignored, scene = _ignored(scene, options), acting(scene, options)
     generated, derived = find_spatial_module(scene, progress)
     system = build_spatial_system(scene, generated)
+    module, energy = SpatialModule(system), None
+    check_memory(scene, options, len(module.SCALARS))
     compiled = _compiled(progress, system.compile)
     start = start_of(system)
-    open_reactions = system.undetermined(start.q)
-    check_spatial_sensors(scene, open_reactions)
-    module, energy = SpatialModule(system, frozenset(open_reactions)), None
+    check_spatial_sensors(scene, open_reactions(system, [start]))
     if module.FREE:
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate(system, start, module, options)
     else:
         motion = SpatialKinematics(module, system.parameters, follow(system, start))
+    # a number that is determined where the mechanism starts need not be elsewhere
+    lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
+    check_spatial_sensors(scene, lost)
+    motion = replace(motion, module=replace(module, open_reactions=lost))
+    check_springs(scene, motion, options)
     check_finite(scene, motion, options)
     model = replace(rigid_model(scene, options, motion), energy=energy, warnings=(*implausible(scene), *ignored))
     return _timed(model, started, derived, compiled)
@@ -366,16 +384,12 @@ def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> No
         step = np.diff(d)
         # The closest approach may lie between two samples: on the straight line from one to the other.
         share = np.clip(-(d[:, :-1] * step).sum(0) / np.maximum((step**2).sum(0), 1e-300), 0.0, 1.0)
-        nearest = np.hypot(*(d[:, :-1] + share * step))
-        if (nearest > _MEETING * np.hypot(*d).max()).all():
+        nearest = np.linalg.norm(d[:, :-1] + share * step, axis=0)
+        if (nearest > _MEETING * np.linalg.norm(d, axis=0).max()).all():
             continue
         index = int(np.argmin(nearest))
         drive = next(iter(scene.drives), None)
         at = ""
         if drive is not None:
             at = f" at {drive} = {scene.written_coordinate(drive, float(rigid[f'{drive}.angle'][index]))}"
-        raise SceneError(
-            f"springs.{name}.between", " and ".join(map(str, spring.between)),
-            f"its points meet{at}, where length and damping have no direction",
-            "Move one of the points, or give stiffness alone",
-        )  # fmt: skip
+        raise points_meet(name, spring.between, at)

@@ -1,10 +1,8 @@
-"""Compiled kinematics and dynamics of a tree of bodies in space, whose loops are closed by cuts.
+"""Compiled kinematics of a tree of bodies in space, and of the cuts that close its loops.
 
 Kane's method with the tree's joint rates, and a ball's relative angular velocity in its own axes, for generalised
-speeds (Kane & Levinson 1985, ch. 2 to 6): partial velocities of all bodies, what Kane's equations of each free body ask
-for (``kaneflex.generated.spatial``), and both together as M u' + h. Speeds that cuts tie are dependent on the others.
-
-All vectors are global unless said otherwise; a body's origin stands for the body.
+speeds (Kane & Levinson 1985, ch. 2): places, partial velocities, velocities and accelerations of all bodies, and the
+rows of the cuts. All vectors are global unless said otherwise; a body's origin stands for the body.
 """
 
 from __future__ import annotations
@@ -16,12 +14,12 @@ import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial as laws
+from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_tables import (
     AXIS,
     AXIS_1,
     AXIS_2,
     BALL,
-    BODY,
     COINCIDE,
     COORDINATE,
     FIRST,
@@ -104,14 +102,16 @@ def work_of(tables: Tables, speeds: int, rows: int) -> Work:
     return Work(*(np.zeros(size) for size in sizes))
 
 
+@once
 @njit(**OPTIONS)
-def _times(A, x, i, y, j):
+def times(A, x, i, y, j):
     """y = A x, a matrix (3, 3) and vectors that begin at i and j."""
     apart()
     for row in range(3):
         y[j + row] = A[row, 0] * x[i] + A[row, 1] * x[i + 1] + A[row, 2] * x[i + 2]
 
 
+@once
 @njit(**OPTIONS)
 def add_cross(a, i, b, j, y, k):
     """y += a x b, vectors that begin at i, j and k."""
@@ -121,16 +121,17 @@ def add_cross(a, i, b, j, y, k):
     y[k + 2] += a[i] * b[j + 1] - a[i + 1] * b[j]
 
 
+@once
 @njit(**OPTIONS)
-def _less(a, b, y, k):
+def less(a, b, y, k):
     """y = a - b."""
     for i in range(3):
         y[k + i] = a[i] - b[i]
 
 
 @njit(**OPTIONS)
-def _turn(n, kind, axis, q, k, R):
-    """The axes R of a node after its turn: about an axis by Rodrigues' formula, or by a ball's quaternion at q[k]."""
+def _turn(kind, axis, q, k, R):
+    """The axes R of a node after its turn, by a quaternion: that of an angle about an axis, or a ball's at q[k]."""
     apart()
     if kind == TURN:
         half = 0.5 * q[k]
@@ -161,7 +162,7 @@ def place(m, q, k):
                     R[i, j] = 0.0
                     for l in range(3):
                         R[i, j] += base[i, l] * numbers[ROTATION + 3 * l + j]
-            _times(base, numbers, PLACE, P, 0)
+            times(base, numbers, PLACE, P, 0)
             for i in range(3):
                 P[i] += k.r[parent, i]
         else:
@@ -170,12 +171,12 @@ def place(m, q, k):
                 for j in range(3):
                     R[i, j] = numbers[ROTATION + 3 * i + j]
         if kind == SLIDE:
-            _times(R, numbers, AXIS, x, 0)
+            times(R, numbers, AXIS, x, 0)
             for i in range(3):
                 P[i] += x[i] * q[m.nodes[n, COORDINATE]]
         elif kind == TURN or kind == BALL:
-            _turn(n, kind, numbers, q, m.nodes[n, COORDINATE], R)
-        _times(R, numbers, SHIFT, x, 0)
+            _turn(kind, numbers, q, m.nodes[n, COORDINATE], R)
+        times(R, numbers, SHIFT, x, 0)
         for i in range(3):
             r[i] = P[i] - x[i]
     for n in range(len(m.twists)):
@@ -194,7 +195,7 @@ def _carried_to(k, on, vector, out):
     """A vector in a node's axes, or in the ground's, in global ones."""
     apart()
     if on >= 0:
-        _times(k.R[on], vector, 0, out, 0)
+        times(k.R[on], vector, 0, out, 0)
     else:
         for i in range(3):
             out[i] = vector[i]
@@ -212,14 +213,14 @@ def partials(m, k):
                 Jw[s, i] = k.Jw[parent, s, i] if parent >= 0 else 0.0
                 Jv[s, i] = k.Jv[parent, s, i] if parent >= 0 else 0.0
         if parent >= 0:
-            _less(k.r[n], k.r[parent], x, 0)
+            less(k.r[n], k.r[parent], x, 0)
             for s in range(u):
                 add_cross(Jw[s], 0, x, 0, Jv[s], 0)
-        _less(k.r[n], k.P[n], x, 0)
+        less(k.r[n], k.P[n], x, 0)
         if kind == SLIDE:
-            _times(R, m.numbers[n], AXIS, Jv[u], 0)
+            times(R, m.numbers[n], AXIS, Jv[u], 0)
         elif kind == TURN:
-            _times(R, m.numbers[n], AXIS, Jw[u], 0)
+            times(R, m.numbers[n], AXIS, Jw[u], 0)
             add_cross(Jw[u], 0, x, 0, Jv[u], 0)
         elif kind == BALL:
             for j in range(3):
@@ -235,6 +236,7 @@ def partials(m, k):
             _along(m, k, m.cuts[c, SECOND], k.rows[j], 9, k.J[j])
 
 
+@once
 @njit(**OPTIONS)
 def _along(m, k, section, wrench, at, out):
     """Add what a force and a moment at a section are along every speed."""
@@ -242,7 +244,7 @@ def _along(m, k, section, wrench, at, out):
     on, x = m.on[section], k.x
     if on < 0:
         return
-    _less(k.sections[section], k.r[on], x, 0)
+    less(k.sections[section], k.r[on], x, 0)
     for i in range(3):
         x[3 + i] = wrench[at + 3 + i]
     add_cross(x, 0, wrench, at, x, 3)
@@ -281,7 +283,7 @@ def move(m, u, k):
         for i in range(3, SECTION):
             section[i] = 0.0
         if on >= 0:
-            _less(section, k.r[on], k.x, 0)
+            less(section, k.r[on], k.x, 0)
             for i in range(3):
                 section[3 + i], section[9 + i] = k.v[on, i], k.w[on, i]
             add_cross(k.w[on], 0, k.x, 0, section, 3)
@@ -301,35 +303,36 @@ def accelerate(m, u, du, k):
             x[3 + i] = k.P[n, i] - (k.r[parent, i] if parent >= 0 else 0.0)
         _centripetal(x, 0, e, x, 3, a, 0, x)
         if kind == SLIDE:
-            _times(R, m.numbers[n], AXIS, x, 6)
+            times(R, m.numbers[n], AXIS, x, 6)
             for i in range(3):
                 a[i] += x[6 + i] * du[s]
                 x[6 + i] *= 2.0 * u[s]
             add_cross(x, 0, x, 6, a, 0)
         elif kind == TURN:
-            _times(R, m.numbers[n], AXIS, x, 6)
+            times(R, m.numbers[n], AXIS, x, 6)
             for i in range(3):
                 e[i] += x[6 + i] * du[s]
                 x[6 + i] *= u[s]
             add_cross(x, 0, x, 6, e, 0)
         elif kind == BALL:
-            _times(R, du, s, x, 9)
-            _times(R, u, s, x, 6)
+            times(R, du, s, x, 9)
+            times(R, u, s, x, 6)
             for i in range(3):
                 e[i] += x[9 + i]
             add_cross(x, 0, x, 6, e, 0)
-        _less(k.r[n], k.P[n], x, 3)
+        less(k.r[n], k.P[n], x, 3)
         _centripetal(k.w[n], 0, e, x, 3, a, 0, x)
     for n in range(len(m.on)):
         on, section = m.on[n], k.sections[n]
         if on >= 0:
-            _less(section, k.r[on], x, 3)
+            less(section, k.r[on], x, 3)
             for i in range(3):
                 section[6 + i], section[12 + i] = k.a[on, i], k.e[on, i]
             _centripetal(k.w[on], 0, k.e[on], x, 3, section, 6, x)
     rows(m, k)
 
 
+@once
 @njit(**OPTIONS)
 def _centripetal(w, i, e, arm, j, a, k, x):
     """a += e x arm + w x (w x arm): acceleration of a point of a body against its origin's; x from 12 is filled."""
@@ -338,109 +341,3 @@ def _centripetal(w, i, e, arm, j, a, k, x):
     add_cross(w, i, arm, j, x, 12)
     add_cross(e, 0, arm, j, a, k)
     add_cross(w, i, x, 12, a, k)
-
-
-@njit(**OPTIONS)
-def demand(m, k, sizes, with_mass):
-    """F, what every body asks for beyond loads and springs, h = F along the speeds, and M where wanted."""
-    apart()
-    x, count = k.x, len(k.h)
-    for s in range(count):
-        k.h[s] = 0.0
-        for t in range(count if with_mass else 0):
-            k.M[s, t] = 0.0
-    for n in range(len(m.nodes)):
-        F, R, own = k.F[n], k.R[n], m.nodes[n, BODY]
-        for i in range(6):
-            F[i] = 0.0
-        if own < 0:
-            continue
-        for i in range(3):
-            x[i] = x[3 + i] = x[6 + i] = 0.0
-            for j in range(3):
-                x[i] += R[j, i] * k.w[n, j]
-                x[3 + i] += R[j, i] * (k.a[n, j] - m.gravity[j])
-                x[6 + i] += R[j, i] * k.e[n, j]
-        laws.demand(m.p, own, x, 0, x, 9)
-        _times(R, x, 9, F, 0)
-        _times(R, x, 12, F, 3)
-        if with_mass:
-            _add_mass(m, k, n)
-    _act(m, k, sizes)
-    for n in range(len(m.nodes)):
-        for s in range(count):
-            for i in range(3):
-                k.h[s] += k.F[n, i] * k.Jv[n, s, i] + k.F[n, 3 + i] * k.Jw[n, s, i]
-
-
-@njit(**OPTIONS)
-def _add_mass(m, k, n):
-    """M += B^T I B, B the partial velocities of a body in its axes."""
-    apart()
-    x, B, R = k.x, k.B, k.R[n]
-    laws.inertia(m.p, m.nodes[n, BODY], x, 36)
-    for s in range(len(k.h)):
-        for i in range(3):
-            B[i, s] = B[3 + i, s] = 0.0
-            for j in range(3):
-                B[i, s] += R[j, i] * k.Jv[n, s, j]
-                B[3 + i, s] += R[j, i] * k.Jw[n, s, j]
-    for t in range(len(k.h)):
-        for i in range(6):
-            x[72 + i] = 0.0
-            for j in range(6):
-                x[72 + i] += x[36 + 6 * i + j] * B[j, t]
-        for s in range(len(k.h)):
-            for i in range(6):
-                k.M[s, t] += B[i, s] * x[72 + i]
-
-
-@njit(**OPTIONS)
-def push(m, k, section, wrench, at, share):
-    """Take a share of a force and a moment that act at a section off what its body asks for."""
-    apart()
-    on, x = m.on[section], k.x
-    if on >= 0:
-        _less(k.sections[section], k.r[on], x, 90)
-        x[93] = x[94] = x[95] = 0.0
-        add_cross(x, 90, wrench, at, x, 93)
-        for i in range(3):
-            k.F[on, i] -= share * wrench[at + i]
-            k.F[on, 3 + i] -= share * (wrench[at + 3 + i] + x[93 + i])
-
-
-@njit(**OPTIONS)
-def _act(m, k, sizes):
-    """Take what loads and springs exert off what the bodies ask for."""
-    apart()
-    x = k.x
-    for i in range(84, 90):
-        x[i] = 0.0
-    for n in range(len(m.forces)):
-        for i in range(3):
-            x[84 + i] = k.axes[m.forces[n, 2], i]
-        push(m, k, m.forces[n, 0], x, 84, sizes[n])
-    for n in range(len(m.springs)):
-        laws.pull(k.sections.reshape(-1), m.springs[n, 0], m.springs[n, 1], m.stiffness[n, 0], m.stiffness[n, 1],
-                  m.stiffness[n, 2], k.springs.reshape(-1), 7 * n)  # fmt: skip
-        for i in range(3):
-            x[84 + i] = k.springs[n, 2 + i]
-        push(m, k, m.springs[n, 1], x, 84, 1.0)
-        push(m, k, m.springs[n, 0], x, 84, -1.0)
-    for i in range(3):
-        x[84 + i] = 0.0
-    for n in range(len(m.torques)):
-        for i in range(3):
-            x[87 + i] = k.axes[m.torques[n, 2], i]
-        push(m, k, m.torques[n, 1], x, 84, sizes[len(m.forces) + n])
-        push(m, k, m.torques[n, 0], x, 84, -sizes[len(m.forces) + n])
-    for n in range(len(m.twists)):
-        stiffness, damping, rate, turned = m.torsion[n, 0], m.torsion[n, 1], 0.0, k.twists[n, 0] - m.torsion[n, 2]
-        first, second = m.twists[n, 0], m.twists[n, 1]
-        for i in range(3):
-            x[87 + i] = k.axes[m.twists[n, 2], i]
-            rate += x[87 + i] * (k.sections[second, 9 + i] - k.sections[first, 9 + i])
-        torque = stiffness * turned + damping * rate
-        k.twists[n, 1], k.twists[n, 2], k.twists[n, 3] = torque, 0.5 * stiffness * turned**2, damping * rate**2
-        push(m, k, second, x, 84, -torque)
-        push(m, k, first, x, 84, torque)

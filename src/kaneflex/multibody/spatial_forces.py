@@ -1,0 +1,123 @@
+"""Compiled forces in space: what the bodies' motion asks for, less what loads and springs exert.
+
+Kane's equations of each free body (``kaneflex.generated.spatial``) along the partial velocities: M u' + h of the tree
+(Kane & Levinson 1985, ch. 4 and 6).
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from kaneflex.generated import spatial as laws
+from kaneflex.multibody.inner import once
+from kaneflex.multibody.spatial_kinematics import add_cross, less, times
+from kaneflex.multibody.spatial_tables import BODY
+from kaneflex.multibody.tables import OPTIONS, apart
+
+
+@once
+@njit(**OPTIONS)
+def demand(m, k, sizes, with_mass):
+    """F, what every body asks for beyond loads and springs, h = F along the speeds, and M where wanted."""
+    apart()
+    x, count = k.x, len(k.h)
+    for s in range(count):
+        k.h[s] = 0.0
+        for t in range(count if with_mass else 0):
+            k.M[s, t] = 0.0
+    for n in range(len(m.nodes)):
+        F, R, own = k.F[n], k.R[n], m.nodes[n, BODY]
+        for i in range(6):
+            F[i] = 0.0
+        if own < 0:
+            continue
+        for i in range(3):
+            x[i] = x[3 + i] = x[6 + i] = 0.0
+            for j in range(3):
+                x[i] += R[j, i] * k.w[n, j]
+                x[3 + i] += R[j, i] * (k.a[n, j] - m.gravity[j])
+                x[6 + i] += R[j, i] * k.e[n, j]
+        laws.demand(m.p, own, x, 0, x, 9)
+        times(R, x, 9, F, 0)
+        times(R, x, 12, F, 3)
+        if with_mass:
+            _add_mass(m, k, n)
+    _act(m, k, sizes)
+    for n in range(len(m.nodes)):
+        for s in range(count):
+            for i in range(3):
+                k.h[s] += k.F[n, i] * k.Jv[n, s, i] + k.F[n, 3 + i] * k.Jw[n, s, i]
+
+
+@njit(**OPTIONS)
+def _add_mass(m, k, n):
+    """M += B^T I B, B the partial velocities of a body in its axes."""
+    apart()
+    x, B, R = k.x, k.B, k.R[n]
+    laws.inertia(m.p, m.nodes[n, BODY], x, 36)
+    for s in range(len(k.h)):
+        for i in range(3):
+            B[i, s] = B[3 + i, s] = 0.0
+            for j in range(3):
+                B[i, s] += R[j, i] * k.Jv[n, s, j]
+                B[3 + i, s] += R[j, i] * k.Jw[n, s, j]
+    for t in range(len(k.h)):
+        for i in range(6):
+            x[72 + i] = 0.0
+            for j in range(6):
+                x[72 + i] += x[36 + 6 * i + j] * B[j, t]
+        for s in range(len(k.h)):
+            for i in range(6):
+                k.M[s, t] += B[i, s] * x[72 + i]
+
+
+@once
+@njit(**OPTIONS)
+def push(m, k, section, wrench, at, share):
+    """Take a share of a force and a moment that act at a section off what its body asks for."""
+    apart()
+    on, x = m.on[section], k.x
+    if on >= 0:
+        less(k.sections[section], k.r[on], x, 90)
+        x[93] = x[94] = x[95] = 0.0
+        add_cross(x, 90, wrench, at, x, 93)
+        for i in range(3):
+            k.F[on, i] -= share * wrench[at + i]
+            k.F[on, 3 + i] -= share * (wrench[at + 3 + i] + x[93 + i])
+
+
+@njit(**OPTIONS)
+def _act(m, k, sizes):
+    """Take what loads and springs exert off what the bodies ask for."""
+    apart()
+    x = k.x
+    for i in range(84, 90):
+        x[i] = 0.0
+    for n in range(len(m.forces)):
+        for i in range(3):
+            x[84 + i] = k.axes[m.forces[n, 1], i]
+        push(m, k, m.forces[n, 0], x, 84, sizes[m.forces[n, 2]])
+    for n in range(len(m.springs)):
+        laws.pull(k.sections.reshape(-1), m.springs[n, 0], m.springs[n, 1], m.stiffness[n, 0], m.stiffness[n, 1],
+                  m.stiffness[n, 2], k.springs.reshape(-1), 7 * n)  # fmt: skip
+        for i in range(3):
+            x[84 + i] = k.springs[n, 2 + i]
+        push(m, k, m.springs[n, 1], x, 84, 1.0)
+        push(m, k, m.springs[n, 0], x, 84, -1.0)
+    for i in range(3):
+        x[84 + i] = 0.0
+    for n in range(len(m.torques)):
+        for i in range(3):
+            x[87 + i] = k.axes[m.torques[n, 2], i]
+        push(m, k, m.torques[n, 1], x, 84, sizes[m.torques[n, 3]])
+        push(m, k, m.torques[n, 0], x, 84, -sizes[m.torques[n, 3]])
+    for n in range(len(m.twists)):
+        stiffness, damping, rate, turned = m.torsion[n, 0], m.torsion[n, 1], 0.0, k.twists[n, 0] - m.torsion[n, 2]
+        first, second = m.twists[n, 0], m.twists[n, 1]
+        for i in range(3):
+            x[87 + i] = k.axes[m.twists[n, 2], i]
+            rate += x[87 + i] * (k.sections[second, 9 + i] - k.sections[first, 9 + i])
+        torque = stiffness * turned + damping * rate
+        k.twists[n, 1], k.twists[n, 2], k.twists[n, 3] = torque, 0.5 * stiffness * turned**2, damping * rate**2
+        push(m, k, second, x, 84, -torque)
+        push(m, k, first, x, 84, torque)

@@ -1,0 +1,153 @@
+"""Where a mechanism in space starts, and whether its scene says so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kaneflex.mechanism.springs import points_meet
+from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.spatial_tables import COORDINATE
+from kaneflex.support.errors import SceneError
+
+_RANK = 1e-9
+_HEAVY = 1e-13
+"""Inertia of a freedom, as a share of the greatest, below which it has none."""
+
+
+def start_of(system: SpatialSystem) -> State:
+    """Where a mechanism starts: drives where they are said to stand, loops closed, speeds as given.
+
+    Raises
+    ------
+    SceneError
+        If a loop can't close, drives fight the loops, or something moves that no one named, or that has no inertia.
+    """
+    q = system.at_zero.copy()
+    q[system.driven_coordinates] = system.courses(0.0)[:, 0]
+    choice = system.choose(q, prefer=True)
+    _check_drives(system, choice)
+    if not system.close(q, choice):
+        system.close(q, system.choose(q))
+    _check_closing(system, q)
+    _check_free(system, q)
+    _check_springs(system)
+    choice = system.choose(q, prefer=True)
+    _check_named(system, choice)
+    given, u = system.given_speeds(), np.zeros(system.speeds)
+    for k in choice.independent:
+        u[k] = given.get(int(k), 0.0)
+    try:
+        state = system.settle(0.0, q, u, choice)
+    except ArithmeticError as reason:
+        _check_inertia(system, choice)
+        raise SceneError(
+            "drives", None, f"at the start {reason}", "Start elsewhere, or check the laws of loads"
+        ) from None
+    _check_inertia(system, choice)
+    _check_speeds(system, state)
+    return state
+
+
+def _key(system: SpatialSystem, owner: str) -> str:
+    """Where a scene says how something starts that is free."""
+    return f"bodies.{owner}.free" if owner in system.mechanism.floating else f"drives.{owner}"
+
+
+def _check_drives(system: SpatialSystem, choice: Choice) -> None:
+    """Prescribed drives must be left free by the loops."""
+    J = system.work.J * system.measure / system.row_measure[:, None]
+    if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1e-300)) > len(choice.rows):
+        raise SceneError(
+            f"drives.{system.driven[-1]}", None, "the loops and the other drives say already how this joint moves",
+            "Leave one drive out, or let it be free = true",
+        )  # fmt: skip
+
+
+def _check_closing(system: SpatialSystem, q: np.ndarray) -> None:
+    """All rows must hold, those that follow from others, too."""
+    system.place(q)
+    off = system.gaps()
+    if off.max(initial=0.0) > 1e-7:
+        joint = next(name for name, rows in system.layout.cuts.items() if rows.start <= off.argmax() < rows.stop)
+        raise SceneError(
+            f"joints.{joint}", None, "the loop that it closes can't close where the drives start",
+            "Check lengths and axes, and give the bodies rotations near to how they stand",
+        )  # fmt: skip
+
+
+def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
+    """Free joints must stand where the scene says."""
+    for name, drive in system.scene.drives.items():
+        field = next((field for field in ("angle", "position") if field in drive.model_fields_set), None)
+        if drive.kind != "free" or field is None:
+            continue
+        stands = float(q[system.columns([name], COORDINATE)[0]])
+        if abs(stands - drive.start) > 1e-9 * max(1.0, abs(drive.start)):
+            raise SceneError(
+                f"drives.{name}.{field}", drive.start, f"there the loops don't close; nearby they do at {stands:.9g}",
+                "Start where they close, or leave it out",
+            )  # fmt: skip
+
+
+def _check_springs(system: SpatialSystem) -> None:
+    """Springs that need a direction must have one, where ``work`` stands."""
+    between = {name: spring for name, spring in system.scene.springs.items() if spring.ends}
+    for (name, spring), (first, second) in zip(between.items(), system.tables.springs, strict=True):
+        apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
+        if (spring.length or spring.damping) and apart < 1e-9 * system.mechanism.size:
+            raise points_meet(name, spring.ends, " at the start")
+
+
+def _check_named(system: SpatialSystem, choice: Choice) -> None:
+    """Every freedom must be driven, or named as free."""
+    from scipy.linalg import null_space
+
+    named = np.array(system.named(), int)
+    free = [name for name, drive in system.scene.drives.items() if drive.kind == "free"]
+    if free and not len(choice.independent):
+        raise SceneError(
+            f"drives.{free[0]}", "free", "joints and drives leave the mechanism no freedom",
+            "Leave a joint or a drive out, or check their axes",
+        )  # fmt: skip
+    held = np.concatenate([choice.prescribed, named])
+    selected = np.zeros((len(held), system.speeds))
+    selected[np.arange(len(held)), held] = 1.0
+    left = null_space(np.vstack([system.work.J[choice.rows] * system.measure, selected]), rcond=_RANK)
+    if left.shape[1]:
+        moving = [system.layout.speeds[k] for k in np.flatnonzero(abs(left).max(axis=1) > 1e-6)]
+        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in moving))
+        count = f"{left.shape[1]} freedom{'s' * (left.shape[1] > 1)}"
+        raise SceneError(
+            "drives", None, f"{count} of the mechanism that nothing drives: of {', '.join(joints)}",
+            f"Drive a joint, or leave it to the forces, like drives.{joints[0]} = {{free = true}}",
+        )  # fmt: skip
+
+
+def _check_inertia(system: SpatialSystem, choice: Choice) -> None:
+    """Every freedom must move something that has inertia, where ``work`` stands."""
+    if not len(choice.independent):
+        return
+    B, M = system.basis(choice), system.mass(np.zeros(len(system.mechanism.loads)))
+    unit = system.measure[choice.independent][:, None]
+    inertia, motions = np.linalg.eigh((unit * B) @ M @ (unit * B).T)
+    if inertia[0] > _HEAVY * inertia[-1]:
+        return
+    moving = abs((motions[:, 0] @ (unit * B)) / system.measure)
+    name = system.layout.speeds[int(moving.argmax())]
+    raise SceneError(
+        _key(system, name.rpartition(".")[0]), None, f"nothing that has inertia resists {name}",
+        "Give the bodies that it moves mass and inertia = [J_x, J_y, J_z] [kg m^2], or prescribe it",
+    )  # fmt: skip
+
+
+def _check_speeds(system: SpatialSystem, state: State) -> None:
+    """Speeds that the scene gives must fit each other."""
+    for k, wanted in system.given_speeds().items():
+        if abs(state.u[k] - wanted) > 1e-9 * (abs(state.u).max() + abs(wanted)):
+            owner = system.layout.speeds[k].rpartition(".")[0]
+            raise SceneError(
+                f"{_key(system, owner)}.initial_speed", wanted,
+                f"with the other speeds it is {state.u[k]:.9g}: the loops tie them to each other",
+                "Give initial speeds to as many joints as the mechanism has freedoms",
+            )  # fmt: skip
