@@ -9,7 +9,6 @@ import numpy as np
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
-from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.scene.start import Start
 from kaneflex.support.errors import Problem, SceneError
 
@@ -20,14 +19,27 @@ _MOST_CYCLES = 60
 
 def check_buildable(scene: Scene) -> None:
     """Raise SceneError that names everything in a scene that has no counterpart in the peer."""
-    refuse_in_space(scene, "scene", "the peer is handed")
-    problems = [*_bodies(scene), *_joints(scene), *_forces(scene), *_solving(scene)]
+    parts = (_in_space,) if scene.is_spatial else (_bodies, _joints, _forces, _solving)
+    problems = [problem for part in parts for problem in part(scene)]
     if problems:
         raise SceneError.gather(problems)
 
 
 def _problem(key: str, value: object, reason: str) -> Problem:
     return Problem(key, value, f"{reason} is not built in the peer", "Compare presets instead, or leave it out")
+
+
+def _in_space(scene: Scene) -> Iterator[Problem]:
+    """Of a rigid mechanism in space: its motion sizes the loads where drives prescribe it, and the peer's guides are
+    driven along global directions."""
+    for name, drive in scene.drives.items():
+        joint = scene.joints[name]
+        if joint.kind == "prismatic" and drive.kind != "free" and joint.addresses[0].body != "ground":
+            yield _problem(f"drives.{name}", drive.kind, "a drive along a guide that moves")
+    if any(drive.kind == "free" for drive in scene.drives.values()) or scene.floating:
+        for name, load in scene.loads.items():
+            if load.kind != "value":
+                yield _problem(f"loads.{name}", load.kind, "a force that depends on a motion to be found")
 
 
 def _bodies(scene: Scene) -> Iterator[Problem]:

@@ -16,6 +16,7 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
+    from kaneflex.peers.exudyn_spatial import Built as SpatialBuilt
     from kaneflex.peers.exudyn_system import Built
     from kaneflex.scene import Scene
 
@@ -47,20 +48,38 @@ def solve(
         Without the package exudyn, for what can't be built there, and where its solver stops.
     """
     exudyn = check(scene)
-    from kaneflex.peers.exudyn_system import build
-    from kaneflex.peers.readings import Recorder
     from kaneflex.scene import with_settings
     from kaneflex.solve.loading import load
 
-    model = load(with_settings(scene, ["solve.preset=stiffened"]), progress)
+    model = load(with_settings(scene, [f"solve.preset={'rigid' if scene.is_spatial else 'stiffened'}"]), progress)
     progress("building the scene in Exudyn")
+    steps = resolution.steps or 4 * model.options.steps
+    if scene.is_spatial:
+        return _solve_in_space(exudyn, model, steps, progress)
+    from kaneflex.peers.exudyn_system import build
+    from kaneflex.peers.readings import Recorder
+
     built = build(exudyn, model, resolution)
     recorder = Recorder(model, built)
     cycles = cycles_to_steady_state(scene, model.options)
     progress("solving in Exudyn")
-    seconds = _run(built, model, resolution.steps or 4 * model.options.steps, cycles)
+    seconds = _run(built, model, steps, cycles)
     values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
     return Curves(recorder.times, values, missing, _notes(model, built, cycles), seconds)
+
+
+def _solve_in_space(exudyn: ModuleType, model: Model, steps: int, progress: Callable[[str], None]) -> Curves:
+    """:func:`solve` of a rigid mechanism in space."""
+    from kaneflex.peers.exudyn_spatial import build
+    from kaneflex.peers.spatial_readings import SpatialRecorder
+
+    built = build(exudyn, model)
+    recorder = SpatialRecorder(model, built)
+    progress("solving in Exudyn")
+    seconds = _run(built, model, steps, 1)
+    values, missing = recorder.read()
+    notes = ("rigid bodies with Euler parameters, joints by multipliers at index 3, generalised-alpha",)
+    return Curves(recorder.times, values, missing, notes, seconds)
 
 
 def check(scene: Scene) -> ModuleType:
@@ -89,7 +108,7 @@ def _notes(model: Model, built: Built, cycles: int) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _run(built: Built, model: Model, steps: int, cycles: int) -> float:
+def _run(built: Built | SpatialBuilt, model: Model, steps: int, cycles: int) -> float:
     """Solve; returns the wall time [s] of the solver alone."""
     system, horizon = built.system, model.step * model.options.steps
     system.Assemble()
@@ -100,6 +119,12 @@ def _run(built: Built, model: Model, steps: int, cycles: int) -> float:
     settings.timeIntegration.generalizedAlpha.spectralRadius = _RHO_INFINITY
     settings.timeIntegration.newton.absoluteTolerance = _NEWTON_TOLERANCE
     settings.solution.file.write = False
+    if model.scene.is_spatial:
+        settings.timeIntegration.newton.absoluteTolerance = 0.01 * _NEWTON_TOLERANCE  # for the sake of the multipliers
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
+        if model.motion.module.open_reactions:  # as many multipliers too many
+            settings.linearSolverType = built.exudyn.LinearSolverType.EigenDense
+            settings.linearSolverSettings.ignoreSingularJacobian = True
     settings.solution.sensors.writePeriod = model.step * max(1, model.options.steps // steps)
     config = built.exudyn.config
     printed, config.printToConsole = config.printToConsole, False

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.peers.exudyn_system import Built
 
-_NO_COUNTERPART = "the peer has no counterpart"
+NO_COUNTERPART = "the peer has no counterpart"
 _RATES = ("Coordinates", "Coordinates_t", "Coordinates_tt")
 
 
@@ -87,7 +87,7 @@ class Recorder:
 
     def _read(self, sensor: Sensor) -> np.ndarray | str:
         method = getattr(self, f"_{sensor.kind}", None)
-        return _NO_COUNTERPART if method is None else method(sensor)
+        return NO_COUNTERPART if method is None else method(sensor)
 
     # ---- motion -----------------------------------------------------------------------------------------------
 
@@ -140,13 +140,13 @@ class Recorder:
 
     def _component(self, sensor: Sensor, vector: np.ndarray) -> np.ndarray:
         if sensor.axes == "body":
-            vector = rotate_back(*self._axes(_address(sensor).body), vector)
+            vector = rotate_back(*self._axes(address_of(sensor).body), vector)
         return vector["xy".index(sensor.component)]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray | str:
-        address = _address(sensor)
+        address = address_of(sensor)
         if sensor.component == "angle":
-            return _NO_COUNTERPART
+            return NO_COUNTERPART
         if self.free:
             no_frame = "there is no rigid motion that both share"
             return self._off_chord(sensor) if sensor.relative_to == "chord" and sensor.axes == "body" else no_frame
@@ -159,7 +159,7 @@ class Recorder:
 
     def _off_chord(self, sensor: Sensor) -> np.ndarray:
         """How far a point of a link is along and across its chord from where it would be, were the link straight."""
-        address = _address(sensor)
+        address = address_of(sensor)
         start, end = (self._point(Address(address.body, point)) for point in ("start", "end"))
         length = np.hypot(*(end - start))
         c, s = (end - start) / length
@@ -172,11 +172,11 @@ class Recorder:
         return self._point(address) - self.rigid.frame(address.body).place(self.scene.point(address))
 
     def _position(self, sensor: Sensor) -> np.ndarray | str:
-        address = _address(sensor)
+        address = address_of(sensor)
         if address.body in self.scene.joints:
             joint = self.scene.joints[address.body]
             if joint.kind != "revolute":
-                return _NO_COUNTERPART
+                return NO_COUNTERPART
             first, second = (self._angle(side) for side in joint.addresses)
             return second - first
         return self._angle(address) if sensor.component == "angle" else self._component(sensor, self._point(address))
@@ -192,19 +192,19 @@ class Recorder:
     def _turning(self, body: str, order: int) -> np.ndarray | str:
         """Angular velocity or acceleration of a rigid body."""
         if self.scene.bodies[body].elastic:
-            return _NO_COUNTERPART
+            return NO_COUNTERPART
         return self._coordinates(self.built.nodes[body][0], order)[2]
 
     def _velocity(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
-            return self._turning(_address(sensor).body, 1)
-        return self._component(sensor, self._point(_address(sensor), 1))
+            return self._turning(address_of(sensor).body, 1)
+        return self._component(sensor, self._point(address_of(sensor), 1))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray | str:
         if sensor.component == "angle":
-            return self._turning(_address(sensor).body, 2)
+            return self._turning(address_of(sensor).body, 2)
         gravity = np.array(self.scene.gravity) if sensor.reading == "accelerometer" else np.zeros(2)
-        return self._component(sensor, self._point(_address(sensor), 2) - gravity[:, None])
+        return self._component(sensor, self._point(address_of(sensor), 2) - gravity[:, None])
 
     # ---- forces -----------------------------------------------------------------------------------------------
 
@@ -213,7 +213,7 @@ class Recorder:
 
         An ANCF cable's axial strain varies within the element with the square of its slopes; its mean converges.
         """
-        link, x = _address(sensor).body, self.scene.point(_address(sensor))[0]
+        link, x = address_of(sensor).body, self.scene.point(address_of(sensor))[0]
         elements = self.built.elements[link]
         means = np.array([
             np.mean([self._stored(self.sections[element, kind, share])[0] for share in _GAUSS], axis=0)
@@ -232,7 +232,7 @@ class Recorder:
         return self._section(sensor, "TorqueLocal")
 
     def _strain(self, sensor: Sensor) -> np.ndarray:
-        body = self.scene.bodies[_address(sensor).body]
+        body = self.scene.bodies[address_of(sensor).body]
         bent = sensor.fibre * self._section(sensor, "TorqueLocal") / body.E_I
         return self._section(sensor, "ForceLocal") / body.E_A - bent
 
@@ -245,13 +245,13 @@ class Recorder:
         """Exudyn's is on the first marker's body, in global axes."""
         joint = self.scene.joints[sensor.target]
         if joint.kind != "revolute" or sensor.component == "angle" or sensor.axes == "body":
-            return _NO_COUNTERPART
+            return NO_COUNTERPART
         sign = 1.0 if sensor.body == joint.addresses[0].body else -1.0
         force = self._stored(self.multipliers[self.built.joints[sensor.target]])
         return sign * force["xy".index(sensor.component)]
 
 
-def _address(sensor: Sensor) -> Address:
+def address_of(sensor: Sensor) -> Address:
     """The point that a sensor reads."""
     assert isinstance(sensor.target, Address)
     return sensor.target

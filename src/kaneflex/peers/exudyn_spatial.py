@@ -1,0 +1,191 @@
+"""A scene in space as items of an Exudyn system: rigid bodies with Euler parameters, joints by multipliers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.model import Model
+
+_HELD = {
+    "revolute": (1, 1, 1, 0, 1, 1),
+    "prismatic": (0, 1, 1, 1, 1, 1),
+    "cylindrical": (0, 1, 1, 0, 1, 1),
+    "universal": (1, 1, 1, 1, 0, 0),
+    "spherical": (1, 1, 1, 0, 0, 0),
+    "weld": (1, 1, 1, 1, 1, 1),
+}
+"""What a joint holds of translations and rotations along and about the axes of its frame, whose x is that of the joint;
+of a universal one y is its first and z its second axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A scene's items in an Exudyn system.
+
+    Attributes
+    ----------
+    exudyn : module
+    system : MainSystem
+    bodies, joints : mapping of str to int
+    markers : mapping of str to tuple of int
+        Of a joint's two sides, which turn with them.
+    frames : mapping of str to ndarray
+        Axes of each joint's frame, global, at the start, columns of (3, 3).
+    """
+
+    exudyn: ModuleType
+    system: Any
+    bodies: dict[str, int]
+    joints: dict[str, int]
+    markers: dict[str, tuple[int, int]]
+    frames: dict[str, np.ndarray]
+
+
+def build(exudyn: ModuleType, model: Model) -> Built:
+    """All of a scene in space in a system of its own, at its places and speeds at t = 0."""
+    import exudyn.utilities  # whose functions become methods of a system
+
+    built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {})
+    builder = _Builder(built, model)
+    for name, body in builder.mechanism.bodies.items():
+        builder.body(name, body)
+    for joint in builder.mechanism.joints.values():
+        builder.joint(joint)
+    for name in builder.mechanism.loads:
+        builder.load(name)
+    for name in builder.mechanism.springs:
+        builder.spring(name)
+    return built
+
+
+class _Builder:
+    """Adds a scene's parts to an Exudyn system."""
+
+    def __init__(self, built: Built, model: Model):
+        import exudyn.itemInterface as items
+
+        self.items, self.built, self.system = items, built, built.system
+        self.model, self.scene, self.mechanism = model, model.scene, spatial_mechanism_of(model.scene)
+        self.start = model.motion.at(0.0)
+        self.built.bodies[GROUND] = self.system.AddObject(items.ObjectGround())
+
+    def _vector(self, body: str, key: str) -> np.ndarray:
+        return np.array([float(self.start[f"{body}.{key}_{axis}"][0]) for axis in "xyz"])
+
+    def _stands(self, body: str) -> np.ndarray:
+        """Axes of a body at the start, (3, 3)."""
+        frame = self.start.frame(body)
+        return np.column_stack([frame.to_global(axis)[:, 0] for axis in np.eye(3)])
+
+    def _place(self, side: Side) -> np.ndarray:
+        return self.start.frame(side.body).place(side.at)[:, 0]
+
+    def body(self, name: str, body: SpatialBody) -> None:
+        xx, yy, zz, xy, yz, zx = body.inertia
+        turning, arm = self._vector(name, "omega"), self._stands(name) @ body.centre
+        self.built.bodies[name] = self.system.CreateRigidBody(
+            referencePosition=self._place(Side(name, tuple(body.centre))),
+            referenceRotationMatrix=self._stands(name), initialAngularVelocity=turning,
+            initialVelocity=self._vector(name, "v") + np.cross(turning, arm), gravity=[*self.mechanism.gravity],
+            inertia=self.built.exudyn.utilities.RigidBodyInertia(
+                mass=body.mass, inertiaTensor=np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+            ),
+        )  # fmt: skip
+
+    def _marker(self, side: Side) -> int:
+        centre = np.zeros(3) if side.body == GROUND else self.mechanism.bodies[side.body].centre
+        return self.system.AddMarker(self.items.MarkerBodyRigid(
+            bodyNumber=self.built.bodies[side.body], localPosition=np.array(side.at) - centre
+        ))  # fmt: skip
+
+    def joint(self, joint: SpatialJoint) -> None:
+        """Frames of both sides stand as one at the start; a prescribed freedom is held where its drive has it."""
+        first, second = joint.sides
+        axes = self._frame(joint)
+        own = [self._stands(side.body).T @ axes for side in joint.sides]
+        held, offset = list(_HELD[joint.kind]), {}
+        drive = self.scene.drives.get(joint.name)
+        if drive is not None and drive.kind != "free":
+            moving = held.index(0)
+            held[moving] = 1
+            offset = {"offsetUserFunction": self._course(joint, moving, axes[:, 0])}
+        markers = self._marker(first), self._marker(second)
+        self.built.markers[joint.name], self.built.frames[joint.name] = markers, axes
+        self.built.joints[joint.name] = self.system.AddObject(self.items.ObjectJointGeneric(
+            markerNumbers=[*markers], constrainedAxes=held, rotationMarker0=own[0], rotationMarker1=own[1], **offset
+        ))  # fmt: skip
+
+    def _frame(self, joint: SpatialJoint) -> np.ndarray:
+        """Axes of a joint's frame as the joint stands at the start."""
+        first = self._stands(joint.sides[0].body)
+        if joint.kind == "universal":
+            body = joint.sides[1].body
+            turned = self._stands(body) @ self.mechanism.stands(body).T @ self.mechanism.stands(joint.sides[0].body)
+            y, z = first @ joint.axes[0], turned @ joint.axes[1]
+            return np.column_stack([np.cross(y, z), y, z])
+        if not joint.axes:
+            return first
+        x = first @ joint.axes[0]
+        return np.column_stack([x, *across(x)])
+
+    def _course(self, joint: SpatialJoint, moving: int, along: np.ndarray) -> Callable[..., list[float]]:
+        """A drive's coordinate as Exudyn asks for it: a turn since the start about the frame's x; a slide whole, as a
+        global vector."""
+        system = self.model.motion.module.system
+        drive, start = system.driven.index(joint.name), float(self.start[f"{joint.name}.angle"][0])
+        apart = self._place(joint.sides[1]) - self._place(joint.sides[0])
+
+        def offset(there: object, t: float, item: int, parameters: object) -> list[float]:
+            moved = float(system.courses(t)[drive, 0]) - start
+            return [0.0, 0.0, 0.0, moved, 0.0, 0.0] if moving == 3 else [*(apart + moved * along), 0.0, 0.0, 0.0]
+
+        return offset
+
+    def load(self, name: str) -> None:
+        load = self.mechanism.loads[name]
+        times = np.linspace(0.0, self.scene.horizon, 20 * self.model.options.steps + 1)
+        constant = self.scene.loads[name].value
+        sizes = np.full(len(times), constant) if constant is not None else self.model.motion.at(times)[name]
+
+        def size(t: float) -> float:
+            return float(np.interp(t, times, sizes))
+
+        if load.at is not None:
+            self.system.AddLoad(self.items.LoadForceVector(
+                markerNumber=self._marker(load.at), bodyFixed=load.in_body,
+                loadVectorUserFunction=lambda system, t, vector: [*(size(t) * load.direction)],
+            ))  # fmt: skip
+            return
+        joint = self.mechanism.joints[str(load.joint)]
+        for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):
+            if side.body != GROUND:
+                axis = self._stands(side.body).T @ self._stands(joint.sides[0].body) @ joint.axes[0]
+                self.system.AddLoad(self.items.LoadTorqueVector(
+                    markerNumber=self._marker(side), bodyFixed=True,
+                    loadVectorUserFunction=lambda system, t, vector, axis=sign * axis: [*(size(t) * axis)],
+                ))  # fmt: skip
+
+    def spring(self, name: str) -> None:
+        spring = self.mechanism.springs[name]
+        stiffness, damping, free = spring.numbers
+        if spring.joint is None:
+            self.system.AddObject(self.items.ObjectConnectorSpringDamper(
+                markerNumbers=[self._marker(side) for side in spring.sides],
+                stiffness=stiffness, damping=damping, referenceLength=free,
+            ))  # fmt: skip
+            return
+        joint = self.mechanism.joints[spring.joint]
+        self.system.CreateTorsionalSpringDamper(
+            itemNumbers=[self.built.bodies[side.body] for side in joint.sides], position=self._place(joint.sides[0]),
+            axis=self._stands(joint.sides[0].body) @ joint.axes[0], stiffness=stiffness, damping=damping,
+            offset=free - float(self.start[f"{spring.joint}.angle"][0]),
+        )  # fmt: skip

@@ -1,0 +1,143 @@
+"""Rigid mechanisms in space built in Exudyn: Euler parameters and multipliers, beside Kane's independent speeds."""
+
+import numpy as np
+import pytest
+
+from kaneflex.peers.buildable import check_buildable
+from kaneflex.scene import read_scene
+from kaneflex.solve.curves import Resolution
+from kaneflex.study.comparison import compare
+from kaneflex.support.errors import SceneError
+
+TURNING = """
+gravity = [0, 0, -9.81]
+[ground]
+hook = [0.3, 0.4, 0.9]
+[bodies.post]
+length = "0.5 m"
+mass = "2 kg"
+centre = [0.2, 0.05, 0]
+inertia = [0.02, 0.08, 0.09, 0.002, 0.001, -0.001]
+rotation = {x = [0, 0, 1]}
+[bodies.slide]
+length = "0.4 m"
+mass = "1 kg"
+centre = [0.2, 0, 0]
+inertia = [0.005, 0.02, 0.02]
+[bodies.paddle]
+length = "0.3 m"
+mass = "0.5 kg"
+inertia = [0.003, 0.006, 0.005]
+[joints]
+turn = {revolute = ["ground", "post.start"], axis = [0, 0, 1]}
+guide = {weld = ["post.end", "slide.start"]}
+hinge = {revolute = ["slide.end", "paddle.start"], axis = [0, 1, 1]}
+[drives]
+turn = {law = "3 * t + 0.5 * sin(4 * t)"}
+hinge = {free = true, angle = "20 deg", initial_speed = "2 rad/s"}
+[loads]
+wind = {force_on = "paddle.end", axes = "body", direction = [0, 1, 0], value = 1.5}
+brake = {torque_at = "hinge", value = 0.1}
+[springs]
+coil = {torsional_at = "hinge", stiffness = 3, damping = 0.02, angle = "5 deg"}
+rope = {between = ["ground.hook", "paddle.end"], stiffness = 20, damping = 0.5, length = "0.2 m"}
+[sensors]
+angle = {position = "hinge", component = "angle"}
+tip_x = {position = "paddle.end", component = "x"}
+tip_v = {velocity = "paddle.end", component = "z", axes = "body"}
+tip_a = {acceleration = "paddle.end", component = "y", reading = "accelerometer"}
+turning = {velocity = "paddle", component = "angle_x"}
+spin = {acceleration = "paddle", component = "angle_z"}
+motor = {drive_torque = "turn"}
+pin = {joint_force = "hinge", component = "x", axes = "body"}
+base = {joint_force = "turn", component = "z", body = "ground"}
+[solve]
+preset = "rigid"
+duration = "1 s"
+"""
+SLIDING = """
+gravity = [0, 0, -9.81]
+[bodies]
+carriage = {length = "0.4 m", mass = "2 kg", inertia = [0.02, 0.08, 0.09], rotation = {x = [0, 0, 1]}}
+bead = {mass = "0.5 kg", inertia = [0.003, 0.004, 0.005]}
+[joints]
+rail = {prismatic = ["ground", "carriage.start"], direction = [1, 2, 2]}
+rod = {cylindrical = ["carriage.end", "bead"], axis = [1, 0, 1]}
+[drives]
+rail = {law = "0.1 + 0.05 * sin(6 * t)"}
+rod = {free = true}
+[springs]
+rope = {between = ["carriage", "bead"], stiffness = 20, damping = 0.5, length = "0.2 m"}
+[sensors]
+out = {position = "rail", component = "x"}
+bead_x = {position = "bead", component = "x"}
+bead_z = {position = "bead", component = "z"}
+push = {drive_force = "rail"}
+pin = {joint_force = "rod", component = "y"}
+[solve]
+preset = "rigid"
+duration = "1 s"
+"""
+
+
+def scene_of(tmp_path, text):
+    path = tmp_path / "scene.toml"
+    path.write_text("schema = 1\n" + text)
+    return read_scene(path)
+
+
+def shares(scene, steps):
+    """Difference of each sensor as a share of Exudyn's peak: the largest of places and velocities, the root of the
+    mean square of accelerations and forces, which swing there from step to step at first and after Newton's skips."""
+    found = compare(scene, peer="exudyn", resolution=Resolution(None, steps)).curves
+    ours, theirs = found["rigid"], found["exudyn"]
+    shares = {}
+    for name, values in theirs.values.items():
+        apart = abs(np.interp(theirs.times, ours.times, ours.values[name]) - values)[len(theirs.times) // 10 :]
+        moves = scene.sensors[name].kind in ("position", "velocity")
+        shares[name] = (apart.max() if moves else np.sqrt((apart**2).mean())) / abs(values).max()
+    return shares
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "motion", "force"),
+    [("bricard", 8000, 1e-7, None), ("spatial-slider-crank", 8000, 3e-5, 2e-4), ("spinning-top", 8000, 2e-3, 5e-3)],
+)
+def test_shipped_scenes(peer, name, steps, motion, force):
+    """What is left is Exudyn's step error, which for the top falls to a sixteenth with a quarter of the step."""
+    peer("exudyn")
+    scene = read_scene(name)
+    found = shares(scene, steps)
+    assert set(found) == set(scene.sensors)
+    for sensor, share in found.items():
+        assert share < (force if scene.sensors[sensor].kind == "joint_force" else motion), sensor
+
+
+def test_drives_loads_and_springs(peer, tmp_path):
+    """A driven post carries a paddle on a hinge with full inertias: loads that turn with bodies, springs of both kinds,
+    all motions, accelerations and forces."""
+    peer("exudyn")
+    scene = scene_of(tmp_path, TURNING)
+    found = shares(scene, 8000)
+    assert set(found) == set(scene.sensors)
+    assert all(found[name] < 2e-6 for name in ("angle", "tip_x", "tip_v", "turning"))
+    assert all(share < 5e-4 for share in found.values())
+
+
+def test_slides(peer, tmp_path):
+    peer("exudyn")
+    scene = scene_of(tmp_path, SLIDING)
+    found = shares(scene, 8000)
+    assert set(found) == set(scene.sensors)
+    assert all(found[name] < 1e-6 for name in ("out", "bead_x", "bead_z"))
+    assert found["push"] < 1e-5 and found["pin"] < 1e-4
+
+
+def test_what_the_peer_does_not_build_is_named(tmp_path):
+    scene = scene_of(tmp_path, SLIDING.replace("rod = {free = true}", "rod = {free = true}\n[loads]\n"
+                     'push = {force_on = "bead", direction = [1, 0, 0], law = "1 + rail"}'))  # fmt: skip
+    with pytest.raises(SceneError, match=r"loads.push.*depends on a motion to be found"):
+        check_buildable(scene)
+    moved = SLIDING.replace('prismatic = ["ground", "carriage.start"]', 'prismatic = ["carriage.start", "ground"]')
+    with pytest.raises(SceneError, match=r"drives.rail = 'law': a drive along a guide that moves"):
+        check_buildable(scene_of(tmp_path, moved))
