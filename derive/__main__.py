@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kaneflex.derive.body import body_text
 from kaneflex.derive.contact import contact_text
-from kaneflex.derive.coupled_module import generate_coupled, prescribed_text
+from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.derive.elements import element_texts
 from kaneflex.derive.emit import laws_text, tables_text
 from kaneflex.derive.friction import friction_text
@@ -38,7 +38,6 @@ def modules() -> dict[str, str]:
     texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()
-    texts["prescribed.py"] = prescribed_text(texts["body.py"])
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}
     for name in sorted(shipped_scenes()):
@@ -51,7 +50,7 @@ def modules() -> dict[str, str]:
                 text = generate_spatial(scene) if scene.is_spatial else generate(scene)
             else:
                 structures[structure] = f"{name.removesuffix('-coupled').replace('-', '_')}_coupled"
-                text = generate_coupled(scene, shapes, structure, body=texts["body.py"])
+                text = generate_coupled(scene, shapes, structure)
             texts[f"{structures[structure]}.py"] = text
         scenes[name] = structures[structure]
     entries = "".join(f'    "{key}": "{module}",\n' for key, module in structures.items())

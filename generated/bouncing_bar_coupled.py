@@ -3,8 +3,8 @@
 Structure e047d5f791f7ff81, format 3, SymPy 1.14
 Made by: kaneflex derive SCENE --coupled -o FILE.py
 
-What the engine of all structures must be told of this one: its bodies and joints, how its drives move, how
-large its loads are, and the kernels of a body by its kind: by its numbers of axial and transverse shapes.
+What the engine of all structures must be told of this one: its bodies and joints, how its drives move, and
+how large its loads are.
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module)
 has courses, magnitudes and the kernels of elements with a check before each call that names the argument.
@@ -18,7 +18,6 @@ from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, TERMS, M, K_s, K_d, K_g, C, F, element_matrices,
 )
-from kaneflex.generated.body import kernels  # digest 0b5081653974dd5e
 
 FORMAT = 3
 STRUCTURE = "e047d5f791f7ff81"
@@ -42,15 +41,6 @@ DRIVES = {'hinge': 'free'}  # kinds; all but the free ones are in courses
 LOADS = ()  # in the order of magnitudes
 SPRINGS = ()  # between points and at joints
 SCALARS = ()  # of the links beside LINK_SCALARS: name, unit, meaning
-KINDS = ((2, 3),)  # of bodies: axial and transverse shapes
-BODY_KINDS = tuple(KINDS.index(counts[:2]) for counts in BODIES.values())
-of_kinds = [kernels(*counts) for counts in KINDS]
-deform_0, = (kind.deform for kind in of_kinds)
-push_0, = (kind.push for kind in of_kinds)
-jacobian_0, = (kind.jacobian for kind in of_kinds)
-inverse_0, = (kind.inverse for kind in of_kinds)
-inertia_0, = (kind.inertia for kind in of_kinds)
-energy_0, = (kind.energy for kind in of_kinds)
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
@@ -69,33 +59,3 @@ def courses(t, p, out, k):
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     pass
-
-
-@njit(**OPTIONS)
-def deform(kind, p, o, q, v, a, i, out, k):
-    return deform_0(p, o, q, v, a, i, out, k)
-
-
-@njit(**OPTIONS)
-def push(kind, p, o, q, i, c, s, x, y, turn, out, k):
-    return push_0(p, o, q, i, c, s, x, y, turn, out, k)
-
-
-@njit(**OPTIONS)
-def jacobian(kind, p, o, q, i, c, s, out, k):
-    return jacobian_0(p, o, q, i, c, s, out, k)
-
-
-@njit(**OPTIONS)
-def inverse(kind, p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k):
-    return inverse_0(p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k)
-
-
-@njit(**OPTIONS)
-def inertia(kind, p, o, q, i, c, s, out, k):
-    return inertia_0(p, o, q, i, c, s, out, k)
-
-
-@njit(**OPTIONS)
-def energy(kind, p, o, q, v, i, c, s, v_x, v_y, omega, out):
-    return energy_0(p, o, q, v, i, c, s, v_x, v_y, omega, out)

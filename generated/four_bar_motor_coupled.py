@@ -3,8 +3,8 @@
 Structure 3d6326e1d3dbe91b, format 3, SymPy 1.14
 Made by: kaneflex derive SCENE --coupled -o FILE.py
 
-What the engine of all structures must be told of this one: its bodies and joints, how its drives move, how
-large its loads are, and the kernels of a body by its kind: by its numbers of axial and transverse shapes.
+What the engine of all structures must be told of this one: its bodies and joints, how its drives move, and
+how large its loads are.
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module)
 has courses, magnitudes and the kernels of elements with a check before each call that names the argument.
@@ -18,7 +18,6 @@ from kaneflex.generated import beam_euler_bernoulli as beam
 from kaneflex.generated.beam_euler_bernoulli import (
     ELEMENT_PARAMETERS, LINK_SCALARS, TERMS, M, K_s, K_d, K_g, C, F, element_matrices,
 )
-from kaneflex.generated.body import kernels  # digest 0b5081653974dd5e
 
 FORMAT = 3
 STRUCTURE = "3d6326e1d3dbe91b"
@@ -47,15 +46,6 @@ DRIVES = {'main': 'free'}  # kinds; all but the free ones are in courses
 LOADS = ('motor',)  # in the order of magnitudes
 SPRINGS = ()  # between points and at joints
 SCALARS = ()  # of the links beside LINK_SCALARS: name, unit, meaning
-KINDS = ((0, 0), (2, 3))  # of bodies: axial and transverse shapes
-BODY_KINDS = tuple(KINDS.index(counts[:2]) for counts in BODIES.values())
-of_kinds = [kernels(*counts) for counts in KINDS]
-deform_0, deform_1 = (kind.deform for kind in of_kinds)
-push_0, push_1 = (kind.push for kind in of_kinds)
-jacobian_0, jacobian_1 = (kind.jacobian for kind in of_kinds)
-inverse_0, inverse_1 = (kind.inverse for kind in of_kinds)
-inertia_0, inertia_1 = (kind.inertia for kind in of_kinds)
-energy_0, energy_1 = (kind.energy for kind in of_kinds)
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
@@ -75,45 +65,3 @@ def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     main_rate = x[i + 1]
     out[k + 0] = 0.6 - 0.01909859317102744*main_rate
-
-
-@njit(**OPTIONS)
-def deform(kind, p, o, q, v, a, i, out, k):
-    if kind == 0:
-        return deform_0(p, o, q, v, a, i, out, k)
-    return deform_1(p, o, q, v, a, i, out, k)
-
-
-@njit(**OPTIONS)
-def push(kind, p, o, q, i, c, s, x, y, turn, out, k):
-    if kind == 0:
-        return push_0(p, o, q, i, c, s, x, y, turn, out, k)
-    return push_1(p, o, q, i, c, s, x, y, turn, out, k)
-
-
-@njit(**OPTIONS)
-def jacobian(kind, p, o, q, i, c, s, out, k):
-    if kind == 0:
-        return jacobian_0(p, o, q, i, c, s, out, k)
-    return jacobian_1(p, o, q, i, c, s, out, k)
-
-
-@njit(**OPTIONS)
-def inverse(kind, p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k):
-    if kind == 0:
-        return inverse_0(p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k)
-    return inverse_1(p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k)
-
-
-@njit(**OPTIONS)
-def inertia(kind, p, o, q, i, c, s, out, k):
-    if kind == 0:
-        return inertia_0(p, o, q, i, c, s, out, k)
-    return inertia_1(p, o, q, i, c, s, out, k)
-
-
-@njit(**OPTIONS)
-def energy(kind, p, o, q, v, i, c, s, v_x, v_y, omega, out):
-    if kind == 0:
-        return energy_0(p, o, q, v, i, c, s, v_x, v_y, omega, out)
-    return energy_1(p, o, q, v, i, c, s, v_x, v_y, omega, out)

@@ -3,8 +3,8 @@
 Structure bc545a37b0ad7f33, format 3, SymPy 1.14
 Made by: kaneflex derive SCENE --coupled -o FILE.py
 
-What the engine of all structures must be told of this one: its bodies and joints, how its drives move, how
-large its loads are, and the kernels of a body by its kind: by its numbers of axial and transverse shapes.
+What the engine of all structures must be told of this one: its bodies and joints, how its drives move, and
+how large its loads are.
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module)
 has courses, magnitudes and the kernels of elements with a check before each call that names the argument.
@@ -14,7 +14,6 @@ import math
 
 from numba import njit
 
-from kaneflex.generated.body import kernels  # digest 0b5081653974dd5e
 
 FORMAT = 3
 STRUCTURE = "bc545a37b0ad7f33"
@@ -50,15 +49,6 @@ ELEMENT_PARAMETERS = ()
 # terms of the elastic links: name, group, kernel, factors of the scalar
 TERMS = ()
 
-KINDS = ((0, 0),)  # of bodies: axial and transverse shapes
-BODY_KINDS = tuple(KINDS.index(counts[:2]) for counts in BODIES.values())
-of_kinds = [kernels(*counts) for counts in KINDS]
-deform_0, = (kind.deform for kind in of_kinds)
-push_0, = (kind.push for kind in of_kinds)
-jacobian_0, = (kind.jacobian for kind in of_kinds)
-inverse_0, = (kind.inverse for kind in of_kinds)
-inertia_0, = (kind.inertia for kind in of_kinds)
-energy_0, = (kind.energy for kind in of_kinds)
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
@@ -81,33 +71,3 @@ def courses(t, p, out, k):
 def magnitudes(t, x, i, p, out, k):
     """Size of every load at t [s]; x: coordinate and speed of every drive, in the order of DRIVES."""
     pass
-
-
-@njit(**OPTIONS)
-def deform(kind, p, o, q, v, a, i, out, k):
-    return deform_0(p, o, q, v, a, i, out, k)
-
-
-@njit(**OPTIONS)
-def push(kind, p, o, q, i, c, s, x, y, turn, out, k):
-    return push_0(p, o, q, i, c, s, x, y, turn, out, k)
-
-
-@njit(**OPTIONS)
-def jacobian(kind, p, o, q, i, c, s, out, k):
-    return jacobian_0(p, o, q, i, c, s, out, k)
-
-
-@njit(**OPTIONS)
-def inverse(kind, p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k):
-    return inverse_0(p, o, q, v, a, i, c, s, omega, x, y, epsilon, out, k)
-
-
-@njit(**OPTIONS)
-def inertia(kind, p, o, q, i, c, s, out, k):
-    return inertia_0(p, o, q, i, c, s, out, k)
-
-
-@njit(**OPTIONS)
-def energy(kind, p, o, q, v, i, c, s, v_x, v_y, omega, out):
-    return energy_0(p, o, q, v, i, c, s, v_x, v_y, omega, out)

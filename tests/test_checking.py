@@ -7,7 +7,6 @@ import pytest
 from runs import model
 
 import kaneflex
-from kaneflex.derive.coupled_module import BODY_KERNELS
 from kaneflex.generated import beam_timoshenko, engine
 from kaneflex.support import checking
 
@@ -28,12 +27,11 @@ def test_checked_kernels_compute_the_same():
 
 
 def test_every_kernel_of_a_module_is_checked():
-    """But those of bodies, whose numbers lie among those of all others."""
     for module in (engine, beam_timoshenko, model("four-bar").module, model("elastic-pendulum").coupled.module):
         safe = kaneflex.checked(module)
         kernels = [name for name, value in vars(module).items() if hasattr(value, "py_func")]
         plain = {name.rstrip("_0123456789") for name in kernels if getattr(safe, name) is getattr(module, name)}
-        assert plain <= {"table", "table_rate", "table_curvature", *BODY_KERNELS}
+        assert plain <= {"table", "table_rate", "table_curvature"}
 
 
 @pytest.mark.parametrize(

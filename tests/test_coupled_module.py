@@ -1,17 +1,18 @@
-"""A structure's part in the coupled equations: tables, its drives' courses and loads, its bodies' kernels by kind."""
+"""A structure's part in the coupled equations: tables, its drives' courses and loads; its bodies' kernels."""
 
 import hashlib
-from pathlib import Path
+import inspect
 
 import numpy as np
 import pytest
+from numba import float64, int64
 from runs import STENCIL, model
 
 import kaneflex
-import kaneflex.generated
-from kaneflex.derive.coupled_module import BODY_KERNELS, generate_coupled
+from kaneflex.derive.coupled_module import generate_coupled
 from kaneflex.generated import body
 from kaneflex.mechanism.floating_frames import shape_counts
+from kaneflex.multibody import tables as at
 from kaneflex.multibody.binding import bind_parameters, import_file
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
@@ -33,7 +34,7 @@ def module(name, folder):
     scene, written = text(name)
     file = folder / f"{structure(name)}.py"
     file.write_text(written)
-    return scene, import_file(file, structure(name), ("courses", "magnitudes", "KINDS"))
+    return scene, import_file(file, structure(name), ("courses", "magnitudes"))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -42,10 +43,8 @@ def test_a_module_is_short_whatever_the_number_of_modes(name):
     _, many = text(name, "solve.modes=9")
     assert len(few.splitlines()) == len(many.splitlines()) <= 200
     changed = [b for a, b in zip(few.splitlines(), many.splitlines(), strict=True) if a != b]
-    bodies = [line for line in changed if line.startswith("    '")]
-    elastic = sum(body.elastic for body in read_scene(name).bodies.values())
-    assert {line.partition(" = ")[0] for line in changed if line not in bodies} == ({"KINDS"} if elastic else set())
-    assert len(bodies) == elastic
+    assert all(line.startswith("    '") for line in changed)
+    assert len(changed) == sum(body.elastic for body in read_scene(name).bodies.values())
 
 
 def chain(bars):
@@ -69,8 +68,8 @@ def test_no_kernel_grows_with_the_bodies(tmp_path):
         file.write_text(chain(bars))
         scene = read_scene(str(file))
         found.append(generate_coupled(scene, shape_counts(scene), structure("chain")))
-    few, many = (text[text.index("KINDS = ") :] for text in found)
-    assert few == many and "def inverse(" in few
+    few, many = (text[text.index("OPERATIONS = ") :] for text in found)
+    assert few == many and "def magnitudes(" in few
 
 
 @pytest.mark.parametrize("name", MOVING)
@@ -125,29 +124,21 @@ def test_what_courses_and_magnitudes_would_read_beyond_its_end_is_refused(tmp_pa
         safe.magnitudes(0.0, np.zeros(2), 0, p[:-1], np.zeros(1), 0)
 
 
-def test_kernels_by_kind_are_those_of_the_bodies(tmp_path):
+def test_bodies_of_one_kind_share_their_kernels(tmp_path):
     _, found = module("slider-crank-150-coupled", tmp_path)
-    assert found.KINDS == ((0, 0), (2, 3)) and found.BODY_KINDS == (0, 1, 0)
     assert found.BODIES == {"crank": (0, 0, 0), "rod": (2, 3, 1), "slider": (0, 0, 0)}
     assert found.JOINTS["guide"] == ("prismatic", "ground.origin", "slider.start", "")
-    rng = np.random.default_rng(4)
-    for kind, counts in enumerate(found.KINDS):
-        own = body.kernels(*counts)
-        p, q, v = rng.normal(size=own.size), rng.normal(size=5), rng.normal(size=5)
-        state = (0, 0.6, 0.8, *rng.normal(size=3))
-        energies, expected = np.zeros(3), np.zeros(3)
-        centre = found.energy(kind, p, 0, q, v, *state, energies)
-        assert centre == pytest.approx(own.energy.py_func(p, 0, q, v, *state, expected), rel=1e-13)
-        assert energies == pytest.approx(expected, rel=1e-12) and energies.any()
+    engine = model("slider-crank-150-coupled").coupled.engine
+    kind_of = dict(zip(engine.layout.bodies, engine.tables.bodies[:, at.KIND] // len(at.BODY_KERNELS), strict=True))
+    assert {name: engine.kinds[kind] for name, kind in kind_of.items()} == {
+        name: counts[:2] for name, counts in found.BODIES.items()
+    }
+    assert len(engine.kinds) == 2
 
 
-def test_every_kernel_of_a_body_has_its_arguments_here_and_an_edit_of_them_compiles_anew(tmp_path):
-    _, written = text("slider-crank-150-coupled")
-    _, found = module("slider-crank-150-coupled", tmp_path)
-    text_of_kernels = (Path(kaneflex.generated.__file__).parent / "body.py").read_bytes()
-    assert f"# digest {hashlib.sha256(text_of_kernels).hexdigest()[:16]}" in written
-    for kernel, arguments in BODY_KERNELS.items():
-        code = getattr(body.kernels(2, 3), kernel).py_func.__code__
-        assert ", ".join(code.co_varnames[: code.co_argcount]) == arguments
-        taken = getattr(found, kernel).py_func.__code__
-        assert taken.co_varnames[: taken.co_argcount] == ("kind", *code.co_varnames[: code.co_argcount])
+def test_the_engine_calls_every_kernel_of_a_body_by_its_arguments():
+    of = dict.fromkeys("pqva", at.N) | dict.fromkeys("oik", int64) | {"out": at.N}
+    kernels = body.kernels(2, 3)
+    for name, kind in at.BODY_KERNELS.items():
+        arguments = inspect.signature(getattr(kernels, name).py_func).parameters
+        assert kind.signature.args == tuple(of.get(argument, float64) for argument in arguments)

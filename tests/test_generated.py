@@ -41,7 +41,7 @@ EVERY = sorted(kaneflex.generated.STRUCTURES.values())
 SPATIAL = [name for name in EVERY if not hasattr(importlib.import_module(f"kaneflex.generated.{name}"), "SCALARS")]
 NAMES = [name for name in EVERY if not name.endswith("_coupled") and name not in SPATIAL]
 ELEMENTS = *BEAMS, *SPATIAL_BEAMS
-SHARED = "spatial", "shape_integrals", "body", "contact", "friction", "joints", "prescribed", "tables", "__init__"
+SHARED = "spatial", "shape_integrals", "body", "contact", "friction", "joints", "tables", "__init__"
 KERNELS = {"M": M, "K_s": K_s, "K_d": K_d, "K_g": K_g, "C": C, "F": F}
 
 # Operations of one call on the engine. Fewer is welcome: then lower the number here.

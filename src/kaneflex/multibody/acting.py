@@ -13,10 +13,10 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.multibody import holds
 from kaneflex.multibody.tables import (
     ABOVE, ACCEL, ACTS, AT, BEGUN_AT, BELOW, CONTACT, CONTACTS, CONTACT_SIZE, COURSE_AT, CUT, DRIVES, ELASTIC, FOLLOWER,
-    FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, KIND, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
+    FORCE, FRAME, FRAME_SIZE, GAP, GAP_RATE, INPUT, LAW, LOADS, LOSING, MAGNITUDES, MODAL, NORMAL_TURN, NORMAL_X,
     NORMAL_Y, NOW, NUMBERS_AT, ON, OPTIONS, OWNER, PLACE_X, PLACE_Y, POINT, PUSHED, PUSH_NOW, RATE, ROOM, ROW, ROW_AT,
     ROW_SIZE, SEC, SECTION, SIZE, SPRING, SPRINGS, SPRING_SIZE, STAYS, SUMS, SWITCH, TORQUE, TORSIONAL, TURN, WHAT, X,
-    Y, apart, kernel, of_contacts, shifted, turned,
+    Y, apart, kernel, of_body, of_contacts, shifted, turned,
 )  # fmt: skip
 
 
@@ -127,9 +127,9 @@ def push(m, n, x, z, turn):
     b = m.sections[n, OWNER]
     if b >= 0:
         w, f = m.w, m.plan[FRAME] + FRAME_SIZE * b
-        kernel(m.kernels, PUSHED)(
-            m.bodies[b, KIND], w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4],
-            -x, -z, -turn, w, m.plan[FORCE] + m.bodies[b, ROW],
+        kernel(of_body(m, b), PUSHED)(
+            w, m.sections[n, POINT], w, m.plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], -x, -z, -turn,
+            w, m.plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.types import FunctionType
 
+from kaneflex.generated import body
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
@@ -29,12 +30,14 @@ second one a row follows from the others."""
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """The tables of one mechanism and the kernels of its structure.
+    """The tables of one mechanism with the kernels of its structure and of its kinds of bodies.
 
     Attributes
     ----------
     kernels : tuple
-        Of the structure's module, in the order of :mod:`kaneflex.multibody.tables`.
+        Of the structure's module, in the order of :data:`kaneflex.multibody.tables.STRUCTURE_KERNELS`.
+    kinds : tuple
+        The different numbers of axial and transverse shapes of its bodies.
     p : ndarray
         The module's PARAMETERS with its tables.
     real, pair : ndarray
@@ -44,6 +47,7 @@ class Engine:
     tables: at.Tables
     layout: Layout
     kernels: tuple
+    kinds: tuple[tuple[int, int], ...]
     p: np.ndarray
     real: np.ndarray
     pair: np.ndarray
@@ -327,7 +331,10 @@ class Engine:
 
     @cached_property
     def _handle(self) -> Handle:
-        pointers = [_kernel_address(kernel, kind) for kernel, kind in zip(self.kernels, at.KERNELS, strict=True)]
+        pointers = [*map(_kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())]
+        for kind in self.kinds:
+            own = body.kernels(*kind)
+            pointers += [_kernel_address(getattr(own, name), of) for name, of in at.BODY_KERNELS.items()]
         t = self.tables
         return Handle(
             t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
@@ -346,16 +353,16 @@ def _by_address(value: Any) -> Any:
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:
     """The engine of a mechanism, with its structure's module and the module's parameters; at rest, no loop closed."""
     switches = len(getattr(module, "SWITCHES", ()))
-    sizes = module.BODIES, module.KINDS, blocks, mechanism.size, switches
-    tables, layout, (real, pair) = build_tables(mechanism, *sizes)
-    kernels = tuple(getattr(module, name) for name in at.KERNEL_NAMES)
-    return Engine(tables, layout, kernels, p, np.zeros(real), np.zeros(pair, complex))
+    kinds = tuple(dict.fromkeys((axial, transverse) for axial, transverse, *_ in module.BODIES.values()))
+    tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, kinds, blocks, mechanism.size, switches)
+    kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
+    return Engine(tables, layout, kernels, kinds, p, np.zeros(real), np.zeros(pair, complex))
 
 
 @cache
-def _kernel_address(kernel: Any, kind: FunctionType) -> int:
-    """Where compiled code finds a kernel of a structure's module, which is compiled here unless it is already."""
+def _kernel_address(kernel: Any, of: FunctionType) -> int:
+    """Where compiled code finds a kernel, which is compiled here unless it is already."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        found = kernel.get_compile_result(kind.signature)
+        found = kernel.get_compile_result(of.signature)
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))

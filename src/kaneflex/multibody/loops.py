@@ -18,10 +18,10 @@ from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUT_OF, CUT_ROWS, DEMAND, DEPENDENT,
-    DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, KIND, LAST, LOOP,
-    LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC,
-    RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y,
-    YIELDING, apart, kernel, larger, of_holds, turned,
+    DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LOOP, LOOP_PIVOTS,
+    MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, RATE, REACTION,
+    REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y, YIELDING,
+    apart, kernel, larger, of_body, of_holds, turned,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 
@@ -78,8 +78,8 @@ def bent(m):
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-            kernel(m.kernels, JACOBIANS)(
-                m.bodies[b, KIND], w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
+            kernel(of_body(m, b), JACOBIANS)(
+                w, m.sections[n, POINT], w, plan[Y] + m.bodies[b, MODAL], w[f + 3], w[f + 4], w,
                 plan[W_NOW] + m.sections[n, JACOBIAN],
             )  # fmt: skip
 

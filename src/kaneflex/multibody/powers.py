@@ -8,9 +8,9 @@ from kaneflex.multibody import bending, holds
 from kaneflex.multibody.acting import load_direction
 from kaneflex.multibody.tables import (
     ACTS, AT, BLOCK, BODIES, CONTACT, CONTACTS, CONTACT_SIZE, COURSE, COURSE_AT, COURSE_OF, CUTS, DAMPED, DRIVES,
-    ELASTIC, ENERGY, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, KIND, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
+    ELASTIC, ENERGY, FRAME, FRAME_SIZE, GAP_RATE, GRAVITY, JOINT, JOINTS, LOADS, LOSING, MODAL, NOW, NUMBERS, ON,
     OPTIONS, PARENT, POWER, PUSH_NOW, RATE, REVOLUTE, ROW_AT, SEC, SECTION, SHAPES, SIZE, SPRING, SPRINGS, SPRING_SIZE,
-    SUMS, TORQUE, WHAT, WORKS, Y, apart, kernel, shifted, turned,
+    SUMS, TORQUE, WHAT, WORKS, Y, apart, kernel, of_body, shifted, turned,
 )  # fmt: skip
 
 
@@ -25,8 +25,8 @@ def energies(m):
     sums = shifted(w, at)
     for b in range(plan[BODIES]):
         f, o = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, BLOCK]
-        x, z = kernel(m.kernels, ENERGY)(
-            m.bodies[b, KIND], w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3],
+        x, z = kernel(of_body(m, b), ENERGY)(
+            w, o, shifted(w, plan[Y]), shifted(w, plan[RATE]), m.bodies[b, MODAL], w[f + 3],
             w[f + 4], w[f + 5], w[f + 6], w[f + 7], sums,
         )  # fmt: skip
         w[at + 3] -= w[plan[GRAVITY]] * (w[o] * w[f] + x) + w[plan[GRAVITY] + 1] * (w[o] * w[f + 1] + z)

@@ -12,8 +12,8 @@ from numba import njit
 
 from kaneflex.multibody.tables import (
     BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGES, HINGE_SIZE,
-    INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, KIND, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT,
-    POINT, PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel,
+    INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT, POINT,
+    PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel, of_body,
     turned,
 )  # fmt: skip
 
@@ -24,12 +24,12 @@ def assemble(m):
     apart()
     plan, w = m.plan, m.w
     for b in range(plan[BODIES]):
-        f, kind, i = plan[FRAME] + FRAME_SIZE * b, m.bodies[b, KIND], plan[Y] + m.bodies[b, MODAL]
+        f, i = plan[FRAME] + FRAME_SIZE * b, plan[Y] + m.bodies[b, MODAL]
         c, s = w[f + 3], w[f + 4]
-        kernel(m.kernels, INERTIA)(kind, w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
+        kernel(of_body(m, b), INERTIA)(w, m.bodies[b, BLOCK], w, i, c, s, w, plan[MASS] + m.bodies[b, SQUARE])
         for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
             at = m.sections[n, JACOBIAN]
-            kernel(m.kernels, JACOBIANS)(kind, w, m.sections[n, POINT], w, i, c, s, w, plan[W] + at)
+            kernel(of_body(m, b), JACOBIANS)(w, m.sections[n, POINT], w, i, c, s, w, plan[W] + at)
 
 
 @njit(**OPTIONS)

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaneflex.generated import prescribed
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Drive
 from kaneflex.mechanism.position_analysis import Placement
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody import tables as at
+from kaneflex.multibody import told
 from kaneflex.multibody.blocks import Blocks
 from kaneflex.multibody.engine import Engine, build_engine
 from kaneflex.multibody.run import by_themselves
@@ -190,9 +190,7 @@ class RigidTwin:
         loads = np.zeros((len(drives), len(self.mechanism.loads)))
         if said is not None:
             loads = said[:, len(self.mechanism.drives) :]
-        sizes = [float(part.shape[1]) for part in (courses, loads)]
-        p = np.concatenate([sizes, np.hstack([courses, loads]).ravel()])
-        return replace(self.rigid, engine=replace(self.engine, p=p))
+        return replace(self.rigid, engine=replace(self.engine, p=told.parameters(courses, loads)))
 
     def _path(self, start: np.ndarray, drives: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places of the drives (n, as many), near enough to each other, and which of them are those that are wanted."""
@@ -325,9 +323,9 @@ def build_twin(scene: Scene, system: CoupledSystem, start: Placement) -> RigidTw
     mechanism = mechanism_of(scene)
     drives = {name: Drive("law", None) for name in mechanism.drives}
     placed = replace(mechanism, drives=drives, contacts={}, observed=(), frictions={})
-    kernels = {name: getattr(prescribed, name) for name in ("KINDS", *at.KERNEL_NAMES)}
-    module: Any = SimpleNamespace(BODIES=dict.fromkeys(mechanism.bodies, (0, 0, 0)), **kernels)
-    place = [[start.drives[name], 0.0, 0.0] for name in drives]
-    told = np.array([3.0 * len(drives), len(mechanism.loads), *np.ravel(place), *np.zeros(len(mechanism.loads))])
-    engine = build_engine(placed, module, Blocks(scene, {}, {}, {}), told)
+    bodies = dict.fromkeys(mechanism.bodies, (0, 0, 0))
+    module: Any = SimpleNamespace(BODIES=bodies, courses=told.courses, magnitudes=told.magnitudes)
+    place = np.array([[start.drives[name], 0.0, 0.0] for name in drives])
+    p = told.parameters(place.reshape(1, -1), np.zeros((1, len(mechanism.loads))))
+    engine = build_engine(placed, module, Blocks(scene, {}, {}, {}), p)
     return RigidTwin(mechanism, system, CoupledSystem(module, engine, placed, {}, {}), start)

@@ -40,11 +40,12 @@ inertia times that (3), 1 over what resists its coordinate, and whether there is
     KIND, BLOCK, FIRST, DOF, JOINT, MODAL, SHAPES, PARENT, INBOARD, COURSE_OF, SECTIONS, LAST, ROW, SQUARE, NUMBERS,
     DAMPED,
 ) = range(16)  # fmt: skip
-"""Columns of ``bodies``, in the order of the tree: which pair of shape counts; where its block of numbers begins; its
-joint's first coordinate, their count, the joint's kind; its first modal coordinate and their count; the section that it
-hangs on and its own there; the course that prescribes its joint, or -1; its first section and the one after its last;
-where its rows begin in forces over all bodies' speeds, and its square in matrices; its joint's numbers: sign, angle,
-and direction in the parent section's axes; where its shapes' damping matrix begins."""
+"""Columns of ``bodies``, in the order of the tree: how far behind those of the first kind of bodies, the first pair of
+shape counts, its kernels are; where its block of numbers begins; its joint's first coordinate, their count, the joint's
+kind; its first modal coordinate and their count; the section that it hangs on and its own there; the course that
+prescribes its joint, or -1; its first section and the one after its last; where its rows begin in forces over all
+bodies' speeds, and its square in matrices; its joint's numbers: sign, angle, and direction in the parent section's
+axes; where its shapes' damping matrix begins."""
 OWNER, POINT, JACOBIAN = range(3)
 """Columns of ``sections``: the body, or -1; where its block of numbers begins; where its W begins."""
 WHAT, AT, ON, COURSE_AT, ROW_AT, NUMBERS_AT = range(6)
@@ -212,24 +213,27 @@ N = CPointer(float64)
 _BITS = 64
 """Of an address."""
 
-DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY, COURSES, MAGNITUDES = range(8)
-"""Places in a structure's kernels: those of its bodies by the kind of their counts, its courses, its loads' sizes."""
-KERNEL_NAMES = ("deform", "push", "jacobian", "inverse", "inertia", "energy", "courses", "magnitudes")
-KERNELS = (
-    FunctionType(void(int64, N, int64, N, N, N, int64, N, int64)),
-    FunctionType(void(int64, N, int64, N, int64, *(float64,) * 5, N, int64)),
-    FunctionType(void(int64, N, int64, N, int64, float64, float64, N, int64)),
-    FunctionType(void(int64, N, int64, N, N, N, int64, *(float64,) * 6, N, int64)),
-    FunctionType(void(int64, N, int64, N, int64, float64, float64, N, int64)),
-    FunctionType(UniTuple(float64, 2)(int64, N, int64, N, N, int64, *(float64,) * 5, N)),
-    FunctionType(void(float64, N, N, int64)),
-    FunctionType(void(float64, N, int64, N, N, int64)),
-)
+COURSES, MAGNITUDES, DEFORM, PUSHED, JACOBIANS, INVERSE, INERTIA, ENERGY = range(8)
+"""Places of kernels: of a structure's own, then of a body's, which follow there for every kind of body."""
+STRUCTURE_KERNELS = {
+    "courses": FunctionType(void(float64, N, N, int64)),
+    "magnitudes": FunctionType(void(float64, N, int64, N, N, int64)),
+}
+BODY_KERNELS = {
+    "deform": FunctionType(void(N, int64, N, N, N, int64, N, int64)),
+    "push": FunctionType(void(N, int64, N, int64, *(float64,) * 5, N, int64)),
+    "jacobian": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
+    "inverse": FunctionType(void(N, int64, N, N, N, int64, *(float64,) * 6, N, int64)),
+    "inertia": FunctionType(void(N, int64, N, int64, float64, float64, N, int64)),
+    "energy": FunctionType(UniTuple(float64, 2)(N, int64, N, N, int64, *(float64,) * 5, N)),
+}
+"""What ``kernels(axial, transverse)`` of :mod:`kaneflex.generated.body` makes of a body with so many shapes."""
+_KERNELS = *STRUCTURE_KERNELS.values(), *BODY_KERNELS.values()
 
 
 @intrinsic(prefer_literal=True)
 def kernel(typing, kernels, which):
-    """One of a structure's kernels, to be called."""
+    """One of a structure's kernels, or of a body's (:func:`of_body`), to be called."""
 
     def read(context, builder, sig, args):
         found = _fixed_number(builder, builder.gep(args[0], [ir.Constant(ir.IntType(_BITS), which.literal_value)]))
@@ -239,7 +243,7 @@ def kernel(typing, kernels, which):
         builder.assume(builder.icmp_unsigned("!=", function.jit_addr, cgutils.voidptr_t(None)))
         return function._getvalue()
 
-    return KERNELS[which.literal_value](kernels, which), read
+    return _KERNELS[which.literal_value](kernels, which), read
 
 
 class Handed(types.Type):
@@ -279,7 +283,8 @@ MECHANISM, CONTACT_MECHANISM, HOLD_MECHANISM = (
     Handed(name, **_PARTS) for name in ("Mechanism", "Mechanism with contacts", "Mechanism with holds")
 )
 """All that compiled code knows of a mechanism. ``pivots``: the plan once more, to be written; ``kernels``: addresses of
-those of the structure, see :func:`kernel`; ``p``: its module's parameters; ``real``, ``pair``: room for factors."""
+those of the structure and of its kinds of bodies, see :func:`kernel`; ``p``: the parameters of the structure's module;
+``real``, ``pair``: room for factors."""
 
 
 def of_contacts(otherwise):
@@ -329,6 +334,12 @@ class Handle:
         self.arrays = arrays
         self._table = np.array([array.ctypes.data for array in arrays], np.int64)
         self.address = self._table.ctypes.data
+
+
+@njit(**OPTIONS)
+def of_body(m, b):
+    """The kernels of a body's kind."""
+    return shifted(m.kernels, m.bodies[b, KIND])
 
 
 @njit(**OPTIONS)

@@ -59,7 +59,7 @@ def build_tables(
     counts : mapping
         Body -> its numbers of axial and of transverse shapes.
     kinds : sequence
-        The pairs of counts that there are.
+        The pairs of counts that there are, in the order of their kernels.
     measure : float
         What counts as one in lengths [m].
     switches : int
@@ -187,9 +187,9 @@ def _build_bodies(
             joint_numbers, held = _tree_joint(joint, child), [_holding(mechanism, joint)] * len(units)
         place = numbers.put(block)
         bodies[k] = (
-            kinds.index(pair), place, len(coordinates), len(units), kind, len(coordinates) + len(units),
-            shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square, numbers.put(joint_numbers),
-            place + block.size - shapes**2,
+            kinds.index(pair) * len(at.BODY_KERNELS), place, len(coordinates), len(units), kind,
+            len(coordinates) + len(units), shapes, parent, index[inboard], course, own[0], own[-1] + 1, row, square,
+            numbers.put(joint_numbers), place + block.size - shapes**2,
         )  # fmt: skip
         hold += held + _shape_holding(block, axial, transverse)
         coordinates += _named(body, joint, units, axial, transverse)

@@ -15,10 +15,10 @@ from kaneflex.generated import joints as laws
 from kaneflex.multibody.acting import act, push, rest_rows
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BLOCK, BODIES, CONTACTS, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, CUT_ROWS, DEFORM,
-    DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, INVERSE, JOINT, JOINTS, KIND,
-    LAST, LOADS, LOCAL, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT, POINT, PRISMATIC, RATE, REVOLUTE, RIGID,
-    ROW, ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SPRINGS, TURN, WELD, WHAT, WORKS, Y, apart, kernel,
-    shifted, turned,
+    DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, INVERSE, JOINT, JOINTS, LAST,
+    LOADS, LOCAL, MODAL, NOW, NUMBERS, NUMBERS_AT, ON, OPTIONS, PARENT, POINT, PRISMATIC, RATE, REVOLUTE, RIGID, ROW,
+    ROW_AT, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SPEEDS, SPRINGS, TURN, WELD, WHAT, WORKS, Y, apart, kernel,
+    of_body, shifted, turned,
 )  # fmt: skip
 
 
@@ -53,8 +53,8 @@ def deform(m):
     for b in range(plan[BODIES]):
         if m.bodies[b, SHAPES]:
             for n in range(m.bodies[b, SECTIONS], m.bodies[b, LAST]):
-                kernel(m.kernels, DEFORM)(
-                    m.bodies[b, KIND], w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]),
+                kernel(of_body(m, b), DEFORM)(
+                    w, m.sections[n, POINT], shifted(w, plan[Y]), shifted(w, plan[RATE]),
                     shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w, plan[LOCAL] + SEC * n,
                 )  # fmt: skip
 
@@ -213,8 +213,8 @@ def resist(m, t):
         w[plan[FORCE] + k] = 0.0
     for b in range(plan[BODIES]):
         f = plan[FRAME] + FRAME_SIZE * b
-        kernel(m.kernels, INVERSE)(
-            m.bodies[b, KIND], w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]),
+        kernel(of_body(m, b), INVERSE)(
+            w, m.bodies[b, BLOCK], shifted(w, plan[Y]), shifted(w, plan[RATE]),
             shifted(w, plan[ACCEL]), m.bodies[b, MODAL], w[f + 3], w[f + 4], w[f + 7], w[f + 8] - w[plan[GRAVITY]],
             w[f + 9] - w[plan[GRAVITY] + 1], w[f + 10], w, plan[FORCE] + m.bodies[b, ROW],
         )  # fmt: skip

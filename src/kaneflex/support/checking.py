@@ -47,8 +47,7 @@ def checked(module: ModuleType | MechanismKernels) -> SimpleNamespace:
     SimpleNamespace
         The module's tables, and its kernels by their names. A kernel raises TypeError for what is no array of float64,
         and ValueError for a wrong shape, or a table in p that reaches beyond it; both name the argument. Of a module's
-        p, a longer one is right; of a mechanism's, only its own. Of a coupled module the kernels of bodies are as they
-        are: their numbers lie among those of all others.
+        p, a longer one is right; of a mechanism's, only its own.
 
     >>> from kaneflex.generated import engine
     >>> checked(engine).M(np.zeros(4), np.zeros((6, 6)))
@@ -77,7 +76,7 @@ def _shapes(module: ModuleType) -> dict[str, dict[str, Shape]]:
     if not hasattr(module, "PARAMETERS"):  # a module of elements
         return found
     numbers: dict[str, Shape] = {"p": (len(module.PARAMETERS),)}
-    if hasattr(module, "DRIVES"):  # whose kernels of bodies share long arrays by places in them
+    if hasattr(module, "DRIVES"):  # whose kernels share long arrays by places in them
         prescribed = sum(kind != "free" for kind in module.DRIVES.values())
         return found | {
             "courses": numbers | {"out": (3 * prescribed,)},

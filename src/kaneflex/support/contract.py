@@ -99,8 +99,8 @@ REQUIRED_ATTRIBUTES = (
 """Attributes of every structure's module; with elastic links also ``element_matrices`` and the kernels of the terms."""
 
 COUPLED_ATTRIBUTES = (
-    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "KINDS", "JOINTS", "DRIVES", "LOADS", "SPRINGS", "SCALARS",
-    "OPERATIONS", "deform", "push", "jacobian", "inverse", "inertia", "energy", "courses", "magnitudes",
+    "FORMAT", "STRUCTURE", "PARAMETERS", "TABLES", "BODIES", "JOINTS", "DRIVES", "LOADS", "SPRINGS", "SCALARS",
+    "OPERATIONS", "courses", "magnitudes",
 )  # fmt: skip
 """Attributes of every coupled module; with elastic links also ``element_matrices``."""
 
