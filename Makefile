@@ -4,7 +4,7 @@
 .PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice lint clean
 
 PYTHON ?= python3
-# EXTRAS=test,peer,cluster,zarr,bench installs what is optional, too; without it the tests of it skip and say so, and
+# EXTRAS=test,peer,cluster,zarr,vtk,bench installs what is optional, too; without it the tests of it skip and say so, and
 # the benchmarks name what is missing.
 EXTRAS ?= test
 BUILD := .build

@@ -36,8 +36,20 @@ def outputs(folder) -> dict[str, str]:
 def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
     pictures = {"press.png", "engine.svg", "explored.png"}
-    assert files == pictures | {"press.toml", "engine.npz", "engine.mat", "engine.tex", "modal"}
-    assert {command.split()[1] for command in outputs} == {"new", "show", "explore", "linearise", "equations", "modes"}
+    assert files == pictures | {"press.toml", "engine.npz", "engine.mat", "engine.tex", "modal", "moved"}
+    used = {"new", "show", "explore", "linearise", "equations", "modes", "run"}
+    assert {command.split()[1] for command in outputs} == used
+
+
+def test_the_motion_for_paraview_has_the_arrays_of_the_table(outputs, peer):
+    meshio = peer("meshio")
+    section = TEXT[TEXT.index("## A motion for ParaView") : TEXT.index("## A state space")]
+    files = sorted(Path("moved/vtk").glob("*.vtu"))
+    assert len(files) == 100 and files[0].name in section and Path("moved/vtk/motion.pvd").is_file()
+    found = meshio.read(files[50])
+    assert {*found.point_data, *found.cell_data} == set(re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE))
+    rod = next(block.data for block in found.cells if block.type == "line")
+    assert len(rod) == 1 + 32 and abs(found.point_data["displacement"]).max() > 1e-4
 
 
 def test_the_count_is_printed_as_the_page_shows_it(outputs):

@@ -84,7 +84,8 @@ def test_every_dependency_is_declared_and_every_declared_one_is_imported():
     used = {name.split(".")[0] for package in FOLDERS for path in modules(package) for name in imports(path)}
     used -= {*sys.stdlib_module_names, "kaneflex"}
     extras = PYPROJECT["project"]["optional-dependencies"]
-    entries = [*PYPROJECT["project"]["dependencies"], *extras["peer"], *extras["cluster"], *extras["zarr"]]
+    entries = [*PYPROJECT["project"]["dependencies"]]
+    entries += [entry for extra in ("peer", "cluster", "zarr", "vtk") for entry in extras[extra]]
     declared = {re.split(r"[^\w-]", entry)[0] for entry in entries}
     # matplotlib asks for pillow by itself, when it writes a GIF
     assert used == declared - {"pillow"}
@@ -99,7 +100,7 @@ def test_import_kaneflex_is_light(tmp_path):
 def test_a_run_pays_for_nothing_that_it_does_not_need(tmp_path):
     """A run of the engine, results written, leaves out what other scenes, commands and files need."""
     scipy = [f"scipy.{name}" for name in ("optimize", "special", "stats", "sparse.csgraph", "sparse.linalg")]
-    others = ("pandas", "dask", "distributed", "zarr", "exudyn")
+    others = ("pandas", "dask", "distributed", "zarr", "exudyn", "meshio")
     others += ("kaneflex.multibody.collocation", "kaneflex.plots", "kaneflex.study.plan", "kaneflex.study.records")
     code = f"""
 import sys

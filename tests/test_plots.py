@@ -274,9 +274,8 @@ def test_units_are_those_that_people_read(unit, largest, expected):
 
 
 def test_the_folder_holds_png_svg_and_a_small_gif(tmp_path, monkeypatch):
-    monkeypatch.setattr(animation, "_FRAMES", 6)
     monkeypatch.setitem(style._STYLE, "savefig.dpi", 50)
-    written = draw_all(solved("engine"), tmp_path / "pictures", progress=(shares := []).append)
+    written = draw_all(solved("engine"), tmp_path / "pictures", progress=(shares := []).append, frames=6)
     expected = {f"{name}.{kind}" for name in EXPECTED["engine"] for kind in ("png", "svg")} | {"animation.gif"}
     assert {path.name for path in written} == {path.name for path in (tmp_path / "pictures").iterdir()} == expected
     assert shares == sorted(shares) and shares[-1] == 1.0
@@ -311,12 +310,11 @@ def cut(solution: Solution, instants: int) -> Solution:
     return replace(solution, trajectory=replace(solution.trajectory, **parts, outcome=Outcome.UNSTABLE))
 
 
-def test_a_run_that_broke_off_is_drawn_up_to_there(tmp_path, monkeypatch):
-    monkeypatch.setattr(animation, "_FRAMES", 3)
+def test_a_run_that_broke_off_is_drawn_up_to_there(tmp_path):
     broken = cut(solved("engine-transient"), 200)
     assert len(view(broken).times) == 200
     assert set(dict(figures(broken))) == EXPECTED["engine-transient"]
-    with styled(), Image.open(animation.animate(broken, tmp_path / "a.gif")) as gif:
+    with styled(), Image.open(animation.animate(broken, tmp_path / "a.gif", 3)) as gif:
         assert gif.n_frames == 3
 
 

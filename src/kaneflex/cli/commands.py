@@ -173,6 +173,10 @@ def check(asked: SceneArguments) -> None:
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @folder_options("results")
+@click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; pip install "kaneflex[vtk]" brings it.')
+@click.option(
+    "--frames", type=click.IntRange(min=2), metavar="N", help="Instants of the animation and of --vtk. [default: 60]"
+)
 @gathered(asked=SceneArguments, target=Target)
 def run(
     asked: SceneArguments, target: Target, after: Path | None, parameters: tuple[str, ...], basis: str,
@@ -189,6 +193,10 @@ def run(
 
     refuse_with_tolerance(tolerance, {"--preset": asked.preset, "--integrator": asked.integrator, "--after": after})
     demand_tolerance(tolerance, {"--sensor": ", ".join(sensors), "--write-back": write_back})
+    if target.vtk:
+        from kaneflex.plots.vtk import demand_meshio
+
+        demand_meshio()
     file = file_to_write(asked.name, asked.changes) if write_back else None
     share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():

@@ -27,11 +27,14 @@ force_option = click.option("--force", is_flag=True, help="Replace an existing f
 
 @dataclass(frozen=True)
 class Target:
-    """The folder to make, if one is named, whether to draw, and whether to replace an earlier folder."""
+    """The folder to make, if one is named, whether to draw, also for ParaView, how many frames a motion then has (None:
+    as many as animations have), and whether to replace an earlier folder."""
 
     output: Path | None
     plots: bool = True
     force: bool = False
+    vtk: bool = False
+    frames: int | None = None
 
     def named(self, scene: Scene, ending: str) -> Target:
         """With a folder in any case: where the command line gives none, the scene's name with that ending."""

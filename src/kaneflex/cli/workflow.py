@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from kaneflex.study.trade.record import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
+VTK_FOLDER = "vtk"
 
 
 def run_into(
@@ -30,7 +31,7 @@ def run_into(
 ) -> Summary:  # fmt: skip
     """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
 
-    With parameters to differentiate by also ``sensitivities.nc``.
+    With parameters to differentiate by also ``sensitivities.nc``, for ParaView the folder ``vtk``.
 
     Parameters
     ----------
@@ -77,9 +78,9 @@ def run_into(
                 _write(solution, summary, partial)
                 if found is not None:
                     found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
-        if target.plots and summary.outcome == "completed":
+        if summary.outcome == "completed":
             with writing(folder):
-                _draw(solution, partial, waiting)
+                _show(solution, partial, target, waiting)
     return summary
 
 
@@ -151,9 +152,16 @@ def _write(solution: Solution, summary: Summary, folder: Path) -> None:
         solution.labelled.to_netcdf(folder / RESULTS_FILE)
 
 
-def _draw(solution: Solution, folder: Path, waiting: Waiting) -> None:
-    from kaneflex.plots import draw_all
+def _show(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> None:
+    """The pictures, and the motion for ParaView."""
+    if target.plots:
+        from kaneflex.plots import draw_all
 
-    stage = "drawing the pictures"
-    waiting.stage(stage)
-    draw_all(solution, folder, waiting.share_of(stage))
+        stage = "drawing the pictures"
+        waiting.stage(stage)
+        draw_all(solution, folder, waiting.share_of(stage), target.frames)
+    if target.vtk:
+        from kaneflex.plots.vtk import write_vtk
+
+        waiting.stage("writing the motion for ParaView")
+        write_vtk(solution, folder / VTK_FOLDER, target.frames)

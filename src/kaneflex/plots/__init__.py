@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 
-def draw_all(solution: Solution, folder: Path | str, progress: Progress | None = None) -> list[Path]:
+def draw_all(
+    solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None
+) -> list[Path]:
     """Write every picture that applies to the scene.
 
     Parameters
@@ -30,6 +32,8 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
         Made where it does not exist; pictures of the same names are replaced.
     progress : callable, optional
         Called with the finished share of the work, 0 to 1.
+    frames : int, optional
+        Instants of the animation; by default 60.
 
     Returns
     -------
@@ -43,6 +47,7 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
     """
     from kaneflex.plots import animation, spatial
     from kaneflex.plots.style import save, styled
+    from kaneflex.plots.view import FRAMES
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -56,7 +61,7 @@ def draw_all(solution: Solution, folder: Path | str, progress: Progress | None =
                 progress((done + 1) / (len(kinds) + 1))
         if _moves(solution):
             kind = spatial if solution.model.scene.is_spatial else animation
-            written.append(kind.animate(solution, folder / "animation.gif"))
+            written.append(kind.animate(solution, folder / "animation.gif", frames or FRAMES))
     if progress is not None:
         progress(1.0)
     return written

@@ -12,22 +12,22 @@ from matplotlib.animation import PillowWriter
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import new_figure, round_down
-from kaneflex.plots.view import View, angle_name, view
+from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
 
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
-FRAMES, PER_SECOND, DPI = 60, 12, 80
+PER_SECOND, DPI = 12, 80
 _DRAWN = 0.1
 """Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 
 
-def animate(solution: Solution, path: Path) -> Path:
-    """Write the animation over what :func:`kaneflex.plots.view.view` shows.
+def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
+    """Write the animation over what :func:`kaneflex.plots.view.view` shows, so many instants of it.
 
     The title states the factor by which the deformation is enlarged, 1, 2 or 5 times a power of ten.
     """
-    shown = frames_of(view(solution))
+    shown = frames_of(view(solution), frames)
     model, fixed = solution.model, scenery(solution.model)
     still = rigid_outline(model.scene, shown.rigid, fixed)
     factor = enlargement(shown)
@@ -51,13 +51,6 @@ def animate(solution: Solution, path: Path) -> Path:
             caption.set_text(_caption(shown, k))
             writer.grab_frame()
     return path
-
-
-def frames_of(shown: View) -> View:
-    """Instants at equal distances; the last one of a cycle is left out, as it is the first again."""
-    periodic = shown.solution.model.options.cycles
-    picked = np.linspace(0, len(shown.instants) - 1, FRAMES, endpoint=not periodic).round().astype(int)
-    return View(shown.solution, shown.instants[np.unique(picked)], shown.turns)
 
 
 def enlargement(shown: View) -> float:

@@ -17,7 +17,7 @@ from kaneflex.scene.quantities import Address
 
 _SWEEP = 180
 """Instants of the run from which the travel along guides and the frame of the picture are found."""
-_ALONG_LINK = 33
+ALONG_LINK = 33
 _BOX = (0.10, 0.07)
 """Half length and half width of a guided body, in sizes of the mechanism."""
 _STANDING = 0.2
@@ -80,7 +80,7 @@ def scenery(model: Model) -> Scenery:
 
 def rigid_scenery(scene: Scene, rigid: RigidMotion | Placement) -> Scenery:
     """Pivots, guides and extent of a scene over some rigid motion, or at one configuration."""
-    swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in _used_points(scene, name)]
+    swept = [_rigid_point(rigid, name, at) for name in ("ground", *scene.bodies) for at in used_points(scene, name)]
     swept = np.concatenate(swept)
     lower, upper = swept.min(axis=0), swept.max(axis=0)
     size = float(np.hypot(*(upper - lower))) or 1.0
@@ -151,8 +151,8 @@ class _Pose:
 
     def _axis(self, name: str) -> np.ndarray:
         """Points along a link in its own axes, displaced, (n_times, n_points, 2)."""
-        x = np.linspace(0.0, self.scene.bodies[name].length, _ALONG_LINK)
-        axis = np.zeros((len(self.rigid.times), _ALONG_LINK, 2))
+        x = np.linspace(0.0, self.scene.bodies[name].length, ALONG_LINK)
+        axis = np.zeros((len(self.rigid.times), ALONG_LINK, 2))
         axis[:, :, 0] = x
         if self.motion is not None:
             for k, at in enumerate(x):
@@ -167,8 +167,8 @@ class _Pose:
             moved = np.reshape(at, (2, 1)) + self.factor * self.motion.displacement(body, at)[0][:2]
             return BodyFrame(self.rigid, body).place(moved).T
         x, y = at
-        share = x / self.scene.bodies[body].length * (_ALONG_LINK - 1)
-        k = min(int(share), _ALONG_LINK - 2)
+        share = x / self.scene.bodies[body].length * (ALONG_LINK - 1)
+        k = min(int(share), ALONG_LINK - 2)
         axis = self.axes[body]
         local = axis[:, k] + (share - k) * (axis[:, k + 1] - axis[:, k]) + np.array([0.0, y])
         return _to_global(self.rigid, body, local[:, None])[:, 0]
@@ -177,7 +177,7 @@ class _Pose:
         """From the first used point of a rigid body to every other and back, then along the guides that it carries."""
         path = []
         if name not in self.axes:
-            hub, *rest = (self._point(name, at) for at in _used_points(self.scene, name))
+            hub, *rest = (self._point(name, at) for at in used_points(self.scene, name))
             path = [part for tip in rest for part in (hub, tip, hub)]
         for joint, (carrier, *_) in guides_of(self.scene).items():
             if carrier.body == name:
@@ -195,7 +195,7 @@ class _Pose:
         return centre[:, None] + corners[None, :, :1] * t[:, None] + corners[None, :, 1:] * n[:, None]
 
 
-def _used_points(scene: Scene, body: str) -> list[Place]:
+def used_points(scene: Scene, body: str) -> list[Place]:
     """Points of a body that joints use, and its ends, in its axes; each place once, the first joint's first."""
     sides = [joint.addresses for joint in scene.joints.values()] + [joint.sides for joint in scene.loose.values()]
     used = [scene.point(side) for pair in sides for side in pair if side.body == body]

@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.plots.animation import DPI, PER_SECOND, frames_of
+from kaneflex.plots.animation import DPI, PER_SECOND
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.style import PALETTE, as_file, legend_beside, new_figure, styled
-from kaneflex.plots.view import view
+from kaneflex.plots.view import FRAMES, frames_of, view
 from kaneflex.scene import Scene
+from kaneflex.scene.quantities import Vector
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -43,9 +44,9 @@ def scheme_picture(scene: Scene, motion: RigidMotion, kind: str) -> bytes:
         return as_file(_drawn(scene, motion, title, {}), kind)
 
 
-def animate(solution: Solution, path: Path) -> Path:
+def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
     """The moving mechanism, seen at an angle, as a small GIF."""
-    shown = frames_of(view(solution))
+    shown = frames_of(view(solution), frames)
     lines = _bodies(solution.model.scene, shown.rigid)
     figure = new_figure(5.0, 4.6, "Rigid mechanism")
     axes = figure.add_subplot(projection="3d")
@@ -114,15 +115,21 @@ def _frame(axes, points: list[np.ndarray]) -> None:
 def _bodies(scene: Scene, motion: RigidMotion) -> dict[str, np.ndarray]:
     """Of every body the line through its ends and the points at which joints hold it, (points, 3, times) [m]."""
     found = {}
-    for name, body in scene.bodies.items():
-        held = [scene.point(side) for joint in scene.joints.values() for side in joint.addresses if side.body == name]
-        ends = [scene.vector(body.points_all[end]) for end in ("start", "end") if end in body.points_all]
-        points = list(dict.fromkeys([*ends, *held]))
-        if len(points) == 1 and any(body.centre):
-            points.append(scene.vector(body.centre))
+    for name in scene.bodies:
         frame = motion.frame(name)
-        found[name] = np.array([frame.place(point) for point in points])
+        found[name] = np.array([frame.place(point) for point in outline_points(scene, name)])
     return found
+
+
+def outline_points(scene: Scene, name: str) -> list[Vector]:
+    """Points of a body in its axes that a line through it connects: its ends, where joints hold it, else its centre."""
+    body = scene.bodies[name]
+    held = [scene.point(side) for joint in scene.joints.values() for side in joint.addresses if side.body == name]
+    ends = [scene.vector(body.points_all[end]) for end in ("start", "end") if end in body.points_all]
+    points = list(dict.fromkeys([*ends, *held]))
+    if len(points) == 1 and any(body.centre):
+        points.append(scene.vector(body.centre))
+    return points
 
 
 def _axes(scene: Scene, motion: RigidMotion, reach: float) -> list[np.ndarray]:

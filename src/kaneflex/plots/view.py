@@ -17,6 +17,8 @@ from kaneflex.response.motion import Motion
 if TYPE_CHECKING:
     from kaneflex.solve.solution import Solution
 
+FRAMES = 60
+"""Instants of an animation."""
 _MOST_TURNS = 8
 """Longer runs are drawn by their last ``_TURNS_SHOWN`` turns."""
 _TURNS_SHOWN = 3
@@ -108,6 +110,13 @@ def view(solution: Solution) -> View:
     # more points than pixels would only make vector pictures large
     stride = max(1, -(-len(instants) // _MOST_POINTS))
     return View(solution, _with_impacts(solution, instants, instants[::stride]), shown)
+
+
+def frames_of(shown: View, count: int) -> View:
+    """As many instants at equal distances, or all; the last one of a cycle is left out, as it is the first again."""
+    periodic = shown.solution.model.options.cycles
+    picked = np.linspace(0, len(shown.instants) - 1, count, endpoint=not periodic).round().astype(int)
+    return View(shown.solution, shown.instants[np.unique(picked)], shown.turns)
 
 
 def _with_impacts(solution: Solution, instants: np.ndarray, thinned: np.ndarray) -> np.ndarray:
