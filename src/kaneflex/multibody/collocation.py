@@ -229,12 +229,12 @@ def _error(m, table, h, here, A):
 
 
 @njit(**OPTIONS)
-def _finish(m, table, t, end, here, A):
+def _finish(m, table, h, end, here, A):
     """Take the step: leave ``here`` at its end, works included; False at a singular state."""
     apart()
     plan, w = m.plan, m.w
-    n, r, h, of = plan[COORDINATES], plan[REACTIONS], end - t, plan[STAGE_A]
-    yielding.notice_jams(m, t, h * table.real[0], A)
+    n, r, of = plan[COORDINATES], plan[REACTIONS], plan[STAGE_A]
+    yielding.notice_jams(m, here[0], h * table.real[0], A)
     for i in range(3):
         for k in range(plan[WORKS]):
             here[works_at(m) + k] += h * table.b_1[i] * w[plan[STAGE_P] + plan[WORKS] * i + k]
@@ -311,7 +311,8 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if touching:
                 trial_or_aim = trial if trial > 0.0 else contact_search.aimed(m, h)
                 if trial_or_aim != h:
-                    h, end = trial_or_aim, t + trial_or_aim
+                    end = t + trial_or_aim
+            h = end - t  # of short steps not what was asked for, but for rounding
         _first_guess(m, table, h, length, here)
         counts[3] += 1
         solved = _factors(m, table, t, h, here, A, B)
@@ -339,7 +340,7 @@ def integrate(m, table, control, here, given, fixed, times, count, rows, counts,
             if found >= contact_search.AGAIN:
                 continue
         at_once = found == contact_search.AT_ONCE
-        solved = contact_search.back(m, here) if at_once else _finish(m, table, t, end, here, A)
+        solved = contact_search.back(m, here) if at_once else _finish(m, table, h, end, here, A)
         if not at_once:
             counts[0] += 1
             length, ends[taken] = h, end

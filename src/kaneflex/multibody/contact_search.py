@@ -227,9 +227,12 @@ def look(m, table, t, h, here, searched):
         if not _due(m, t, which, how, last):
             if high - h > finest:
                 return again(m, h, h + _ahead(m, table, h, which, how, last), high)
+            at_end = False
     elif not at_end and not (searched and h - w[shared + LOW] <= finest):
         w[shared + TARGET], w[shared + FOUND_AT] = which, how
         return again(m, w[shared + LOW] if searched else 0.0, first * h, h)
+    if not at_end and _is_short_of(m, t, which, how, last):
+        return PASSED  # longer steps passed zero on their way by less than they are exact
     w[at(m, which) + DUE] = how
     return CHANGED
 
@@ -328,6 +331,15 @@ def _due(m, t, c, how, last):
     if how == CLOSES or how == OPENS:
         return abs(w[j]) <= near(m, c, t, w[j + 1]) and (w[j + 1] < 0.0 if how == CLOSES else w[j + 1] > 0.0)
     return abs(w[j + 3]) <= no_force(m, c)
+
+
+@njit(**OPTIONS)
+def _is_short_of(m, t, c, how, last):
+    """Whether an open contact at the step's end is yet to close, or a hold to slip, stick or turn round."""
+    j = at(m, c) + NODES + 4 * last
+    if how == SHIFTS:
+        return m.w[j] > m.w[j + 2]
+    return how == CLOSES and m.w[j] > near(m, c, t, m.w[j + 1])
 
 
 @njit(**OPTIONS)
