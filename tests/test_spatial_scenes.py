@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from kaneflex import SceneError, load, read_scene, simulate
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top
+from kaneflex.report.presentation import description
 
 PENDULUM = """
 schema = 1
@@ -57,8 +58,11 @@ def scene_of(tmp_path, *changes):
          r"joints.hinge.axes.*not at right angles"),
         ("[sensors]", '[loads]\npush = {force_on = "bar.end", direction = [1, 0, 0], law = "abs(hinge)"}\n[sensors]',
          r"loads.push.law.*the slope of abs\(hinge\) jumps"),
-        ('{revolute', "{cylindrical",
-         r"sensors.angle.position = 'hinge': a cylindrical joint has no coordinate of its own to measure"),
+        ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
+         'universal = ["ground", "bar.start"], axes = [[0, 1, 0], [0, 0, 1]]',
+         r"sensors.angle.position = 'hinge': a universal joint has no coordinate of its own to measure"),
+        ('{position = "hinge", component = "angle"}', '{velocity = "hinge", component = "angle_y"}',
+         r"sensors.angle.component = 'angle_y'.*not that joint's coordinate"),
         ("[solve]", '[contacts]\nstop = {between = ["ground", "bar.end"], kind = "point-line"}\n[solve]', r"contacts"),
         ("[joints]", '[bodies.loose]\nmass = 1\n[joints]', r"bodies.loose: nothing holds it, nor says where it is"),
         ("[joints]", "[joints]\nother = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}",
@@ -83,6 +87,7 @@ PLANAR = (
         ("mass", "rotation = {axis = [0, 1], angle = 1}\nmass", r"bodies.bar.rotation.*turns by its joints alone"),
         ('"bar.start"]', '"bar.start"], axis = [0, 1]', r"joints.hinge.axis.*planar joints turn across the plane"),
         ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
+        ("free = true", "free = true, initial_speeds = [1, 2]", r"drives.hinge.initial_speeds: a planar joint has one"),
     ],
 )
 def test_what_only_a_scene_in_space_has_is_refused_in_the_plane(tmp_path, old, new, said):
@@ -150,10 +155,145 @@ def test_a_law_knows_speeds_that_depend_on_others(tmp_path):
 
 def test_a_coordinate_too_many_in_a_loop_is_named(tmp_path):
     path = tmp_path / "four_bar.toml"
-    asked = "".join(f'{name} = {{position = "{name}", component = "angle"}}\n' for name in ("knee", "wrist", "foot"))
-    path.write_text(FOUR_BAR.replace("[solve]", asked + "[solve]"))
+    asked = "".join(f'coil_{name} = {{torsional_at = "{name}", stiffness = 1}}\n' for name in ("knee", "wrist", "foot"))
+    path.write_text(FOUR_BAR.replace("[solve]", f"[springs]\n{asked}[solve]"))
     with pytest.raises(SceneError, match=r"joints\..*it closes a loop whose other joints' coordinates are asked for"):
         load(read_scene(path))
+
+
+RATES = {"position": "", "velocity": "_rate", "acceleration": "_accel"}
+
+
+def rates_of(names, component="angle"):
+    """Sensors of joints' coordinates and of their rates."""
+    return "".join(f'{name}{tail} = {{{kind} = "{name}", component = "{component}"}}\n'
+                   for name in names for kind, tail in RATES.items())  # fmt: skip
+
+
+@pytest.mark.parametrize("last", ["knee", "wrist", "foot"])
+def test_all_joints_of_a_loop_are_read(tmp_path, last):
+    """Whichever closes it: angles around the loop add up, turns and all, and rates are those of what is read."""
+    path = tmp_path / "four_bar.toml"
+    text = FOUR_BAR.replace("5 rad/s", "15 rad/s").replace('"0.4 s"', '"2 s"')
+    line = next(line for line in text.splitlines() if line.startswith(last))
+    text = text.replace(line + "\n", "").replace("[drives]", f"{line}\n[drives]")
+    path.write_text(text.replace("[solve]", rates_of(("knee", "wrist", "foot")) + "[solve]"))
+    solution = simulate(load(read_scene(path)))
+    assert list(solution.model.module.system.layout.cuts) == [last]
+    found = {name: solution[name].values for name in solution.series}
+    assert found["turn"][-1] > 30.0 and found["knee"][-1] < -30.0
+    assert found["turn"] + found["knee"] + found["wrist"] == pytest.approx(found["foot"], abs=1e-9)
+    h = solution.model.step
+    for name in ("knee", "wrist", "foot"):
+        for tail, after in (("", "_rate"), ("_rate", "_accel")):
+            rate = np.gradient(found[name + tail], h)[1:-1]
+            assert rate == pytest.approx(found[name + after][1:-1], abs=3e-3 * abs(found[name + after]).max())
+    alone = solution.model.motion.at(solution.times[-1])
+    assert alone[f"{last}.angle"][0] == pytest.approx(found[last][-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "cylindrical"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_joint_that_closes_a_loop_is_read_as_the_one_beside_it(tmp_path, kind, turned):
+    """The same joint twice: one in the tree, one a cut."""
+    sides = '["carrier.away", "block.corner"]' if not turned else '["block.corner", "carrier.away"]'
+    axis = "direction" if kind == "prismatic" else "axis"
+    drive = {"revolute": 'law = "12 * (t - sin(2 * pi * t) / (2 * pi))"', "prismatic": 'law = "0.1 * sin(5 * t)"',
+             "cylindrical": 'free = true, initial_speeds = ["0.3 m/s", "20 rad/s"]'}[kind]  # fmt: skip
+    joint = f"{{{kind} = {sides}, {axis} = [1, 2, 2]}}"
+    components = {"revolute": ["angle"], "prismatic": ["x"], "cylindrical": ["x", "angle"]}[kind]
+    sensors = "".join(rates_of(("first", "second"), c).replace(" = {", f"_{c} = {{") for c in components)
+    path = tmp_path / "twice.toml"
+    path.write_text(f"""
+schema = 1
+gravity = [0, 0, -9.81]
+[bodies.carrier]
+mass = 1
+inertia = [1, 1, 1]
+points = {{away = [0.3, -0.2, 0.1]}}
+rotation = {{axis = [1, 0, 1], angle = 1}}
+[bodies.block]
+mass = 1
+inertia = [1, 1.2, 0.9]
+rotation = {{axis = [1, 1, 0.5], angle = 0.7}}
+points = {{corner = [0.1, 0.2, 0.3]}}
+[joints]
+base = {{revolute = ["ground", "carrier.start"], axis = [0, 1, 0]}}
+first = {joint}
+second = {joint}
+[drives]
+base = {{law = "sin(3 * t)"}}
+first = {{{drive}}}
+[sensors]
+{sensors}
+[solve]
+duration = 1
+""")
+    solution = simulate(load(read_scene(path)))
+    assert list(solution.model.module.system.layout.cuts) == ["second"]
+    for name in (name for name in solution.series if name.startswith("first")):
+        wanted = solution[name].values
+        assert solution["second" + name[5:]].values == pytest.approx(wanted, abs=1e-8 * abs(wanted).max())
+    t = solution.times
+    if kind == "revolute":
+        assert solution["second_angle"].values == pytest.approx(12 * (t - np.sin(2 * np.pi * t) / (2 * np.pi)))
+        # at rest at both ends, and almost two turns further
+        assert load(solution.model.scene).motion.at(1.0)["second.angle"][0] == pytest.approx(12.0)
+    elif kind == "prismatic":
+        assert solution["second_accel_x"].values == pytest.approx(-2.5 * np.sin(5 * t), abs=1e-10)
+    else:
+        assert solution["second_angle"].values[-1] > 10.0 and solution["second_rate_x"].values[0] == pytest.approx(0.3)
+
+
+TURNED = (
+    ("mass = \"1 kg\"", 'mass = "1 kg"\nrotation = {axis = [1, 2, 2], angle = 0.8}'),
+    ('angle = {position = "hinge", component = "angle"}', 'tip = {position = "bar.end", component = "z"}'),
+)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_universal_joint_starts_with_two_speeds(tmp_path, turned):
+    """Its first axis is fixed in the first body and its second in the second one: at zero both stand as given."""
+    axes = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    sides = '"bar.start", "ground"' if turned else '"ground", "bar.start"'
+    scene = scene_of(
+        tmp_path, *TURNED, ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',
+                            f"universal = [{sides}], axes = {axes.tolist()}"),
+        ("free = true", 'free = true, initial_speeds = ["2 rad/s", "-30 rpm"]'),
+    )  # fmt: skip
+    model = load(scene)
+    assert "free, at 2 rad/s, -3.14159 rad/s" in description(model)
+    found = [model.motion.at(0.0)[f"bar.omega_{axis}"][0] for axis in "xyz"]
+    stands = scene.bodies["bar"].rotation.matrix
+    turning = 2.0 * axes[0] - math.pi * axes[1]
+    assert found == pytest.approx(-stands @ turning if turned else turning, abs=1e-12)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_spherical_joint_starts_with_the_angular_velocity_of_its_second_body(tmp_path, turned):
+    omega = np.array([1.0, -2.0, 3.0])
+    sides = '"bar.start", "ground"' if turned else '"ground", "bar.start"'
+    scene = scene_of(
+        tmp_path, *TURNED, ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]', f"spherical = [{sides}]"),
+        ("free = true", f"free = true, angular_velocity = {omega.tolist()}"),
+    )  # fmt: skip
+    found = [load(scene).motion.at(0.0)[f"bar.omega_{axis}"][0] for axis in "xyz"]
+    assert found == pytest.approx(-omega if turned else scene.bodies["bar"].rotation.matrix @ omega, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("joint", "given", "said"),
+    [
+        ("cylindrical", 'initial_speeds = ["2 rad/s", "1 rad/s"]', r"initial_speeds.0.*slides along its axis first"),
+        ("cylindrical", "initial_speed = 1", r"drives.hinge.initial_speed: this is a cylindrical joint. Give initial"),
+        ("revolute", "initial_speeds = [1, 2]", r"drives.hinge.initial_speeds: this is a revolute joint. Give initial"),
+        ("revolute", "angular_velocity = [1, 2, 3]", r"drives.hinge.angular_velocity: this is a revolute joint"),
+        ("cylindrical", "initial_speeds = [1, 2, 3]", r"drives.hinge.initial_speeds.*not two speeds"),
+    ],
+)
+def test_speeds_that_a_joint_does_not_have_are_named(tmp_path, joint, given, said):
+    with pytest.raises(SceneError, match=said):
+        load(scene_of(tmp_path, ("{revolute", f"{{{joint}"), ("free = true", f"free = true, {given}")))
 
 
 def test_a_start_where_the_loops_do_not_close_is_named(tmp_path):

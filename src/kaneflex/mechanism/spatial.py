@@ -118,7 +118,7 @@ class SpatialSpring:
 class SpatialMechanism:
     """Bodies, joints, loads and springs; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
 
-    ``asked``: joints whose coordinate a drive, a law, a spring or a sensor knows.
+    ``asked``: joints whose coordinate a drive, a law or a spring knows; ``read``: those of sensors.
     """
 
     bodies: Mapping[str, SpatialBody]
@@ -127,12 +127,18 @@ class SpatialMechanism:
     springs: Mapping[str, SpatialSpring]
     floating: tuple[str, ...]
     asked: frozenset[str]
+    read: frozenset[str]
     gravity: np.ndarray
     size: float
 
     def stands(self, body: str) -> np.ndarray:
         """Axes of a body where all joint coordinates are zero, (3, 3)."""
         return np.eye(3) if body == GROUND else self.bodies[body].rotation
+
+    def relative(self, joint: SpatialJoint) -> np.ndarray:
+        """Axes of a joint's second body in those of its first, where all joint coordinates are zero, (3, 3)."""
+        first, second = (self.stands(side.body) for side in joint.sides)
+        return first.T @ second
 
 
 def spatial_mechanism_of(scene: Scene) -> SpatialMechanism:
@@ -166,11 +172,12 @@ def _made(scene: Scene) -> SpatialMechanism:
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
     asked = {*scene.drives, *scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
-    asked |= {sensor.position.body for sensor in scene.sensors.values() if sensor.position is not None}
+    read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
     return SpatialMechanism(
-        bodies, joints, loads, springs, tuple(scene.floating), frozenset(asked & set(joints)), gravity, float(size)
-    )
+        bodies, joints, loads, springs, tuple(scene.floating), frozenset(asked & set(joints)),
+        frozenset(read & set(joints)), gravity, float(size),
+    )  # fmt: skip
 
 
 def _body(scene: Scene, name: str) -> SpatialBody:

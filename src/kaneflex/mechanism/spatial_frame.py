@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from kaneflex.mechanism.body_frame import Scalars
+from kaneflex.mechanism.body_frame import Rates, Scalars
 from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import SpatialJoint, across
 
 AXES = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
 """Entries of a body's axes: ``rod.axes_xy`` is the global x of its y axis."""
@@ -77,8 +78,36 @@ class SpatialFrame:
         return self._vector("a_x", "a_y", "a_z") + carried + relative
 
 
+def turn_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame, relative: np.ndarray) -> Rates:
+    """How far a joint with an axis has turned, from -pi to pi, with two rates [rad, rad/s, rad/s^2], (n_times,) each.
+
+    ``relative``: axes of the second body in those of the first where the joint stands at zero, (3, 3).
+    """
+    axis = first.to_global(joint.axes[0])
+    y, z = across(joint.axes[0])
+    turned = second.to_global(relative.T @ y)
+    angle = np.arctan2(_dot(turned, first.to_global(z)), _dot(turned, first.to_global(y)))
+    # both bodies carry the axis: what it turns by is across it, and so is its share in the rate of the angle's
+    return angle, _dot(axis, second.omega - first.omega), _dot(axis, second.epsilon - first.epsilon)
+
+
+def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> Rates:
+    """How far a joint with an axis has slid, with two rates [m, m/s, m/s^2], (n_times,) each."""
+    on_first, on_second = (side.at for side in joint.sides)
+    axis, omega, epsilon = first.to_global(joint.axes[0]), first.omega, first.epsilon
+    apart = second.place(on_second) - first.place(on_first)
+    moves = second.velocity(on_second) - first.velocity(on_first) - _cross(omega, apart)
+    speeds_up = second.acceleration(on_second) - first.acceleration(on_first) - _cross(epsilon, apart)
+    speeds_up -= _cross(omega, _cross(omega, apart)) + 2.0 * _cross(omega, moves)
+    return _dot(axis, apart), _dot(axis, moves), _dot(axis, speeds_up)
+
+
 def _columns(vector, count: int) -> np.ndarray:
     return np.broadcast_to(np.asarray(vector, dtype=float).reshape(3, -1), (3, count))
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(axis=0)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
-from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame
+from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.spatial_reactions import COMPONENTS, joint_wrenches
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import COORDINATE
+from kaneflex.multibody.spatial_turns import Count
 from kaneflex.support.errors import SceneError
 
 _XYZ = "xyz"
@@ -27,6 +28,8 @@ _BODY = (
 )
 _JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} on {{body}}, global")
                for name in COMPONENTS)  # fmt: skip
+_STEPS = 500
+"""Steps of a run, at least, in which turns are counted: also what stands still at both ends may have turned between."""
 _FAR = 0.05
 """Largest step of a prescribed drive [rad or sizes of the mechanism] from place to place where loops are followed."""
 _GROWTH = 30.0
@@ -88,17 +91,23 @@ class SpatialModule:
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """Joints of the tree whose coordinate is tabulated: those that have one, and what is driven or free.
+        """Joints whose coordinate is tabulated: those of the tree that have one, what is driven or free, what is read.
 
         Of several freedoms it is the first, of a cylindrical joint its turn; of a ball the angle of its rotation, from
         0 to pi.
         """
-        joints, tree = self.system.mechanism.joints, self.system.layout.tree
+        mechanism, tree = self.system.mechanism, self.system.layout.tree
+        known = {*self.system.scene.drives, *mechanism.read}
         return tuple(
             name
-            for name in tree
-            if joints[name].freedoms == 1 or (name in self.system.scene.drives and joints[name].freedoms)
+            for name, joint in mechanism.joints.items()
+            if (joint.freedoms == 1 and name in tree) or (name in known and joint.freedoms)
         )
+
+    @cached_property
+    def closing(self) -> tuple[str, ...]:
+        """Those that close loops: what they stand at follows from their bodies."""
+        return tuple(name for name in self.coordinates if name in self.system.layout.cuts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +124,8 @@ class SpatialKinematics(RigidKinematics):
         out = np.zeros((len(times), len(self.column)))
         for k in np.argsort(times, kind="stable"):
             out[k] = self._row(self.curve(float(times[k])))
+        for name in self.module.closing:
+            out[:, self.column[f"{name}.angle"]] = self._closing(name, SpatialMotion(self, times, out))
         lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
         out[:, lost] = np.nan
         return out
@@ -136,7 +147,42 @@ class SpatialKinematics(RigidKinematics):
         strain = k.springs[:, 5].sum() + k.twists[:, 2].sum()
         return np.concatenate([*parts, [kinetic, strain, heavy]])
 
+    def _closing(self, name: str, motion: SpatialMotion) -> np.ndarray:
+        """Coordinate of a joint that closes a loop, turns counted from the start on."""
+        coordinate, rate = self._stands(name, motion)
+        if name in self._counts:
+            for k in np.argsort(motion.times, kind="stable"):
+                coordinate[k] = self._counts[name](float(motion.times[k]), float(coordinate[k]), float(rate[k]))
+        return coordinate
+
+    @cached_property
+    def _counts(self) -> dict[str, Count]:
+        """Of joints that close loops, those that turn."""
+        module = self.module
+        joints, longest = module.system.mechanism.joints, module.system.scene.horizon / _STEPS
+
+        def stands(name: str) -> Callable[[float], tuple[float, float]]:
+            def at(t: float) -> tuple[float, float]:
+                row = self._row(self.curve(t))[None]
+                coordinate, rate = self._stands(name, SpatialMotion(self, np.array([t]), row))
+                return float(coordinate[0]), float(rate[0])
+
+            return at
+
+        return {name: Count(stands(name), longest) for name in module.closing if joints[name].kind != "prismatic"}
+
+    def _stands(self, name: str, motion: SpatialMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinate of a joint as its bodies stand, an angle from -pi to pi, and its rate."""
+        mechanism = self.module.system.mechanism
+        joint = mechanism.joints[name]
+        first, second = (motion.frame(side.body) for side in joint.sides)
+        if joint.kind == "prismatic":
+            return slide_of(joint, first, second)[:2]
+        return turn_of(joint, first, second, mechanism.relative(joint))[:2]
+
     def _coordinate(self, joint: str, q: np.ndarray) -> float:
+        if joint in self.module.closing:
+            return 0.0  # known when the bodies' rows are
         first = int(self.module.system.columns([joint], COORDINATE)[0])
         if self.module.system.mechanism.joints[joint].kind != "spherical":
             return float(q[first])

@@ -8,6 +8,7 @@ from kaneflex.mechanism.springs import points_meet
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.multibody.spatial_tables import COORDINATE
+from kaneflex.scene.spatial_check import START_SPEEDS
 from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9
@@ -57,7 +58,7 @@ def _key(system: SpatialSystem, owner: str) -> str:
 def _check_drives(system: SpatialSystem, choice: Choice) -> None:
     """Prescribed drives must be left free by the loops."""
     J = system.work.J * system.measure / system.row_measure[:, None]
-    if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1e-300)) > len(choice.rows):
+    if system.driven and np.linalg.matrix_rank(J, _RANK * abs(J).max(initial=1.0)) > len(choice.rows):
         raise SceneError(
             f"drives.{system.driven[-1]}", None, "the loops and the other drives say already how this joint moves",
             "Leave one drive out, or let it be free = true",
@@ -146,8 +147,10 @@ def _check_speeds(system: SpatialSystem, state: State) -> None:
     for k, wanted in system.given_speeds().items():
         if abs(state.u[k] - wanted) > 1e-9 * (abs(state.u).max() + abs(wanted)):
             owner = system.layout.speeds[k].rpartition(".")[0]
+            joint = system.mechanism.joints.get(owner)
+            field = START_SPEEDS.get(joint.kind, "initial_speed") if joint else "velocity"
             raise SceneError(
-                f"{_key(system, owner)}.initial_speed", wanted,
+                f"{_key(system, owner)}.{field}", wanted,
                 f"with the other speeds it is {state.u[k]:.9g}: the loops tie them to each other",
                 "Give initial speeds to as many joints as the mechanism has freedoms",
             )  # fmt: skip

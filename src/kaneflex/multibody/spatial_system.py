@@ -9,7 +9,8 @@ from types import ModuleType
 
 import numpy as np
 
-from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
 from kaneflex.multibody.binding import bind_parameters
 from kaneflex.multibody.spatial_dynamics import (
     ACCELERATE,
@@ -40,10 +41,9 @@ from kaneflex.multibody.spatial_tables import (
     build_tables,
 )  # fmt: skip
 from kaneflex.scene import Scene
-from kaneflex.support.errors import SceneError
 
 _RANK = 1e-9
-"""Pivot of a row or speed, as a share of the largest, below which it follows from the others."""
+"""Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
 _CLOSED = 1e-7
 """How far off rows may be that follow from others, in rad or sizes of the mechanism."""
 
@@ -291,18 +291,35 @@ class SpatialSystem:
         return q
 
     def given_speeds(self) -> dict[int, float]:
-        """Speeds that the scene gives of what is free, by their numbers."""
+        """Speeds that the scene gives of what is free, by their numbers, where ``work`` stands."""
         found: dict[int, float] = {}
+        number = {name: k for k, name in enumerate(self.layout.speeds)}
         for name, drive in self.scene.drives.items():
-            if drive.kind == "free":
-                own = self.speeds_of(name)
-                values = (drive.initial_speed,) if len(own) == 1 else drive.angular_velocity
-                found |= dict(zip(own, values or (), strict=False))
+            if drive.kind != "free":
+                continue
+            joint = self.mechanism.joints[name]
+            if drive.angular_velocity is not None:
+                found |= dict(zip(self.speeds_of(name), self._as_ball(joint, drive.angular_velocity), strict=True))
+            elif joint.kind != "spherical":
+                values = (drive.initial_speed,) if joint.freedoms == 1 else drive.initial_speeds or ()
+                given = zip(joint.moves, values, strict=False)
+                found |= {number[f"{name}.{move}"]: value for (move, _), value in given}
         for body in self.mechanism.floating:
             free, R = self.scene.floating[body], self.mechanism.bodies[body].rotation
             turn = R.T @ np.zeros(3) if free.angular_velocity is None else R.T @ np.asarray(free.angular_velocity)
             found |= dict(zip(self.speeds_of(body), [*self.scene.vector(free.velocity), *turn], strict=True))
         return found
+
+    def _as_ball(self, joint: SpatialJoint, omega: Sequence[float]) -> np.ndarray:
+        """Speeds of a spherical joint from its second body's angular velocity against its first, in the second's axes.
+
+        Where the tree goes from the second body to the first it is the opposite, in the first's.
+        """
+        if self.layout.tree[joint.name][1] > 0:
+            return np.asarray(omega)
+        first, second = (self.work.R[self.layout.node_of[side.body]] if side.body != GROUND else np.eye(3)
+                         for side in joint.sides)  # fmt: skip
+        return -first.T @ second @ np.asarray(omega)
 
     def named(self) -> list[int]:
         """Speeds of what the scene leaves to the forces by name."""
@@ -340,17 +357,11 @@ class SpatialSystem:
 
 def _rank(r: np.ndarray) -> int:
     pivots = abs(np.diag(r))
-    return int((pivots > _RANK * pivots.max(initial=0.0)).sum())
+    return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none
 
 
 def build_spatial_system(scene: Scene, module: ModuleType) -> SpatialSystem:
     """Bind a scene to its module."""
     mechanism = spatial_mechanism_of(scene)
     tables, layout = build_tables(mechanism)
-    for name in sorted(mechanism.asked):
-        if name in layout.cuts:
-            raise SceneError(
-                f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",
-                "Ask for one coordinate less in this loop: drives, laws, springs and sensors of joints",
-            )  # fmt: skip
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout)

@@ -149,7 +149,7 @@ def build_tables(mechanism: SpatialMechanism) -> tuple[Tables, Layout]:
     Raises
     ------
     SceneError
-        If a body hangs on nothing, or its place at first is said twice.
+        If a body hangs on nothing, its place at first is said twice, or too many coordinates of a loop are asked for.
     """
     maker, tree, closing, cuts = _Maker(mechanism), {}, {}, []
     for name, child in spanning_tree(mechanism):
@@ -160,6 +160,11 @@ def build_tables(mechanism: SpatialMechanism) -> tuple[Tables, Layout]:
     rows = 0
     for name, joint in mechanism.joints.items():
         if name not in tree:
+            if name in mechanism.asked:
+                raise SceneError(
+                    f"joints.{name}", None, "it closes a loop whose other joints' coordinates are asked for, too",
+                    "Ask for one coordinate less in this loop: drives, laws and springs of joints",
+                )  # fmt: skip
             found = _cut(maker, joint, rows)
             cuts += found
             closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
@@ -172,11 +177,13 @@ def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
     """What hangs on what, from the ground outwards: joints with the side that is the outer one, and bodies that move
     freely, with -1.
 
-    Joints whose coordinate something asks for come first, then those of few freedoms: a cut then has few rows.
+    Joints whose coordinate a drive, a law or a spring knows come first, then those that sensors read, then those of few
+    freedoms: a cut then has few rows.
     """
     group = {name: name for name in (GROUND, *mechanism.bodies)}
     chosen = []
-    order = {name: (name not in mechanism.asked, joint.freedoms) for name, joint in mechanism.joints.items()}
+    order = {name: (name not in mechanism.asked, name not in mechanism.read, joint.freedoms)
+             for name, joint in mechanism.joints.items()}  # fmt: skip
     for name in sorted(order, key=order.__getitem__):
         first, second = (group[side.body] for side in mechanism.joints[name].sides)
         if first != second:

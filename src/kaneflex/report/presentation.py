@@ -253,6 +253,10 @@ def _drive(scene: Scene, name: str) -> str:
     if drive.kind in ("law", "table"):
         return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
     if drive.kind == "free" and scene.is_spatial and scene.joints[name].kind in SEVERAL_FREEDOMS:
+        if drive.initial_speeds is not None:
+            first, second = drive.initial_speeds
+            unit = "m/s" if scene.joints[name].kind == "cylindrical" else "rad/s"
+            return f"free, at {first:.6g} {unit}, {second:.6g} rad/s"
         turning = " ".join(f"{omega:.6g}" for omega in drive.angular_velocity or ())
         return f"free, at {turning} rad/s in its axes" if turning else "free"
     if drive.kind == "free":

@@ -29,9 +29,10 @@ def measure(motion: Motion) -> dict[str, Series]:
     reader = _reader(motion)
     measured = {}
     for name, sensor in motion.model.scene.sensors.items():
-        measured[name] = Series(reader.read(sensor), sensor.unit, sensor.meaning)
+        meaning = reader.meaning(sensor)
+        measured[name] = Series(reader.read(sensor), sensor.unit, meaning)
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces:
-            meaning = f"{sensor.meaning}, of the rigid mechanism"
+            meaning = f"{meaning}, of the rigid mechanism"
             measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
     return measured
 
@@ -67,6 +68,10 @@ class Reader:
         if self.steps == 0:  # a run that stopped before its first instant
             return np.zeros(0)
         return getattr(self, f"_{sensor.kind}")(sensor)
+
+    def meaning(self, sensor: Sensor) -> str:
+        """One line for people."""
+        return sensor.meaning
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""

@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.response.sensors import Reader, address_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
@@ -34,20 +36,36 @@ class SpatialReader(Reader):
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = address_of(sensor)
         if address.body in self.scene.joints:
-            return self._joint_coordinate(address.body)
+            return self._joint(sensor)[0]
         return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
 
-    def _joint_coordinate(self, name: str) -> np.ndarray:
-        """Angle of a joint, counted on from turn to turn [rad], or its slide along the guide [m]."""
-        return self.rigid[f"{name}.angle"]
+    def meaning(self, sensor: Sensor) -> str:
+        """A joint's coordinate has no axes that it is read in."""
+        if isinstance(sensor.target, Address) and sensor.target.body in self.scene.joints:
+            return f"{sensor.kind} of joint {sensor.target.body}, {'turn' if sensor.component == 'angle' else 'slide'}"
+        return sensor.meaning
+
+    def _joint(self, sensor: Sensor) -> Rates:
+        """Angle of a joint, counted on from turn to turn [rad], or its slide [m], with its rates."""
+        name, mechanism = address_of(sensor).body, spatial_mechanism_of(self.scene)
+        joint = mechanism.joints[name]
+        first, second = (SpatialFrame(self.rigid, side.body) for side in joint.sides)
+        if sensor.component != "angle":
+            return slide_of(joint, first, second)
+        _, rate, accel = turn_of(joint, first, second, mechanism.relative(joint))
+        return self.rigid[f"{name}.angle"], rate, accel
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
+        if address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[1]
         frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
         velocity = frame.velocity(*self._point(address_of(sensor))[:2])
         return self._component(sensor, velocity, frame.omega + frame.to_global(moved[1][3:]))
 
     def _acceleration(self, sensor: Sensor) -> np.ndarray:
-        """That of the displaced point; an accelerometer reads a - g."""
+        """That of the displaced point, of which an accelerometer reads a - g; or of a joint's coordinate."""
+        if address_of(sensor).body in self.scene.joints:
+            return self._joint(sensor)[2]
         frame, moved = self.rigid.frame(address_of(sensor).body), self._elastic(address_of(sensor))
         acceleration = frame.acceleration(*self._point(address_of(sensor)))
         if sensor.reading == "accelerometer":

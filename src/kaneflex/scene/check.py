@@ -23,7 +23,7 @@ from kaneflex.scene.sensors import (
     SPRING_KINDS,
     Sensor,
 )  # fmt: skip
-from kaneflex.scene.spatial_check import dimension_problems
+from kaneflex.scene.spatial_check import dimension_problems, joint_read
 from kaneflex.support.errors import LONGEST_NAME, Problem, nearest
 
 
@@ -177,12 +177,12 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     assert isinstance(address, Address)
     if sensor.kind == "position" and address.body in scene.loose and address.point == "start":
         return
-    if sensor.kind == "position" and address.body in scene.joints and address.point == "start":
-        component = "x" if scene.joints[address.body].kind == "prismatic" else "angle"
-        if sensor.component != component:
-            yield Problem(
-                f"{key}.component", sensor.component, "not that joint's coordinate", f"Give {component!r}"
-            )
+    if (joint := joint_read(scene, sensor)) is not None:
+        kind = scene.joints[joint].kind
+        components = ["x", "angle"] if kind == "cylindrical" else ["x"] if kind == "prismatic" else ["angle"]
+        if sensor.component not in components:
+            cure = f"Give {' or '.join(map(repr, components))}"
+            yield Problem(f"{key}.component", sensor.component, "not that joint's coordinate", cure)
         return
     yield from address_problems(scene, f"{key}.{sensor.kind}", address, ground=False)
     body = scene.bodies.get(address.body)

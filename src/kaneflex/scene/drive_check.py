@@ -9,6 +9,9 @@ from kaneflex.scene.scene import Scene, given_value
 from kaneflex.support.errors import Fault, Problem, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
+_SPEEDS = {"cylindrical": ("slides along its axis", SPEED), "universal": ("turns about two axes", ANGULAR_SPEED)}
+"""First speed of joints that have two, of which the second is of turning."""
+
 
 def drive_problems(scene: Scene) -> Iterator[Problem]:
     """What is wrong with the drives: their joints, and quantities that are not those of their joints."""
@@ -52,6 +55,13 @@ def _drive_quantities(scene: Scene, name: str) -> Iterator[Problem]:
         yield Problem(f"drives.{name}.unit", drive.unit, kind, cure)
     for field in ("speed", "initial_speed"):
         yield from _of_the_joint(scene, ("drives", name, field), kind, SPEED if slides else ANGULAR_SPEED)
+    joint = scene.joints[name].kind
+    if drive.initial_speeds is not None and joint in _SPEEDS:
+        moves, dimension = _SPEEDS[joint]
+        kind = f"a {joint} joint {moves} first"
+        yield from _of_the_joint(scene, ("drives", name, "initial_speeds", "0"), kind, dimension)
+        kind = f"a {joint} joint turns by its second speed"
+        yield from _of_the_joint(scene, ("drives", name, "initial_speeds", "1"), kind, ANGULAR_SPEED)
     if name == next(iter(scene.drives)):
         yield from _of_the_joint(scene, ("solve", "mode_angle"), kind, LENGTH if slides else ANGLE)
 

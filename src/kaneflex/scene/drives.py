@@ -11,6 +11,7 @@ from kaneflex.scene.quantities import (
     Angle,
     AngularVelocity,
     DriveSpeed,
+    DriveSpeeds,
     Length,
     NonNegativeRatio,
     PositiveAngle,
@@ -24,6 +25,7 @@ from kaneflex.support.units import ANGLE, LENGTH, Dimension, unit_factor
 _KINDS = ("speed", "law", "table", "free")
 _BELONGS_TO = {
     "initial_speed": "free",
+    "initial_speeds": "free",
     "angular_velocity": "free",
     "spin_up": "speed",
     "cycle": "speed",
@@ -45,7 +47,8 @@ class Drive(SceneTable):
     rotation at the driven joint: held by the drive, or free. A guide's drive prescribes its coordinate in m: `position`
     (m) stands in the place of `angle`, speeds are in m/s, a table's `unit` is one of length, and there is no `cycle`.
     In space a joint with several freedoms may be `free`, too: a spherical one from an `angular_velocity` (rad/s) of its
-    second body against the first, in the second's axes.
+    second body against the first, in the second's axes; a cylindrical one from `initial_speeds` along (m/s) and about
+    its axis (rad/s), a universal one from those about its two.
     """
 
     speed: DriveSpeed | None = None
@@ -53,6 +56,7 @@ class Drive(SceneTable):
     table: str | None = None
     free: Literal[True] | None = None
     initial_speed: DriveSpeed = 0.0
+    initial_speeds: DriveSpeeds | None = None
     angular_velocity: AngularVelocity | None = None
     angle: Angle = 0.0
     position: Length | None = None

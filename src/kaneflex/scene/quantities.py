@@ -79,17 +79,22 @@ def _positive(dimension: Dimension) -> Any:
     return _quantity(dimension, lowest=0.0, zero=False)
 
 
+def _either(value: object, turning: Dimension, sliding: Dimension) -> float:
+    """A quantity of either dimension in SI."""
+    try:
+        return to_si(value, turning)
+    except Fault as fault:
+        try:
+            return to_si(value, sliding)
+        except Fault:
+            raise fault from None
+
+
 def _turning_or_sliding(turning: Dimension, sliding: Dimension) -> Any:
     """A quantity of a joint that turns or slides; which of them it must be, the scene's check knows."""
 
     def convert(value: object) -> float:
-        try:
-            return to_si(value, turning)
-        except Fault as fault:
-            try:
-                return to_si(value, sliding)
-            except Fault:
-                raise fault from None
+        return _either(value, turning, sliding)
 
     written = f"{turning.name}, {turning.unit}; of a guide {sliding.name}, {sliding.unit}; or a string with a unit"
     schema = {"type": ["number", "string"], "description": written}
@@ -208,6 +213,13 @@ def _two_frequencies(value: object) -> tuple[float, float]:
     return low, high
 
 
+def _two_speeds(value: object) -> tuple[float, float]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise Fault("not two speeds", "Write like ['0.1 m/s', '20 rad/s']")
+    first, second = (_either(item, units.ANGULAR_SPEED, units.SPEED) for item in value)
+    return first, second
+
+
 def _two_numbers(value: object) -> tuple[float, float]:
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise Fault("not two numbers", "Write like [1, 0]")
@@ -257,6 +269,11 @@ AngularSpeed = _quantity(units.ANGULAR_SPEED)
 AngularVelocity = _vector(units.ANGULAR_SPEED)
 DriveCoordinate = _turning_or_sliding(units.ANGLE, units.LENGTH)
 DriveSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
+DriveSpeeds = Annotated[
+    tuple[float, float],
+    BeforeValidator(_two_speeds),
+    _list_schema(["number", "string"], 2, "two speeds, of turning or sliding"),
+]
 JointSpeed = _turning_or_sliding(units.ANGULAR_SPEED, units.SPEED)
 JointForce = _turning_or_sliding(units.TORQUE, units.FORCE)
 JointStiffness = _turning_or_sliding(units.TORSIONAL_STIFFNESS, units.STIFFNESS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import Sensor
 from kaneflex.support.errors import Fault, Problem, SceneError
@@ -12,6 +13,8 @@ _SENSORS = ("position", "velocity", "acceleration", "joint_force", "drive_torque
             "spring_torque")  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 """Kinds of joints with more than one freedom."""
+START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
+"""What says how fast such a joint is at first, where it is free."""
 
 
 def dimension_problems(scene: Scene) -> list[Problem]:
@@ -54,6 +57,8 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
     for name, drive in scene.drives.items():
         if drive.angular_velocity is not None:
             yield Problem(f"drives.{name}.angular_velocity", None, "a planar joint has one", "Give initial_speed")
+        if drive.initial_speeds is not None:
+            yield Problem(f"drives.{name}.initial_speeds", None, "a planar joint has one", "Give initial_speed")
     for name, sensor in scene.sensors.items():
         if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
             yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has none", cure)
@@ -134,11 +139,13 @@ def _drives(scene: Scene) -> Iterator[Problem]:
         if joint.kind in SEVERAL_FREEDOMS and drive.kind != "free":
             reason = f"a {joint.kind} joint has more than one freedom to prescribe"
             yield Problem(f"drives.{name}", None, reason, "Drive a revolute or a prismatic joint, or let it be free")
-        for field in ("angle", "position", "initial_speed") if joint.kind in SEVERAL_FREEDOMS else ():
+        for field in ("angle", "position") if joint.kind in SEVERAL_FREEDOMS else ():
             if field in drive.model_fields_set:
                 yield Problem(f"drives.{name}.{field}", None, "this joint has several freedoms", "Leave it out")
-        if joint.kind != "spherical" and drive.angular_velocity is not None:
-            yield Problem(f"drives.{name}.angular_velocity", None, "of a spherical joint", "Give initial_speed")
+        right = START_SPEEDS.get(joint.kind, "initial_speed")
+        for field in ("initial_speed", "initial_speeds", "angular_velocity"):
+            if field != right and field in drive.model_fields_set:
+                yield Problem(f"drives.{name}.{field}", None, f"this is a {joint.kind} joint", f"Give {right}")
 
 
 def _sensors(scene: Scene) -> Iterator[Problem]:
@@ -146,17 +153,22 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         key = f"sensors.{name}"
         if sensor.kind not in _SENSORS:
             yield Problem(f"{key}.{sensor.kind}", None, "only planar scenes have this so far", "Leave it out")
-        elif sensor.component == "angle" and not _of_a_joint(scene, sensor):
+        elif sensor.component == "angle" and joint_read(scene, sensor) is None:
             yield Problem(f"{key}.component", "angle", "a rotation in space is about an axis", "Write like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":
             cure = "Measure a velocity or an acceleration, or the position of a joint"
             yield Problem(f"{key}.component", sensor.component, "angles in space don't add up to a position", cure)
-        elif sensor.position is not None and sensor.position.body in scene.joints:
-            kind = scene.joints[sensor.position.body].kind
-            if kind in (*SEVERAL_FREEDOMS, "weld"):
+        elif (joint := joint_read(scene, sensor)) is not None:
+            kind = scene.joints[joint].kind
+            if kind in ("universal", "spherical", "weld"):
                 reason = f"a {kind} joint has no coordinate of its own to measure"
-                yield Problem(f"{key}.position", sensor.position.body, reason, "Measure points of its bodies")
+                yield Problem(f"{key}.{sensor.kind}", joint, reason, "Measure points of its bodies")
 
 
-def _of_a_joint(scene: Scene, sensor: Sensor) -> bool:
-    return sensor.position is not None and sensor.position.body in scene.joints
+def joint_read(scene: Scene, sensor: Sensor) -> str | None:
+    """The joint of which a sensor reads the coordinate, or in space one of its rates."""
+    kinds = ("position", "velocity", "acceleration") if scene.is_spatial else ("position",)
+    target = sensor.target
+    if sensor.kind in kinds and isinstance(target, Address) and target.point == "start" and target.body in scene.joints:
+        return target.body
+    return None
