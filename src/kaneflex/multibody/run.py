@@ -19,9 +19,9 @@ from kaneflex.multibody.dense_output import balance
 from kaneflex.multibody.scipy_run import by_scipy
 from kaneflex.multibody.system import BODY, CoupledSystem
 
-_PIECE, _FEW, _QUICK = 100, 10, 0.2
-"""Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first
-where an event is looked for, and about how long as many steps as are then tried may take [s]."""
+_PIECE, _FEW, _GROWTH, _QUICK = 100, 10, 8, 0.2
+"""Between two reports of progress, at each of which a run can be interrupted: stored instants at most, steps at first,
+by how much their number may grow at once, and about how long as many steps as are then tried may take [s]."""
 
 _OF_A_DEPTH = 30.0
 """Tolerances of a run, as a share of an impact's depth, that are allowed as error in a contact's gap."""
@@ -182,7 +182,8 @@ class Run:
         self.here = engine.row(float(times[0]))
         self.rows = np.zeros((len(times), len(self.here)))
         self.rows[0] = self.here
-        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2]
+        none = np.zeros(0)
+        self.stored = system.unfold(self.here[None]).gaps[0, : len(self.touching), 2] if self.touching else none
         self.longest = float(times[1] - times[0])
         self.step = first_step(engine.motion[2], self.scale, self.longest)
 
@@ -192,14 +193,15 @@ class Run:
             rubs = ", or no way to stick or slip agrees with the friction there is" if len(self.engine.holds) else ""
             return Outcome.SINGULAR, f"singular at the start: {_SINGULAR}{rubs}"
         scipy = self.method.integrator == "scipy"
-        most = _PIECE if scipy else 1 if stop is None else _FEW
+        # What is bounded by its largest values so far is known better after every piece.
+        most, growth = (_PIECE, 1) if scipy else (1, 2) if self.method.bounded else (_FEW, _GROWTH)
         while self.filled + 1 < len(self.times):
             before, tried, began = self.filled, self.tried, time.perf_counter()
             rows = slice(before, before + 1 + min(most, _PIECE))
             ended = by_scipy(self, rows) if scipy else self._collocation(rows, most)
             seconds = time.perf_counter() - began
             if not scipy:  # which starts anew, and can be interrupted anywhere
-                most = max(1, min(2 * most, int((self.tried - tried) * _QUICK / seconds)))
+                most = max(1, min(growth * most, int((self.tried - tried) * _QUICK / seconds)))
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
                 outcome, words = self._held() or self._overdamped(ended) or _ENDED[ended]
                 return outcome, words.format(at=f"t = {self.times[self.filled]:.6g} s")
