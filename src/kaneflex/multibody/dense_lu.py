@@ -5,19 +5,19 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.multibody.inner import once
-from kaneflex.multibody.tables import OPTIONS, apart
+from kaneflex.multibody.tables import OPTIONS, apart, magnitude
 
 
 @once
 @njit(**OPTIONS)
 def factorise(a, at, n, pivots, first):
-    """LU in place with row exchanges; False where a pivot vanishes."""
+    """LU in place with row exchanges, 1/U on the diagonal; False where a pivot vanishes."""
     apart()
     for k in range(n):
-        row, largest = k, abs(a[at + n * k + k])
+        row, largest = k, magnitude(a[at + n * k + k])
         for i in range(k + 1, n):
-            if abs(a[at + n * i + k]) > largest:
-                row, largest = i, abs(a[at + n * i + k])
+            if magnitude(a[at + n * i + k]) > largest:
+                row, largest = i, magnitude(a[at + n * i + k])
         pivots[first + k] = row
         if not largest > 0.0 or not largest < 1e300:
             return False
@@ -25,6 +25,7 @@ def factorise(a, at, n, pivots, first):
             for j in range(n):
                 a[at + n * k + j], a[at + n * row + j] = a[at + n * row + j], a[at + n * k + j]
         inverse = 1.0 / a[at + n * k + k]
+        a[at + n * k + k] = inverse
         for i in range(k + 1, n):
             factor = a[at + n * i + k] * inverse
             a[at + n * i + k] = factor
@@ -38,6 +39,12 @@ def factorise(a, at, n, pivots, first):
 def substitute(a, at, n, pivots, first, x):
     """Solve with the factors of :func:`factorise`, in place: the right-hand side is at x."""
     apart()
+    if n == 2:  # of one loop, as most mechanisms have: what waits for it is a large part of a step
+        i = pivots[first]
+        above = a[x + i]
+        below = (a[x + 1 - i] - a[at + 2] * above) * a[at + 3]
+        a[x], a[x + 1] = (above - a[at + 1] * below) * a[at], below
+        return
     for k in range(n):
         row = pivots[first + k]
         if row != k:
@@ -51,4 +58,4 @@ def substitute(a, at, n, pivots, first, x):
         total = a[x + i]
         for j in range(i + 1, n):
             total -= a[at + n * i + j] * a[x + j]
-        a[x + i] = total / a[at + n * i + i]
+        a[x + i] = total * a[at + n * i + i]

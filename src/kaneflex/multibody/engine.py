@@ -168,6 +168,8 @@ class Engine:
             first = self.count(where)
             plan[first : first + len(chosen)] = values
         plan[at.KEPT], plan[at.BENDS] = len(chosen), bool(set(dependent) & set(shapes))
+        ends = self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]  # of every body's own coordinates
+        plan[at.LED] = np.searchsorted(ends, min(dependent, default=n), side="right")
         return np.array(dropped, int)
 
     def _rest(self) -> dict[int, int]:

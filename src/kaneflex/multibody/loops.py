@@ -18,10 +18,10 @@ from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BENDS, BODIES, COLUMNS, CONTACTS, COORDINATES, COURSE_OF, CUT, CUT_OF, CUT_ROWS, DEMAND, DEPENDENT,
-    DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LOOP, LOOP_PIVOTS,
-    MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC, RATE, REACTION,
-    REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y, YIELDING,
-    apart, kernel, larger, of_body, of_holds, turned,
+    DOF, FIRST, FRAME, FRAME_SIZE, FREE, GRADIENT, INBOARD, JACOBIAN, JACOBIANS, JOINT, KEPT, LAST, LED, LOOP,
+    LOOP_PIVOTS, MEASURE, MIDDLE, MIDDLE_CUT, MODAL, NOW, NUMBERS, OPTIONS, OWNER, PARENT, PIVOTS, POINT, PRISMATIC,
+    RATE, REACTION, REACTIONS, REVOLUTE, ROW_OF, ROW_SIZE, SEC, SECTION, SECTIONS, SHAPES, SIDE, SWITCH, WHAT, W_NOW, Y,
+    YIELDING, apart, kernel, larger, of_body, of_holds, turned,
 )  # fmt: skip
 from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, place, prescribe
 
@@ -119,7 +119,7 @@ def close(m):
     plan, w = m.plan, m.w
     count, before = plan[KEPT], math.inf
     deform(m)
-    place(m)
+    place(m, 0)
     for turn in range(20 if count else 0):
         cut_rows(m)
         if not gradients(m):
@@ -139,7 +139,7 @@ def close(m):
         before = size
         if plan[BENDS]:
             deform(m)
-        place(m)
+        place(m, plan[LED])
     return count == 0
 
 
@@ -160,9 +160,9 @@ def follow(m, t):
             if plan[BENDS]:
                 deform(m)
             if rate == 1:
-                move(m)
+                move(m, turn * plan[LED])
             else:
-                accelerate(m)
+                accelerate(m, turn * plan[LED])
             if turn == 0 and count:
                 cut_rows(m)
                 for r in range(count):
@@ -179,9 +179,9 @@ def stand(m, t):
     apart()
     prescribe(m, t)
     deform(m)
-    place(m)
-    move(m)
-    accelerate(m)
+    place(m, 0)
+    move(m, 0)
+    accelerate(m, 0)
     cut_rows(m)
 
 

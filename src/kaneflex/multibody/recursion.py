@@ -13,8 +13,8 @@ from numba import njit
 from kaneflex.multibody.tables import (
     BLOCK, BODIES, COLUMNS, COORDINATES, COURSE_OF, DAMPING, DOF, FIRST, FRAME, FRAME_SIZE, FREE, HINGES, HINGE_SIZE,
     INBOARD, INERTIA, JACOBIAN, JACOBIANS, JOINT, LAST, MASS, MIDDLE, MODAL, NUMBERS, OPTIONS, OWNER, PARENT, POINT,
-    PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel, of_body,
-    turned,
+    PRISMATIC, PUSH, REVOLUTE, ROW, SEC, SECTIONS, SHAPES, SQUARE, SQUARES, STIFFNESS, W, Y, apart, kernel, magnitude,
+    of_body, turned,
 )  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def factorise(m, h, A):
             if m.bodies[b, COURSE_OF] < 0:
                 d = d_x * A[g + 3] + d_y * A[g + 4] + d_t * A[g + 5]
                 d += h * (w[plan[DAMPING] + first] + h * w[plan[STIFFNESS] + first])
-                if not abs(d) > 0.0 or not abs(d) < 1e300:
+                if not magnitude(d) > 0.0 or not magnitude(d) < 1e300:
                     return False
                 A[g + 6], A[g + 7] = 1.0 / d, 1.0
         if m.sections[up, OWNER] >= 0:
@@ -112,7 +112,7 @@ def _condense(A, ao, n, jacobians, w):
             scaled = A[row + j] * A[ao + n * j + j]
             d -= scaled * A[row + j]
             A[row + j] = scaled
-        if not abs(d) > 0.0 or not abs(d) < 1e300:
+        if not magnitude(d) > 0.0 or not magnitude(d) < 1e300:
             return False
         A[row + i] = 1.0 / d
     for k in range(3):
@@ -157,7 +157,7 @@ def _small(A, ao, n):
             scaled = A[ao + n * i + j] * A[ao + n * j + j]
             d -= scaled * A[ao + n * i + j]
             A[ao + n * i + j] = scaled
-        if not abs(d) > 0.0 or not abs(d) < 1e300:
+        if not magnitude(d) > 0.0 or not magnitude(d) < 1e300:
             return False
         A[ao + n * i + i] = 1.0 / d
     return True

@@ -105,7 +105,7 @@ IMPACT_SIZE, MOST_IMPACTS = 8, 256
 energy lost; after how many Python is to take them. Their count is before them."""
 
 (
-    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS,
+    BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,
     CUTS, HOLDS, DRIVES, LOADS, SPRINGS, CONTACTS, ACTS, YIELDING,
     Y, RATE, ACCEL, SECTION, LOCAL, FRAME, FORCE, CUT, COURSE, X, SIZE, SPRING, SUMS, NOW, JOINTS, DEMAND, POWER,
     GRAVITY, STIFFNESS, DAMPING, MEASURE, SCALE, RATE_SCALE, ACCEL_SCALE, INPUT,
@@ -113,25 +113,25 @@ energy lost; after how many Python is to take them. Their count is before them."
     CONTACT, TOUCH, IMPACTS, COMPLEMENT, TOUCHING,
     MASS, W, MIDDLE, MIDDLE_CUT, STAGE_A, STAGE_R, STAGE_P, STAGE_C, STAGE_H, LAST_A, LAST_R, RESISTING,
     SQUARES, HINGES, COLUMNS, SCHUR, PUSH, REACTION, WANTED, PIVOTS, PAIR_PIVOTS, PLAN,
-) = range(78)  # fmt: skip
+) = range(79)  # fmt: skip
 """Places of ``plan``. Counts: bodies, coordinates, speeds of all bodies, reactions (of rows of the cuts, then of
-contacts), rows of cuts and holds, those of
-cuts alone, contacts with reactions (all where some are by Newton's law), works, kept rows; whether
-shapes are among the dependent coordinates. Where in ``acts`` cuts, holds, drives, loads, springs and contacts begin and
-end; how many contacts and holds the factors to come know, which compiled code counts. Where in ``w`` lie: the motion
-(coordinates, rates, accelerations), sections, points in their bodies' axes, frames, forces over all speeds, cut rows,
-courses, drives' coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces at inboard sections,
-what every coordinate asks for, powers; gravity, what holds and damps every coordinate, what counts as one in it, the
-errors allowed in it, its rate and its acceleration; what is added to the loads' sizes, then to prescribed
-accelerations; the gradient of the kept rows, its dependent square, their right-hand side, W of the sections now. Where
-in ``plan`` itself: that square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w``
-again: contacts, the holds' numbers before them, what all contacts share, impacts that are over, room for what rigid
-sides exert at one instant; in ``plan`` contacts and holds that the factors know (holds by numbers below zero), or
-contacts that touch; in ``w`` mass matrices and W at the middle of a step, with its sections and cut rows; stages'
-accelerations, reactions, powers and rates of courses, accelerations of holds, accelerations and reactions of the last
-step, and what its stages ask for. In factors: squares of all bodies, joints, coordinates by unit reactions of the kept
-rows and in the last row the answer, what the reactions do to the cuts, forces, reactions, accelerations that holds are
-to have; in ``plan``, the pivots of either factors."""
+contacts), rows of cuts and holds, those of cuts alone, contacts with reactions (all where some are by Newton's law),
+works, kept rows; whether shapes are among the dependent coordinates; how many bodies, the first ones, no dependent
+coordinate moves. Where in ``acts`` cuts, holds, drives, loads, springs and contacts begin and end; how many contacts
+and holds the factors to come know, which compiled code counts. Where in ``w`` lie: the motion (coordinates, rates,
+accelerations), sections, points in their bodies' axes, frames, forces over all speeds, cut rows, courses, drives'
+coordinates and rates, loads' sizes, springs, sums, reactions of the cuts, forces at inboard sections, what every
+coordinate asks for, powers; gravity, what holds and damps every coordinate, what counts as one in it, the errors
+allowed in it, its rate and its acceleration; what is added to the loads' sizes, then to prescribed accelerations; the
+gradient of the kept rows, its dependent square, their right-hand side, W of the sections now. Where in ``plan`` itself:
+that square's pivots, and of every kept row its number, its cut, its dependent coordinate. In ``w`` again: contacts, the
+holds' numbers before them, what all contacts share, impacts that are over, room for what rigid sides exert at one
+instant; in ``plan`` contacts and holds that the factors know (holds by numbers below zero), or contacts that touch; in
+``w`` mass matrices and W at the middle of a step, with its sections and cut rows; stages' accelerations, reactions,
+powers and rates of courses, accelerations of holds, accelerations and reactions of the last step, and what its stages
+ask for. In factors: squares of all bodies, joints, coordinates by unit reactions of the kept rows and in the last row
+the answer, what the reactions do to the cuts, forces, reactions, accelerations that holds are to have; in ``plan``, the
+pivots of either factors."""
 
 
 class Tables(NamedTuple):
@@ -340,6 +340,12 @@ class Handle:
 def of_body(m, b):
     """The kernels of a body's kind."""
     return shifted(m.kernels, m.bodies[b, KIND])
+
+
+@njit(**OPTIONS)
+def magnitude(x):
+    """|Re x| + |Im x|: tells whether a pivot vanishes as well as the absolute value does, and takes no root."""
+    return abs(x.real) + abs(x.imag)
 
 
 @njit(**OPTIONS)

@@ -13,6 +13,7 @@ from numba import njit
 
 from kaneflex.generated import joints as laws
 from kaneflex.multibody.acting import act, push, rest_rows
+from kaneflex.multibody.inner import once
 from kaneflex.multibody.tables import (
     ACCEL, ACTS, AT, BLOCK, BODIES, CONTACTS, COURSE, COURSES, COURSE_AT, COURSE_OF, CUT, CUTS, CUT_ROWS, DEFORM,
     DEMAND, DRIVES, FIRST, FORCE, FRAME, FRAME_SIZE, FREE, GRAVITY, HOLDS, INBOARD, INPUT, INVERSE, JOINT, JOINTS, LAST,
@@ -59,13 +60,14 @@ def deform(m):
                 )  # fmt: skip
 
 
+@once
 @njit(**OPTIONS)
-def place(m):
-    """Positions of all sections and frames."""
+def place(m, first):
+    """Positions of all sections and frames of the bodies from the ``first`` one on; of the others they are known."""
     apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
-    for b in range(plan[BODIES]):
+    for b in range(first, plan[BODIES]):
         parent, inboard = m.bodies[b, PARENT], m.bodies[b, INBOARD]
         up, own, local = sec + SEC * parent, sec + SEC * inboard, plan[LOCAL] + SEC * inboard
         i, j, kind = plan[Y] + m.bodies[b, FIRST], m.bodies[b, NUMBERS], m.bodies[b, JOINT]
@@ -94,13 +96,14 @@ def place(m):
                 w[k + 2] = phi + w[local + 2]
 
 
+@once
 @njit(**OPTIONS)
-def move(m):
-    """Velocities of all sections and frames, whose positions are known."""
+def move(m, first):
+    """Velocities of these sections and frames, whose positions are known."""
     apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
-    for b in range(plan[BODIES]):
+    for b in range(first, plan[BODIES]):
         parent, inboard = m.bodies[b, PARENT], m.bodies[b, INBOARD]
         up, own, local = sec + SEC * parent, sec + SEC * inboard, plan[LOCAL] + SEC * inboard
         i, j, kind = plan[RATE] + m.bodies[b, FIRST], m.bodies[b, NUMBERS], m.bodies[b, JOINT]
@@ -129,13 +132,14 @@ def move(m):
                 w[k + 5] = omega + w[local + 5]
 
 
+@once
 @njit(**OPTIONS)
-def accelerate(m):
-    """Accelerations of all sections and frames, whose velocities are known."""
+def accelerate(m, first):
+    """Accelerations of these sections and frames, whose velocities are known."""
     apart()
     plan, w = m.plan, m.w
     sec = plan[SECTION]
-    for b in range(plan[BODIES]):
+    for b in range(first, plan[BODIES]):
         parent, inboard = m.bodies[b, PARENT], m.bodies[b, INBOARD]
         up, own, local = sec + SEC * parent, sec + SEC * inboard, plan[LOCAL] + SEC * inboard
         i, j, kind = m.bodies[b, FIRST], m.bodies[b, NUMBERS], m.bodies[b, JOINT]
@@ -221,11 +225,14 @@ def resist(m, t):
     act(m, t)
     for n in range(plan[CUTS], plan[DRIVES]):
         end = acts[n + 1, ROW_AT] if n + 1 < plan[DRIVES] else plan[CUT_ROWS]
-        for row in range(acts[n, ROW_AT], end):
-            size = w[plan[NOW] + row]
-            for side in range(2):
-                j = plan[CUT] + ROW_SIZE * row + 3 + 3 * side
-                push(m, acts[n, AT + side], size * w[j], size * w[j + 1], size * w[j + 2])
+        for side in range(2):
+            x = z = turn = 0.0
+            for row in range(acts[n, ROW_AT], end):
+                size, j = w[plan[NOW] + row], plan[CUT] + ROW_SIZE * row + 3 + 3 * side
+                x += size * w[j]
+                z += size * w[j + 1]
+                turn += size * w[j + 2]
+            push(m, acts[n, AT + side], x, z, turn)
 
 
 @njit(**OPTIONS)

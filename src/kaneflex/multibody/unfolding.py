@@ -198,7 +198,7 @@ def openings(m, t, out):
     plan, w = m.plan, m.w
     prescribe(m, t)
     deform(m)
-    place(m)
+    place(m, 0)
     cut_rows(m)
     bent(m)
     n = plan[COORDINATES]

@@ -62,7 +62,7 @@ def let_yield(m, h, here):
     for k in range(n):
         w[plan[RATE] + k] = here[1 + n + k] + 0.5 * h * here[1 + 2 * n + k]
     deform(m)
-    move(m)
+    move(m, 0)
     if plan[SPEEDS] > 3 * plan[BODIES]:
         bent(m)
     for r in range(count):
