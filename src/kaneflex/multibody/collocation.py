@@ -27,7 +27,7 @@ from numba.types import boolean, float64, int64
 from kaneflex.multibody import bending, contact_search, contacts, holds, sticking, yielding
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
 from kaneflex.multibody.coefficients import TABLE, basis
-from kaneflex.multibody.loops import close, follow, mend, middle, settle_now, worn
+from kaneflex.multibody.loops import NEAR, close, follow, follow_on, mend, middle, settle_now, worn
 from kaneflex.multibody.powers import losses
 from kaneflex.multibody.rows import copy, give, row_size, works_at
 from kaneflex.multibody.tables import (
@@ -73,7 +73,7 @@ def _factors(m, table, t, h, here, A, B):
     for k in range(n):
         w[plan[Y] + k] = here[1 + k] + 0.5 * h * (here[1 + n + k] + 0.25 * h * here[1 + 2 * n + k])
     prescribe(m, t + 0.5 * h)
-    if not close(m):
+    if not close(m, NEAR):
         return False
     yielding.let_yield(m, h, here)
     middle(m)
@@ -95,7 +95,7 @@ def _stage(m, table, t, h, i, here):
         w[plan[Y] + k] = here[1 + k] + h * (c * v_0 + h * (a_2[j] * a + a_2[j + 1] * b + a_2[j + 2] * d))
     copy(w, of + n * i, plan[ACCEL], n)
     copy(w, plan[STAGE_R] + r * i, plan[NOW], r)
-    if not follow(m, t + c * h):
+    if not follow_on(m, t + c * h, NEAR):
         return False
     demand(m, t + c * h)
     copy(w, plan[ACCEL], of + n * i, n)

@@ -27,6 +27,9 @@ from kaneflex.multibody.tree import accelerate, cut_rows, deform, demand, move, 
 
 CLOSED = 1e-10
 """Correction of a dependent coordinate, in rad or sizes of the mechanism, that is not worth another one."""
+NEAR = 1e-6
+"""Correction of one that is small enough in a stage: the next would be its square, and the gradients that it was found
+by, wrong by as much, find what is missing of rates that are nearly known."""
 
 
 WORN = 8.0
@@ -113,8 +116,11 @@ def orientation(m):
 
 
 @njit(**OPTIONS)
-def close(m):
-    """Put the dependent coordinates where the loops close (Newton); False where they don't."""
+def close(m, near):
+    """Put the dependent coordinates where the loops close (Newton); False where they don't.
+
+    ``near``: a correction after which no other one is asked for; that may be larger than CLOSED, or 0.
+    """
     apart()
     plan, w = m.plan, m.w
     count, before = plan[KEPT], math.inf
@@ -140,22 +146,31 @@ def close(m):
         if plan[BENDS]:
             deform(m)
         place(m, plan[LED])
+        if size < near:
+            return True
     return count == 0
 
 
 @njit(**OPTIONS)
 def follow(m, t):
     """Everything moves as the independent coordinates say, dependent ones included; False: a loop doesn't close."""
+    for k in range(m.plan[KEPT]):
+        i = m.plan[m.plan[DEPENDENT] + k]
+        m.w[m.plan[RATE] + i] = m.w[m.plan[ACCEL] + i] = 0.0
+    return follow_on(m, t, 0.0)
+
+
+@njit(**OPTIONS)
+def follow_on(m, t, near):
+    """The same where rates and accelerations of dependent coordinates are nearly known; ``near``: see :func:`close`."""
     apart()
     plan, w = m.plan, m.w
     prescribe(m, t)
-    if not close(m):
+    if not close(m, near):
         return False
     count = plan[KEPT]
     for rate in range(1, 3):
         of = plan[RATE] if rate == 1 else plan[ACCEL]
-        for k in range(count):
-            w[of + plan[plan[DEPENDENT] + k]] = 0.0
         for turn in range(2 if count else 1):
             if plan[BENDS]:
                 deform(m)
@@ -169,7 +184,7 @@ def follow(m, t):
                     w[plan[SIDE] + r] = -w[plan[CUT] + ROW_SIZE * plan[plan[ROW_OF] + r] + rate]
                 dense_lu.substitute(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS], plan[SIDE])
                 for k in range(count):
-                    w[of + plan[plan[DEPENDENT] + k]] = w[plan[SIDE] + k]
+                    w[of + plan[plan[DEPENDENT] + k]] += w[plan[SIDE] + k]
     return True
 
 
