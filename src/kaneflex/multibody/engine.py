@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from typing import Any
 
@@ -53,8 +53,8 @@ class Engine:
     pair: np.ndarray
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but addresses, which another process has others of."""
-        return {name: part for name, part in vars(self).items() if name != "_handle"}
+        """All but addresses and views, which another process has others of."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def count(self, of: int) -> int:
         """A number of the plan."""
@@ -186,10 +186,10 @@ class Engine:
         """Coordinates of joints that no drive prescribes, and of shapes."""
         joints: list[int] = []
         shapes: list[int] = []
-        for fields in self.tables.bodies:
-            if fields[at.COURSE_OF] < 0:
-                joints += range(fields[at.FIRST], fields[at.FIRST] + fields[at.DOF])
-            shapes += range(fields[at.MODAL], fields[at.MODAL] + fields[at.SHAPES])
+        for row in self.tables.bodies:
+            if row[at.COURSE_OF] < 0:
+                joints += range(row[at.FIRST], row[at.FIRST] + row[at.DOF])
+            shapes += range(row[at.MODAL], row[at.MODAL] + row[at.SHAPES])
         return joints, shapes
 
     @property
@@ -219,13 +219,13 @@ class Engine:
         """Loads and prescribed accelerations."""
         return self.count(at.WORKS) - 1 - len(self.holds) - len(self.contacts)
 
-    @property
+    @cached_property
     def contacts(self) -> np.ndarray:
         """A view of the contacts' numbers, and of what switches laws after them, (contacts, CONTACT_SIZE)."""
         count = self.count(at.ACTS) - self.count(at.CONTACTS)
         return self.numbers(at.CONTACT, at.CONTACT_SIZE * count).reshape(-1, at.CONTACT_SIZE)
 
-    @property
+    @cached_property
     def holds(self) -> np.ndarray:
         """A view of the holds' numbers, (holds, CONTACT_SIZE); the first CONTACT_SIZE before the contacts' are the
         last's."""

@@ -11,7 +11,7 @@ import ast
 import operator
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,11 @@ class Law:
 
     def uses(self, name: str) -> bool:
         """Whether the name stands in the law."""
-        return any(isinstance(node, ast.Name) and node.id == name for node in ast.walk(self.tree))
+        return name in self._names
+
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        return frozenset(node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name))
 
     def uses_any(self, joints: Collection[str]) -> bool:
         """Whether a joint's coordinate or speed stands in the law."""
