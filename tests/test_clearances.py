@@ -39,7 +39,11 @@ main = {revolute = ["ground", "crank"]}
 wrist = {revolute = ["rod.end", "piston"]}
 [joints.pin]
 revolute = ["crank.end", "rod"]
-clearance = {radial = "50 um", width = "20 mm", contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.8}, friction = {mu = 0.05}}
+[joints.pin.clearance]
+radial = "50 um"
+width = "20 mm"
+contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.8}
+friction = {mu = 0.05}
 [joints.bore]
 prismatic = ["ground", "piston"]
 direction = [1, 0]

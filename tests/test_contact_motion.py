@@ -284,7 +284,7 @@ def test_a_cascade_without_time_between_stops_with_its_name(scenes):
     """As if a thousand changes had been at the instant of the first one."""
     system = system_of(scenes[1], contact("floor", GROUND, body()))
     started = Run(system, np.array([0, 0.1, 0]), np.zeros(3), np.linspace(0, 1, 11), METHOD, np.zeros(0))
-    system.engine.numbers(at.TOUCH, at.SHARED)[[at.STUCK, at.LAST_CHANGE]] = 1000, 1.0
+    system.engine.numbers(at.TOUCH, at.SHARED)[[at.IN_A_ROW, at.LAST_CHANGE]] = 1000, 1.0
     outcome, message = started.go(None, None)
     assert outcome is Outcome.CASCADE and "after t = 0.1 s" in message
     again = run(system, [0, 0.1, 0], [0, 0, 0], np.linspace(0, 1, 11))

@@ -114,6 +114,56 @@ shake = {force_on = "block", direction = [1, 0], law = "1.5 * sin(700 * t)"}
     assert (found.trajectory.frictions.mode == 2).all() and found.trajectory.frictions.lost[-1, 0] == 0.0
 
 
+FEET = """
+schema = 1
+description = "A block on two feet is pulled ever harder"
+gravity = [0, "-9.81 m/s^2"]
+[bodies.block]
+length = "100 mm"
+mass = "1 kg"
+inertia = "1e-3 kg m^2"
+centre = ["50 mm", "20 mm"]
+free = {at = [0, 0]}
+[contacts.back]
+point_on_line = ["block.start", "ground"]
+normal = [0, 1]
+contact = {CONTACT}
+friction = {mu = 0.4, mu_static = STATIC}
+[contacts.front]
+point_on_line = ["block.end", "ground"]
+normal = [0, 1]
+contact = {CONTACT}
+friction = {mu = 0.4, mu_static = STATIC}
+[loads]
+pull = {force_on = "block.end", direction = [1, 0], law = "20 * t"}
+[sensors]
+way = {position = "block"}
+[solve]
+preset = "coupled"
+duration = "0.3 s"
+steps = 60
+"""
+
+
+@pytest.mark.parametrize("static", [0.4, 0.5])
+@pytest.mark.parametrize("contact", [
+    'law = "newton", restitution = 0', "stiffness = 1e8, restitution = 0.5",
+    'law = "kelvin-voigt", exponent = 1, stiffness = 1e6, damping = 600',
+])  # fmt: skip
+def test_two_feet_of_a_block_let_go_together(tmp_path, contact, static):
+    """However its weight is on them: where both can bear no more than the pull P t it begins to slide, for good."""
+    path = tmp_path / "scene.toml"
+    path.write_text(FEET.replace("CONTACT", contact).replace("STATIC", str(static)))
+    solution = simulate(load(read_scene(path)))
+    weight, P = 9.81, 20.0
+    begin = static * weight / P
+    late = np.maximum(solution.times - begin, 0.0)
+    way = P * late**3 / 6 + (static - 0.4) * weight * late**2 / 2
+    assert solution.outcome is Outcome.COMPLETED
+    assert solution.series["way"].values == pytest.approx(way, abs=5e-7)  # it settles on its feet as it slides already
+    assert solution.trajectory.energy.drift < 1e-9
+
+
 def test_what_holds_is_more_than_what_drags(tmp_path):
     """A force that grows breaks the block loose at mu_static N; then mu N resists."""
     text = BLOCK.replace(f"gravity = [{G * math.sin(SLOPE)}", "gravity = [0")

@@ -55,13 +55,14 @@ def factorise_closed(m, h, A, pivots):
         return False
     plan, w = m.plan, m.w
     count = plan[KEPT] + m.pivots[YIELDING]
+    most = holds.most(m, count, A)
     for r in range(plan[KEPT], count):
         n = m.pivots[plan[TOUCHING] + r - plan[KEPT]]
         k = plan[CONTACT] + CONTACT_SIZE * n
         own = plan[SCHUR] + (count + 1) * r
         if bending.by_force(m, n, r, count, h, A):
             continue
-        soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF])) if n >= 0 else holds.compliance(m, n, h, A[own])
+        soft = 1.0 / (h * (w[k + VISCOUS] + h * w[k + STIFF])) if n >= 0 else holds.compliance(m, n, h, A[own], most)
         A[own] += soft
     return dense_lu.factorise(A, plan[SCHUR], count, m.pivots, pivots)
 

@@ -29,9 +29,9 @@ from kaneflex.multibody.loops import bent, mend, middle
 from kaneflex.multibody.rows import give, works_at
 from kaneflex.multibody.switching import pass_zero, take_place
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, APPROACH, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT, GAP, GAP_RATE,
-    IMPACTS, IMPACT_SIZE, IMPULSE, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, OPTIONS, PEAK,
-    PIVOTS, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, STUCK, TOUCH, WORKS, YIELDING, apart, larger, of_contacts,
+    ACCEL, ACTS, ALLOWED, APPROACH, IN_A_ROW, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT, GAP,
+    GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, OPTIONS,
+    PEAK, PIVOTS, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, TOUCH, WORKS, YIELDING, apart, larger, of_contacts,
     shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.yielding import along
@@ -84,9 +84,9 @@ def full(m):
 def _without_end(m, t):
     """Whether contacts change over and over at one instant, now being one of these changes."""
     w, shared = m.w, m.plan[TOUCH]
-    w[shared + STUCK] = w[shared + STUCK] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
+    w[shared + IN_A_ROW] = w[shared + IN_A_ROW] + 1.0 if t - w[shared + LAST_CHANGE] <= 64.0 * EPS * abs(t) else 0.0
     w[shared + LAST_CHANGE] = t
-    return w[shared + STUCK] > _MOST_AT_ONCE
+    return w[shared + IN_A_ROW] > _MOST_AT_ONCE
 
 
 @njit(**OPTIONS)
@@ -125,8 +125,8 @@ def change(m, here, A, wanted):
     plan, w, shared, t = m.plan, m.w, m.plan[TOUCH], here[0]
     if _without_end(m, t):
         return 0.0
-    if _DOUBTED[0] < w[shared + STUCK] < _DOUBTED[1]:
-        wanted *= 0.5 ** (w[shared + STUCK] - _DOUBTED[0])
+    if _DOUBTED[0] < w[shared + IN_A_ROW] < _DOUBTED[1]:
+        wanted *= 0.5 ** (w[shared + IN_A_ROW] - _DOUBTED[0])
     count = plan[ACTS] - plan[CONTACTS]
     closing, still, changing = also_due(m, t)
     if still:

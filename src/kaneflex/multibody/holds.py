@@ -27,12 +27,14 @@ from kaneflex.multibody import bristles
 from kaneflex.multibody.tables import (
     ACTS, ALONG, AT, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, CUT_OF, CUT_ROWS, DRIVES, HOLDING, HOLDS, KEPT,
     LIMIT, MODE, NORMAL, NOW, NUMBERS_AT, ON, OPTIONS, PLACE, PUSH_NOW, REACTION, REACTIONS, ROW_AT, ROW_OF, ROW_SIZE,
-    SEC, SECTION, SLIP, SLIP_RATE, SLOPE, SPEED_SIZE, STAGE_H, STAGE_R, STUCK_AT, TOUCHING, TURN, WANTED, WHAT,
-    YIELDING, apart, larger, of_holds, shifted,
+    SCHUR, SEC, SECTION, SLIP, SLIP_RATE, SLOPE, SPEED_SIZE, STAGE_H, STAGE_R, STUCK_AT, TOUCHING, TURN, WANTED, WHAT,
+    YIELDING, apart, larger, of_holds, shifted, smaller,
 )  # fmt: skip
 
 _SOFT = 1e-9
-"""Of what a row yields by itself, the share that it is let yield more."""
+"""Of what a row yields by itself, the share that it is let yield more where it can bear most."""
+_SOFTEST = 1e3
+"""How much more than that where it can bear little."""
 IDLE, STUCK, FLOWS, BENDS = 0.0, 2.0, 3.0, 4.0
 """Modes of a hold beside 1 and -1."""
 MU_AT, STATIC_AT, VISCOUS_AT, PRELOAD_AT, ARM, LAW_AT, OF_AT = 3, 4, 7, 8, 9, 10, 11
@@ -170,16 +172,32 @@ def known_rows(m, first, h, here):
 
 @of_holds(0.0)
 @njit(**OPTIONS)
-def compliance(m, n, h, own):
-    """What a hold's row adds to its own in the factors.
+def most(m, rows, A):
+    """Of what is stuck among so many rows of the factors, the largest force that holds by the motion it keeps still:
+    its square times what a unit force does to its own row."""
+    largest = 0.0
+    for r in range(m.plan[KEPT], rows):
+        n = m.pivots[m.plan[TOUCHING] + r - m.plan[KEPT]]
+        if n < 0 and m.w[number_at(m, n) + MODE] == STUCK:
+            largest = larger(largest, m.w[number_at(m, n) + LIMIT] ** 2 * abs(A[m.plan[SCHUR] + (rows + 1) * r]))
+    return largest
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def compliance(m, n, h, own, largest):
+    """What a hold's row adds to its own in the factors; ``largest``: see :func:`most`.
 
     Next to nothing where it is stuck, and as answers are mended by what they miss, nothing in the end. But where others
-    hold it already, it decides who bears how much.
+    hold it already, it decides who bears how much: as much of its limit as they do of theirs.
     """
-    slope = m.w[number_at(m, n) + SLOPE]
+    slope, limit = m.w[number_at(m, n) + SLOPE], m.w[number_at(m, n) + LIMIT]
     if lent(m, n) > 0.0:
         return 0.0 * h - 1.0 / lent(m, n)
-    return 1.0 / (h * slope) if slope > 0.0 else _SOFT * own + 0.0 * h
+    if slope > 0.0:
+        return 1.0 / (h * slope)
+    share = math.sqrt(largest / (limit * limit * abs(own) + 1e-300))
+    return _SOFT * own * larger(1.0, smaller(share, _SOFTEST)) + 0.0 * h
 
 
 @of_holds(0.0)

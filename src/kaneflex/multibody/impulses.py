@@ -34,7 +34,7 @@ def weigh(m, A, rows):
     for r in range(cuts + rows, total):
         n = m.pivots[plan[TOUCHING] + r - cuts]
         if not bending.by_force(m, n, r, total, 0.0, A):
-            A[S + (total + 1) * r] += holds.compliance(m, n, 0.0, 0.0)
+            A[S + (total + 1) * r] += holds.compliance(m, n, 0.0, 0.0, 0.0)
     for s in range(total - rows):
         q = _turn(m, s, rows)
         if A[S + (total + 1) * q] == 0.0:

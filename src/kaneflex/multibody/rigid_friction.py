@@ -23,10 +23,10 @@ from kaneflex.multibody.holds import (
     ARM, BENDS, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, pressed, row_of,
 )  # fmt: skip
 from kaneflex.multibody.rows import works_at
-from kaneflex.multibody.sticking import lets_go, no_rate, no_speed
+from kaneflex.multibody.sticking import LET_GO, lets_go, no_rate, no_speed
 from kaneflex.multibody.tables import (
     ACTS, ALONG, BEFORE, BEGUN_AT, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LIMIT, MODE, NOW, NUMBERS_AT,
-    OPTIONS, PLACE, REACTION, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart, larger, of_holds,
+    OPTIONS, PLACE, REACTION, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart, larger, of_holds, smaller,
 )  # fmt: skip
 
 VISCOUS = LAWS.index("viscous")
@@ -42,7 +42,7 @@ _ROUNDING = 1e-12
 @njit(**OPTIONS)
 def gather(m, touching):
     """List, after so many contacts that touch, what may stick or slip beside them; how many. BEFORE is how they stood,
-    and DUE below zero where one breaks loose by its force."""
+    and DUE says where one is to let go by its force."""
     apart()
     plan, w, found = m.plan, m.w, touching
     for n in range(-count(m), 0):
@@ -56,7 +56,7 @@ def gather(m, touching):
         w[vector(m, OLD) + found] = 0.0 if stuck else w[k + SLIP]
         w[k + BEFORE], w[k + MODE] = w[k + MODE], IDLE
         if stuck and w[k + DUE] > 0.0:
-            w[k + BEFORE], w[k + DUE] = -1.0 if w[k + HOLDING] > 0.0 else 1.0, -1.0
+            w[k + DUE] = LET_GO - abs(w[k + HOLDING])
         if presses >= -1:
             m.pivots[listed(m) + found] = n
             w[vector(m, PRESSES) + found] = presses
@@ -138,10 +138,8 @@ def wait(m, t, touching, slips):
             none += _ROUNDING * abs(w[m.plan[COMPLEMENT] + rows * r + j] * w[p + j])
         if jumped:
             w[k + DUE] = 0.0
-        w[vector(m, MAY) + r] = w[k + DUE] > 0.0 or (w[k + DUE] == 0.0 and abs(speed) <= none)
-        if w[k + DUE] < 0.0:
-            w[k + MODE] = w[k + BEFORE]
-        elif w[vector(m, MAY) + r] == 0.0:
+        w[vector(m, MAY) + r] = w[k + DUE] != 0.0 or abs(speed) <= none
+        if w[vector(m, MAY) + r] == 0.0:
             w[k + MODE] = 1.0 if speed > 0.0 else -1.0
 
 
@@ -188,4 +186,4 @@ def settle(m, here, touching, slips):
             w[k + MODE] = STUCK
         else:
             w[k + MODE] = -1.0 if w[f + r] > 0.0 else 1.0
-        w[k + DUE] = -1.0
+        w[k + DUE] = smaller(w[k + DUE], -1.0)

@@ -17,10 +17,10 @@ from kaneflex.multibody.holds import (
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, hold_now, mend, middle
 from kaneflex.multibody.tables import (
-    ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, DRIVES, DUE,
-    EXTENT, FRAME, FRAME_SIZE, GRAVITY, HOLDING, KEPT, LIMIT, MODE, NODES, NORMAL, NUMBERS_AT, OPTIONS, PIVOTS, PLACE,
-    RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED, WHAT, Y, YIELDING, apart,
-    larger, of_holds,
+    ALONG, AT, IN_A_ROW, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES,
+    CUT, DRIVES, DUE, EXTENT, FRAME, FRAME_SIZE, GRAVITY, HOLDING, KEPT, LIMIT, MODE, NODES, NORMAL, NOW, NUMBERS_AT,
+    OPTIONS, PIVOTS, PLACE, RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED,
+    WHAT, Y, YIELDING, apart, larger, of_holds,
 )  # fmt: skip
 
 _EPS = 2.3e-16
@@ -28,6 +28,11 @@ _CLOSE = 1e-11
 """Share of the largest force that holds, by which it counts as reached."""
 _WRONG = 1e-9
 """Share of the accelerations about, by which one against the slip is no rounding."""
+_SHORT, _ALIKE = 1e-6, 1e-9
+"""Shares of what holds by which what is to let go may be short of it, as a step found it, and others' shares differ."""
+LET_GO = -2.0
+"""DUE of what has been stuck and is to let go, where that is decided, is this less the force that it exerted; of all
+others without speed -1."""
 _STILL = 1e-11
 """Speed of nothing, in sizes of the mechanism, or rad, a second: what a hold shows whom others keep still."""
 _CANDIDATES = 6
@@ -57,7 +62,8 @@ def note(m, t, i):
             w[j], w[j + 1] = w[k + SLIP], bristles.resisted(w, own, w[k + NORMAL], w[k + SLIP])
             continue
         if mode == STUCK:
-            w[j], w[j + 1], w[j + 2] = w[k + LIMIT] - abs(w[k + HOLDING]), 0.0, _CLOSE * w[k + LIMIT] + no_force(m, n)
+            w[j], w[j + 1] = w[k + LIMIT] - abs(w[k + HOLDING]), w[k + HOLDING]
+            w[j + 2] = _CLOSE * w[k + LIMIT] + no_force(m, n)
         else:
             w[j], w[j + 1], w[j + 2] = mode * w[k + SLIP], mode * w[k + SLIP_RATE], no_speed(m, n, t)
         w[j + 3] = w[j]
@@ -184,6 +190,8 @@ def decide(m, t, A):
             free += _stand(m, n, t)
         if free and not put_back(m, t, A, 1):
             return 1
+    if free and _share(m, t, A) == 1:
+        return 1
     for _ in range(4 * free + 4):
         settled = _settle(m, t, A)
         if settled == 1:
@@ -243,9 +251,47 @@ def _stand(m, n, t):
     w[k + DUE], w[k + MODE] = -1.0, STUCK
     if before != STUCK:
         w[k + STUCK_AT] = w[k + PLACE]
+        if w[m.plan[TOUCH] + IN_A_ROW] > 0.0 and not shifts and before != IDLE:
+            w[k + MODE] = before  # it has let go just before others do
     elif shifts:
-        w[k + MODE] = -1.0 if w[k + HOLDING] > 0.0 else 1.0
+        w[k + DUE] = LET_GO - abs(w[k + HOLDING])
     return 1
+
+
+@njit(**OPTIONS)
+def _share(m, t, A):
+    """Have all that is stuck share its load anew, and what is still to let go slip, with what shares its load alike.
+
+    What holds a body with others, as one of its feet, needn't let go where it can't bear more: they may. Returns what
+    :func:`_settle` does.
+    """
+    apart()
+    w, level = m.w, 0.0
+    for n in range(-count(m), 0):
+        if w[number_at(m, n) + MODE] == STUCK:
+            w[m.plan[NOW] + row_at(m, n)] = 0.0
+    settled = _settle(m, t, A)
+    for turn in range(2):
+        for n in range(-count(m), 0):
+            k = number_at(m, n)
+            bears, share = abs(w[k + HOLDING]), abs(w[k + HOLDING]) / (w[k + LIMIT] + no_force(m, n))
+            if w[k + DUE] >= 0.0 or w[k + MODE] != STUCK:
+                continue
+            lets = w[k + DUE] <= LET_GO and bears >= (1.0 - _SHORT) * (LET_GO - w[k + DUE])
+            if turn == 0 and lets:
+                level = larger(level, share)
+            elif lets or (level > 1.0 - _SHORT and share >= level - _ALIKE):
+                w[k + MODE] = _way(m, n)
+    return settled
+
+
+@njit(**OPTIONS)
+def _way(m, n):
+    """Which way what is stuck slips as it lets go: against what it exerts, or where that is nothing yet, what it did at
+    the first node of the step in which it couldn't."""
+    w, k = m.w, number_at(m, n)
+    force = w[k + HOLDING] if abs(w[k + HOLDING]) > no_force(m, n) else w[k + NODES + 5]
+    return -1.0 if force > 0.0 else 1.0
 
 
 @njit(**OPTIONS)

@@ -87,7 +87,7 @@ bent; what damps it; of the rate of bristles its derivatives by speed, by how th
 presses; when it first pressed its sides into each other. As of contacts, DUE and NODES follow; of bristles a node has
 speed, g, how they are bent, force."""
 (
-    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, STUCK, HELD, RESTED, TRIES, AIM,
+    PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
     SHARED,
 ) = range(15)  # fmt: skip
 """Numbers that contacts share: the error allowed in a gap as a share of how deep it becomes, the size of the mechanism
