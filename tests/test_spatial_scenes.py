@@ -11,6 +11,7 @@ from kaneflex import SceneError, load, read_scene, simulate
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top
 from kaneflex.report.presentation import description
+from kaneflex.response.undersampling import between_steps
 
 PENDULUM = """
 schema = 1
@@ -409,6 +410,16 @@ def test_a_force_and_a_spring_between_points_do_their_work(tmp_path):
     assert solution["tension"].values == pytest.approx(30 * (length - 0.3) + 0.4 * rate, abs=1e-3)
     energy = solution.model.energy
     assert energy.drift < 1e-8 and np.ptp(energy.supplied) > 0.1 and np.ptp(energy.dissipated) > 0.005
+
+
+def test_constant_loads_are_not_looked_at_between_steps(tmp_path, monkeypatch):
+    def never(*arguments):
+        raise AssertionError("looked between the steps")
+
+    push = '[loads]\npush = {force_on = "bar.end", direction = [0, 0, 1], value = 3}\n[sensors]'
+    model = load(scene_of(tmp_path, ("[sensors]", push)))
+    monkeypatch.setattr("kaneflex.response.undersampling._instants_of_rows", never)
+    assert between_steps(model) == []
 
 
 def test_a_drive_asks_for_the_moment_that_the_weight_takes(tmp_path):

@@ -246,21 +246,28 @@ class SpatialSystem:
 
     def sizes(self, t: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Sizes of all loads [N or N m]."""
+        if not self.mechanism.loads:
+            return np.zeros(0)
+        coordinates, speeds = self._known
+        return self.magnitudes(t, q[coordinates], u[speeds])
+
+    def magnitudes(self, t: float, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Sizes of all loads [N or N m] by the coordinates and speeds of ``told_joints``."""
         x, out = np.zeros(3 * len(self.known_joints)), np.zeros(len(self.mechanism.loads))
-        if len(out):
-            where, coordinates, speeds = self._known
-            x[where], x[where + 1] = q[coordinates], u[speeds]
-            self.module.magnitudes(t, x, 0, self.parameters, out, 0)
+        where = 2 * np.array([self.known_joints.index(name) for name in self.told_joints], int)
+        x[where], x[where + 1] = coordinates, speeds
+        self.module.magnitudes(t, x, 0, self.parameters, out, 0)
         return out
 
     @cached_property
-    def _known(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where laws read a joint of one freedom, and its coordinate and speed."""
-        known = [(2 * k, name) for k, name in enumerate(self.known_joints)
-                 if self.mechanism.joints[name].freedoms == 1]  # fmt: skip
-        names = [name for _, name in known]
-        where = np.array([place for place, _ in known], int)
-        return where, self.columns(names, COORDINATE), self.columns(names, SPEED)
+    def told_joints(self) -> tuple[str, ...]:
+        """Those of the known joints that have one coordinate."""
+        return tuple(name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1)
+
+    @cached_property
+    def _known(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and speeds that laws read."""
+        return self.columns(self.told_joints, COORDINATE), self.columns(self.told_joints, SPEED)
 
     @cached_property
     def driven_coordinates(self) -> np.ndarray:

@@ -30,16 +30,11 @@ def _problem(key: str, value: object, reason: str) -> Problem:
 
 
 def _in_space(scene: Scene) -> Iterator[Problem]:
-    """Of a rigid mechanism in space: its motion sizes the loads where drives prescribe it, and the peer's guides are
-    driven along global directions."""
+    """Of a rigid mechanism in space: the peer's guides are driven along global directions."""
     for name, drive in scene.drives.items():
         joint = scene.joints[name]
         if joint.kind == "prismatic" and drive.kind != "free" and joint.addresses[0].body != "ground":
             yield _problem(f"drives.{name}", drive.kind, "a drive along a guide that moves")
-    if any(drive.kind == "free" for drive in scene.drives.values()) or scene.floating:
-        for name, load in scene.loads.items():
-            if load.kind != "value":
-                yield _problem(f"loads.{name}", load.kind, "a force that depends on a motion to be found")
 
 
 def _bodies(scene: Scene) -> Iterator[Problem]:

@@ -11,9 +11,11 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
+from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
+    from kaneflex.multibody.spatial_system import SpatialSystem
 
 _HELD = {
     "revolute": (1, 1, 1, 0, 1, 1),
@@ -35,9 +37,9 @@ class Built:
     ----------
     exudyn : module
     system : MainSystem
-    bodies, joints : mapping of str to int
-    markers : mapping of str to tuple of int
-        Of a joint's two sides, which turn with them.
+    bodies, joints, springs : mapping of str to int
+    held : mapping of str to tuple of int
+        Which translations and rotations of a joint's frame are held, drives' among them.
     frames : mapping of str to ndarray
         Axes of each joint's frame, global, at the start, columns of (3, 3).
     """
@@ -46,7 +48,8 @@ class Built:
     system: Any
     bodies: dict[str, int]
     joints: dict[str, int]
-    markers: dict[str, tuple[int, int]]
+    springs: dict[str, int]
+    held: dict[str, tuple[int, ...]]
     frames: dict[str, np.ndarray]
 
 
@@ -54,7 +57,7 @@ def build(exudyn: ModuleType, model: Model) -> Built:
     """All of a scene in space in a system of its own, at its places and speeds at t = 0."""
     import exudyn.utilities  # whose functions become methods of a system
 
-    built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {})
+    built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {}, {})
     builder = _Builder(built, model)
     for name, body in builder.mechanism.bodies.items():
         builder.body(name, body)
@@ -76,6 +79,7 @@ class _Builder:
         self.items, self.built, self.system = items, built, built.system
         self.model, self.scene, self.mechanism = model, model.scene, spatial_mechanism_of(model.scene)
         self.start = model.motion.at(0.0)
+        self.state = _State(built, model.motion.module.system)
         self.built.bodies[GROUND] = self.system.AddObject(items.ObjectGround())
 
     def _vector(self, body: str, key: str) -> np.ndarray:
@@ -119,7 +123,7 @@ class _Builder:
             held[moving] = 1
             offset = {"offsetUserFunction": self._course(joint, moving, axes[:, 0])}
         markers = self._marker(first), self._marker(second)
-        self.built.markers[joint.name], self.built.frames[joint.name] = markers, axes
+        self.built.held[joint.name], self.built.frames[joint.name] = tuple(held), axes
         self.built.joints[joint.name] = self.system.AddObject(self.items.ObjectJointGeneric(
             markerNumbers=[*markers], constrainedAxes=held, rotationMarker0=own[0], rotationMarker1=own[1], **offset
         ))  # fmt: skip
@@ -151,13 +155,10 @@ class _Builder:
         return offset
 
     def load(self, name: str) -> None:
-        load = self.mechanism.loads[name]
-        times = np.linspace(0.0, self.scene.horizon, 20 * self.model.options.steps + 1)
-        constant = self.scene.loads[name].value
-        sizes = np.full(len(times), constant) if constant is not None else self.model.motion.at(times)[name]
+        load, number = self.mechanism.loads[name], list(self.mechanism.loads).index(name)
 
         def size(t: float) -> float:
-            return float(np.interp(t, times, sizes))
+            return float(self.state.sizes(t)[number])
 
         if load.at is not None:
             self.system.AddLoad(self.items.LoadForceVector(
@@ -178,14 +179,66 @@ class _Builder:
         spring = self.mechanism.springs[name]
         stiffness, damping, free = spring.numbers
         if spring.joint is None:
-            self.system.AddObject(self.items.ObjectConnectorSpringDamper(
+            self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorSpringDamper(
                 markerNumbers=[self._marker(side) for side in spring.sides],
                 stiffness=stiffness, damping=damping, referenceLength=free,
             ))  # fmt: skip
             return
         joint = self.mechanism.joints[spring.joint]
-        self.system.CreateTorsionalSpringDamper(
+        self.built.springs[name] = self.system.CreateTorsionalSpringDamper(
             itemNumbers=[self.built.bodies[side.body] for side in joint.sides], position=self._place(joint.sides[0]),
             axis=self._stands(joint.sides[0].body) @ joint.axes[0], stiffness=stiffness, damping=damping,
             offset=free - float(self.start[f"{spring.joint}.angle"][0]),
         )  # fmt: skip
+
+
+class _State:
+    """Exudyn's bodies at the instant of its run that it computes, by the names that a motion has for them."""
+
+    times = np.zeros(1)
+
+    def __init__(self, built: Built, system: SpatialSystem):
+        self.built, self.system, self.mechanism = built, system, system.mechanism
+        self.values: dict[str, np.ndarray] = {}
+        self.angles: dict[str, float] = {}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.values[name]
+
+    def sizes(self, t: float) -> np.ndarray:
+        """Sizes of all loads [N or N m], by where the joints stand that their laws know."""
+        known = [self._coordinate(name) for name in self.system.told_joints]
+        coordinates, speeds = (np.array([pair[k] for pair in known]) for k in (0, 1))
+        return self.system.magnitudes(t, coordinates, speeds)
+
+    def _coordinate(self, name: str) -> tuple[float, float]:
+        """Coordinate of a joint, turns counted from call to call, and its rate."""
+        joint = self.mechanism.joints[name]
+        first, second = (self._frame(side.body) for side in joint.sides)
+        if joint.kind == "prismatic":
+            slide, speed, _ = slide_of(joint, first, second)
+            return float(slide[0]), float(speed[0])
+        (angle,), (rate,), _ = turn_of(joint, first, second, self.mechanism.relative(joint))
+        turns = round((self.angles.get(name, 0.0) - angle) / (2.0 * np.pi))
+        self.angles[name] = float(angle) + 2.0 * np.pi * turns
+        return self.angles[name], float(rate)
+
+    def _frame(self, body: str) -> SpatialFrame:
+        if body != GROUND:
+            self._look(body)
+        return SpatialFrame(self, body)
+
+    def _look(self, body: str) -> None:
+        kinds, number = self.built.exudyn.OutputVariableType, self.built.bodies[body]
+        start = -self.mechanism.bodies[body].centre
+
+        def found(kind: object) -> np.ndarray:
+            return np.ravel(self.built.system.GetObjectOutputBody(number, kind, localPosition=start))[:, None]
+
+        vectors = {"": kinds.Position, "v_": kinds.Velocity, "omega_": kinds.AngularVelocity}
+        for head, kind in vectors.items():
+            self.values |= {f"{body}.{head}{axis}": value for axis, value in zip("xyz", found(kind), strict=True)}
+        for head in ("a_", "epsilon_"):  # no law asks for them
+            self.values |= {f"{body}.{head}{axis}": np.zeros(1) for axis in "xyz"}
+        rotation = found(kinds.RotationMatrix)
+        self.values |= {f"{body}.axes_{name}": value for name, value in zip(AXES, rotation, strict=True)}

@@ -43,6 +43,12 @@ class SpatialRecorder:
             (name, quantity): self._record(items.SensorObject, quantity, objectNumber=number)
             for name, number in built.joints.items() for quantity in ("ForceLocal", "TorqueLocal")
         }  # fmt: skip
+        exerted = {name: "ForceLocal" if spring.joint is None else "TorqueLocal"
+                   for name, spring in self.mechanism.springs.items()}  # fmt: skip
+        self.springs = {
+            name: self._record(items.SensorObject, exerted[name], objectNumber=number)
+            for name, number in built.springs.items()
+        }
         self.times = np.zeros(0)
 
     def _addresses(self) -> list[Address]:
@@ -98,14 +104,18 @@ class SpatialRecorder:
     def _coordinate(self, name: str) -> np.ndarray:
         """Angle or slide of a joint, from where it starts."""
         first, second = self.scene.joints[name].addresses
-        frame, start = self.built.frames[name], float(self.start[f"{name}.angle"][0])
-        own = [np.einsum("ijt,jk->ikt", self._axes(side.body), self._begins(side.body).T @ frame)
-               for side in (first, second)]  # fmt: skip
+        start, own = float(self.start[f"{name}.angle"][0]), self._joint_axes(name)
         if self.scene.joints[name].kind == "prismatic":
             slid = (own[0][:, 0] * (self._point(second) - self._point(first))).sum(axis=0)
             return start + slid - slid[0]
         (_, y, z), (_, turned, _) = (axes.transpose(1, 0, 2) for axes in own)
         return start + np.unwrap(np.arctan2((turned * z).sum(axis=0), (turned * y).sum(axis=0)))
+
+    def _joint_axes(self, name: str) -> list[np.ndarray]:
+        """Axes of a joint's frame as its first and its second body carry them, columns of (3, 3, n_times)."""
+        bodies = [side.body for side in self.scene.joints[name].addresses]
+        return [np.einsum("ijt,jk->ikt", self._axes(body), self._begins(body).T @ self.built.frames[name])
+                for body in bodies]  # fmt: skip
 
     def _begins(self, body: str) -> np.ndarray:
         frame = self.start.frame(body)
@@ -129,13 +139,36 @@ class SpatialRecorder:
     def _drive_force(self, sensor: Sensor) -> np.ndarray:
         return -self._stored(self.joints[str(sensor.target), "ForceLocal"])[0]
 
-    def _joint_force(self, sensor: Sensor) -> np.ndarray | str:
-        """Exudyn's is in the axes of the joint's frame on the first body, and acts on that."""
-        if sensor.component.startswith("angle"):
-            return NO_COUNTERPART
+    def _spring_force(self, sensor: Sensor) -> np.ndarray:
+        return self._stored(self.springs[str(sensor.target)])[0]
+
+    def _spring_torque(self, sensor: Sensor) -> np.ndarray:
+        return self._stored(self.springs[str(sensor.target)])[0]
+
+    def _joint_force(self, sensor: Sensor) -> np.ndarray:
+        """Force on the second body, or moment about its point, or their opposites."""
         name = str(sensor.target)
         first, second = (side.body for side in self.scene.joints[name].addresses)
-        axes = np.einsum("ijt,jk->ikt", self._axes(first), self._begins(first).T @ self.built.frames[name])
-        force = -np.einsum("ijt,jt->it", axes, self._stored(self.joints[name, "ForceLocal"]))
+        exerted = self._moment(name) if sensor.component.startswith("angle") else self._force(name)
         sign = -1.0 if sensor.body == first else 1.0
-        return sign * self._component(sensor, force, sensor.body or second)
+        return sign * self._component(sensor, exerted, sensor.body or second)
+
+    def _force(self, name: str) -> np.ndarray:
+        """Exudyn's is in the axes of the joint's frame on the first body, and acts on that."""
+        return -np.einsum("ijt,jt->it", self._joint_axes(name)[0], self._stored(self.joints[name, "ForceLocal"]))
+
+    def _moment(self, name: str) -> np.ndarray:
+        """Exudyn's are multipliers of products of the frame's axes on the two bodies that stay zero.
+
+        Which products, and so which axes they turn about, differs with the rotations that are held.
+        """
+        (_, y, _), (x_2, y_2, z_2) = (axes.transpose(1, 0, 2) for axes in self._joint_axes(name))
+        about = self._stored(self.joints[name, "TorqueLocal"])
+        match self.built.held[name][3:]:
+            case (1, 1, 1):
+                return -about[0] * x_2 + about[1] * y_2 + about[2] * z_2
+            case (0, 1, 1):
+                return about[1] * z_2 - about[2] * y_2
+            case (1, 0, 0):
+                return about[0] * np.cross(y, z_2, axis=0)
+        return np.zeros((3, len(self.times)))

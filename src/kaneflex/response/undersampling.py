@@ -39,7 +39,7 @@ def between_steps(model: Model) -> list[str]:
                 f"{name} turns by {np.degrees(turned):.3g} deg in a step: what happens in between is not seen; give "
                 f"solve.steps = {wanted} or more"
             )
-    varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "constant"}
+    varying = {f"loads.{name}": name for name, load in scene.loads.items() if load.kind != "value"}
     speeds = {f"the speed of {name}": f"{name}.omega" for name in scene.bodies if f"{name}.omega" in seen}
     if not varying and not speeds:
         return found
