@@ -422,6 +422,23 @@ def test_constant_loads_are_not_looked_at_between_steps(tmp_path, monkeypatch):
     assert between_steps(model) == []
 
 
+def test_loads_between_steps_are_those_of_the_motion(tmp_path):
+    """On curves through the steps; one that comes and goes between two of them is told."""
+    push = """[loads]
+push = {{force_on = "bar.end", direction = [0, 0, 1], law = "{}"}}
+brake = {{torque_at = "hinge", law = "-hinge_speed * cos(hinge)"}}
+[sensors]"""
+    model = load(scene_of(tmp_path, ("[sensors]", push.format("3 * sin(7 * t) + hinge**2"))))
+    times = np.linspace(0.0, 1.0, 357)
+    found = model.motion.acting(times, model.motion.at(model.step * np.arange(model.options.steps + 1)))
+    wanted = model.motion.at(times)
+    for name in ("push", "brake"):
+        assert found[name] == pytest.approx(wanted[name], abs=1e-7 * abs(wanted[name]).max())
+    assert between_steps(model) == []
+    knock = load(scene_of(tmp_path, ("[sensors]", push.format("3 * exp(-((t - 0.50025) / 0.0001)**2)"))))
+    assert any("loads.push comes and goes between two steps" in said for said in between_steps(knock))
+
+
 def test_a_drive_asks_for_the_moment_that_the_weight_takes(tmp_path):
     """A bar that turns steadily about a level axis: m g l/2 cos(phi); the force at its pivot m (g + a)."""
     scene = scene_of(

@@ -46,6 +46,11 @@ class RigidKinematics:
         return RigidMotion(self, times, self.table(times))
 
 
+    def acting(self, times: np.ndarray, seen: RigidMotion) -> RigidMotion:
+        """The motion at ``times`` [s], its loads and speeds of links at least; ``seen`` has all of it at every step."""
+        return self.at(times)
+
+
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
     """Scalars of the rigid motion at some times: ``motion["rod.omega"]`` has shape (n_times,)."""

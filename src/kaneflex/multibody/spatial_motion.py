@@ -188,6 +188,20 @@ class SpatialKinematics(RigidKinematics):
             return float(q[first])
         return float(2.0 * np.arctan2(np.linalg.norm(q[first + 1 : first + 4]), abs(q[first])))
 
+    def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
+        """Sizes of the loads alone, by laws at ``times`` [s] of joints that stand on curves through what was seen: to
+        find where the mechanism is at that many instants would take longer than the run."""
+        from scipy.interpolate import CubicSpline
+
+        system, out = self.module.system, np.full((len(times), len(self.column)), np.nan)
+        joints = np.array([seen[f"{name}.angle"] for name in system.told_joints]).reshape(-1, len(seen.times))
+        curve = CubicSpline(seen.times, joints, axis=1)
+        coordinates, speeds = curve(times).T, curve(times, 1).T
+        columns = [self.column[name] for name in system.mechanism.loads]
+        for k, t in enumerate(times.tolist()):
+            out[k, columns] = system.magnitudes(t, coordinates[k], speeds[k])
+        return SpatialMotion(self, times, out)
+
     def at(self, times: np.ndarray | float) -> SpatialMotion:
         """The rigid motion at ``times`` [s], scalar by name."""
         times = np.atleast_1d(np.asarray(times, dtype=float))

@@ -123,8 +123,8 @@ def _run(built: Built | SpatialBuilt, model: Model, steps: int, cycles: int) -> 
         settings.timeIntegration.newton.absoluteTolerance = 0.01 * _NEWTON_TOLERANCE  # for the sake of the multipliers
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
         if model.motion.module.open_reactions:  # as many multipliers too many
-            settings.linearSolverType = built.exudyn.LinearSolverType.EigenDense
-            settings.linearSolverSettings.ignoreSingularJacobian = True
+            settings.linearSolver.solverType = built.exudyn.LinearSolverType.EigenDense
+            settings.linearSolver.ignoreSingularJacobian = True
     settings.solution.sensors.writePeriod = model.step * max(1, model.options.steps // steps)
     config = built.exudyn.config
     printed, config.printToConsole = config.printToConsole, False

@@ -105,27 +105,27 @@ class _Builder:
             ),
         )  # fmt: skip
 
-    def _marker(self, side: Side) -> int:
+    def _marker(self, side: Side, axes: np.ndarray | None = None) -> int:
+        """A marker at a point of a body; ``axes``: its own in the body's, (3, 3)."""
         centre = np.zeros(3) if side.body == GROUND else self.mechanism.bodies[side.body].centre
-        return self.system.AddMarker(self.items.MarkerBodyRigid(
-            bodyNumber=self.built.bodies[side.body], localPosition=np.array(side.at) - centre
-        ))  # fmt: skip
+        stands = self.built.exudyn.HT(np.eye(3) if axes is None else axes, np.array(side.at) - centre)
+        return self.system.AddMarker(
+            self.items.MarkerBodyRigid(bodyNumber=self.built.bodies[side.body], localHT=stands)
+        )
 
     def joint(self, joint: SpatialJoint) -> None:
         """Frames of both sides stand as one at the start; a prescribed freedom is held where its drive has it."""
-        first, second = joint.sides
         axes = self._frame(joint)
-        own = [self._stands(side.body).T @ axes for side in joint.sides]
         held, offset = list(_HELD[joint.kind]), {}
         drive = self.scene.drives.get(joint.name)
         if drive is not None and drive.kind != "free":
             moving = held.index(0)
             held[moving] = 1
             offset = {"offsetUserFunction": self._course(joint, moving, axes[:, 0])}
-        markers = self._marker(first), self._marker(second)
+        markers = [self._marker(side, self._stands(side.body).T @ axes) for side in joint.sides]
         self.built.held[joint.name], self.built.frames[joint.name] = tuple(held), axes
         self.built.joints[joint.name] = self.system.AddObject(self.items.ObjectJointGeneric(
-            markerNumbers=[*markers], constrainedAxes=held, rotationMarker0=own[0], rotationMarker1=own[1], **offset
+            markerNumbers=markers, constrainedAxes=held, **offset
         ))  # fmt: skip
 
     def _frame(self, joint: SpatialJoint) -> np.ndarray:

@@ -45,7 +45,7 @@ def between_steps(model: Model) -> list[str]:
         return found
     spread = np.linspace(0.0, seen.times[-1], within * steps + 1)
     instants = np.sort(np.concatenate((spread, _instants_of_rows(scene, seen))), kind="stable")  # merges sorted runs
-    rigid = model.motion.at(instants)
+    rigid = model.motion.acting(instants, seen)
     fastest = max((abs(rigid[name]).max() for name in speeds.values()), default=0.0)  # the rest may be rounding
     for thing, name in (varying | speeds).items():
         values = rigid[name]
