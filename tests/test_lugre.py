@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from test_friction import BLOCK, CRANK, FALLING, HINGE, ROD, G, solved
+from test_rigid_friction import DISC
 
 from kaneflex import SceneError
 from kaneflex.integrate.outcome import Outcome
@@ -181,3 +182,16 @@ def test_damping_that_outweighs_what_presses_is_named_where_a_loop_has_no_force_
 def test_what_bristles_lack_is_named(tmp_path, written, instead, says):
     with pytest.raises(SceneError, match=says):
         solved(tmp_path, TABLE.replace("LAW", "1").replace(written, instead))
+
+
+@pytest.mark.parametrize("e", [0.3, 0.7])
+@pytest.mark.parametrize("damping", [100, 1000])
+def test_a_disc_that_slides_as_it_bounces_on_bristles_is_slowed_by_coulombs_impulse(tmp_path, damping, e):
+    """Where its sides part nothing presses any more, and how bristles stand there is no matter of accuracy."""
+    lugre = f'law = "lugre", mu = 0.1, bristle_stiffness = 1e6, bristle_damping = {damping}'
+    text = DISC.replace('law = "newton"', "stiffness = 1e6").replace("{mu = 0.1}", f"{{{lugre}}}")
+    text = text.replace("velocity = [2, 0]", "velocity = [20, 0]")
+    found = solved(tmp_path, text, f"floor.contact.restitution={e}", "solve.duration=0.45 s")
+    (bounce,) = found.impacts
+    assert found.times[-1] > bounce.end
+    assert found.trajectory.v[-1][0] == pytest.approx(20 - 0.1 * bounce.impulse / 2, abs=3e-5)

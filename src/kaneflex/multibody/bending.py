@@ -10,8 +10,8 @@ from numba import njit
 from kaneflex.multibody import bristles
 from kaneflex.multibody.holds import BENDS, count, number_at, pressed_by, presses, row_at, row_place
 from kaneflex.multibody.tables import (
-    BY_PRESS, BY_SPEED, DRIVES, KEPT, MODE, NODES, NUMBERS_AT, OPTIONS, PRECISION, REACTIONS, SCHUR, SLOPE, STAGE_H,
-    STAGE_R, STUCK_AT, TOUCH, TOUCHING, WANTED, apart, of_holds,
+    ALONG, BY_PRESS, BY_SPEED, DRIVES, FIRMEST, KEPT, MODE, NODES, NUMBERS_AT, OPTIONS, PRECISION, REACTIONS, SCHUR,
+    SLOPE, STAGE_H, STAGE_R, STUCK_AT, TOUCH, TOUCHING, WANTED, WHAT, apart, larger, of_holds,
 )  # fmt: skip
 
 
@@ -78,6 +78,8 @@ def bent_at_end(m, table, h, here):
     for n in range(-count(m), 0):
         k, j = number_at(m, n), m.acts[m.plan[DRIVES] + n, NUMBERS_AT]
         if m.w[k + MODE] == BENDS:
+            for i in range(3 if m.acts[m.plan[DRIVES] + n, WHAT] == ALONG else 0):
+                m.w[k + FIRMEST] = larger(m.w[k + FIRMEST], m.w[k + NODES + 5 + 4 * i])
             m.w[k + STUCK_AT] = bristles.bent_at_end(table, h, m.w, k, j, here[row_place(m, n)])
 
 

@@ -18,7 +18,7 @@ from numba import njit
 
 from kaneflex.generated import friction as laws
 from kaneflex.multibody.tables import (
-    BY_PRESS, BY_SPEED, DECAY, NODES, NORMAL, OPTIONS, SLIP, SLOPE, STUCK_AT, apart, larger,
+    BY_PRESS, BY_SPEED, DECAY, FIRMEST, NODES, NORMAL, OPTIONS, SLIP, SLOPE, STUCK_AT, apart, larger,
 )  # fmt: skip
 
 LUGRE = 3.0
@@ -112,12 +112,15 @@ def bent_at_end(table, h, w, k, j, z):
 
 @njit(**OPTIONS)
 def minds(w, k, j, step):
-    """How far a hold's bristles bend in a step for 1 m, or rad, of its way, as a share of how far they ever do."""
+    """How far a hold's bristles bend in a step for 1 m, or rad, of its way, as a share of how far they ever do.
+
+    Of a contact that is since its sides touch: where they part nothing presses any more.
+    """
     most = 0.0
     for n in range(3):
         i = k + NODES + 4 + 4 * n
         v, g, z = w[i], w[i + 1], w[i + 2]
         way = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
         bends = abs(laws.bristle_by_speed(w, j, g, 0.0, v, way, z)) / (1.0 + step * laws.bristle_decay(w, j, g, v))
-        most = larger(most, bends * w[j + STIFFNESS_AT] / g)
+        most = larger(most, bends * w[j + STIFFNESS_AT] / larger(g, w[k + FIRMEST]))
     return most

@@ -172,7 +172,7 @@ class Run:
         self.turns = np.array(turns)
         engine.numbers(at.RATE_SCALE, size)[:] = engine.numbers(at.ACCEL_SCALE, size)[:] = math.inf
         self.touching = tuple(system.mechanism.contacts)
-        engine.holds[:, at.JAMS] = math.nan
+        engine.holds[:, [at.JAMS, at.FIRMEST]] = math.nan, 0.0
         self.impacts: tuple[impacts.Impact, ...] = ()
         if self.touching:
             engine.take_impacts()

@@ -17,8 +17,8 @@ from kaneflex.multibody.holds import (
 )  # fmt: skip
 from kaneflex.multibody.loops import follow, hold_now, mend, middle
 from kaneflex.multibody.tables import (
-    ALONG, AT, IN_A_ROW, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES,
-    CUT, DRIVES, DUE, EXTENT, FRAME, FRAME_SIZE, GRAVITY, HOLDING, KEPT, LIMIT, MODE, NODES, NORMAL, NOW, NUMBERS_AT,
+    ALONG, AT, BEFORE, BEGUN_AT, BLOCK, BODIES, COLUMNS, CONTACT, CONTACTS, CONTACT_SIZE, COORDINATES, CUT, DRIVES, DUE,
+    EXTENT, FIRMEST, FRAME, FRAME_SIZE, GRAVITY, HOLDING, IN_A_ROW, KEPT, LIMIT, MODE, NODES, NORMAL, NOW, NUMBERS_AT,
     OPTIONS, PIVOTS, PLACE, RATE, ROW_SIZE, SEC, SECTION, SLIP, SLIP_RATE, SPEED_SIZE, STUCK_AT, TOUCH, TURN, WANTED,
     WHAT, Y, YIELDING, apart, larger, of_holds,
 )  # fmt: skip
@@ -228,6 +228,7 @@ def lets_go(m, n):
         return False
     w[k + MODE] = IDLE
     w[k + STUCK_AT] *= w[j + LAW_AT] != bristles.LUGRE
+    w[k + FIRMEST] = 0.0
     return True
 
 

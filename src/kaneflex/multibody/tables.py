@@ -77,15 +77,15 @@ it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.co
 k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
 impulse, peak force and what was lost before; how it changes at the end of this step; then a step's nodes."""
 (
-    PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE,
+    PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE, FIRMEST,
     MODE, STUCK_AT, SLOPE, BY_SPEED, DECAY, BY_PRESS, JAMS,
-) = 0, 1, 2, 3, 4, 5, 6, 7, *range(BEGUN_AT, BEGUN_AT + 7)  # fmt: skip
+) = *range(9), *range(BEGUN_AT, BEGUN_AT + 7)  # fmt: skip
 """Numbers of a hold (:mod:`kaneflex.multibody.holds`): where it is along its row, its speed and acceleration there;
 what presses it on, the largest force that holds it, the one that it exerts; how large the speeds are whose difference
-its own is; the force that it exerted before; whether it slips or sticks; where it stuck, or how far its bristles are
-bent; what damps it; of the rate of bristles its derivatives by speed, by how they are bent (against it) and by what
-presses; when it first pressed its sides into each other. As of contacts, DUE and NODES follow; of bristles a node has
-speed, g, how they are bent, force."""
+its own is; the force that it exerted before; the largest g of bristles since its sides touch; whether it slips or
+sticks; where it stuck, or how far its bristles are bent; what damps it; of the rate of bristles its derivatives by
+speed, by how they are bent (against it) and by what presses; when it first pressed its sides into each other. As of
+contacts, DUE and NODES follow; of bristles a node has speed, g, how they are bent, force."""
 (
     PRECISION, EXTENT, FLIGHT, LOW, HIGH, TRIAL, TARGET, FOUND_AT, LAST_CHANGE, IN_A_ROW, HELD, RESTED, TRIES, AIM,
     SHARED,
