@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from runs import run
 
+from kaneflex.integrate.outcome import Outcome
 from kaneflex.plots import clearances, records
 from kaneflex.plots.records import impact_zones, spectrum
 from kaneflex.plots.style import styled
@@ -60,6 +61,7 @@ steps = 120
 """
 RIG = ("engine-rig-clearance", "solve.duration=1.5 s", "solve.steps=15000")
 TURN = 60 / 42.36
+HARD = 'contact = {law = "newton", restitution = 0.7}'
 SMOOTH = "bore.clearance.friction=none"
 READ = "Accelerometers (a \u2212 g)"
 
@@ -249,3 +251,21 @@ def test_what_slips_with_hardly_any_acceleration_keeps_its_speed_and_jams_nothin
     assert solution.trajectory.energy.drift < 1e-9
     assert np.isnan(frictions.jams).all() and not solution.warnings
     assert (frictions.mode[:, 0] == 2).any() and abs(frictions.speed[-1, 0]) > 1e-3
+
+
+def test_rigid_sides_rest_by_the_reactions_of_joints_that_rub(tmp_path):
+    """A piston with room knocks from side to side and its pin rubs: what rests bears what that friction leaves."""
+    text = RUBS.replace('wrist = {revolute = ["rod.end", "piston"]}', """[joints.wrist]
+revolute = ["rod.end", "piston"]
+friction = {mu = 0.05, radius = "8 mm"}""")
+    text = text.replace('contact = {materials = ["steel", "steel"], load = "1 kN", restitution = 0.8}', HARD)
+    text = text.replace('width = "20 mm"\n', "").replace('"50 um"', '"1 um"')
+    soft = "contact = {stiffness = 1e10, restitution = 0.6}, friction = {mu = 0.1}"
+    text = text.replace(soft, HARD.replace("0.7", "0"))
+    text = text.replace('"80 um"', '"1 mm"')
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    solution = run(str(path), "solve.duration=0.05 s", "solve.steps=250")
+    assert solution.outcome is Outcome.COMPLETED and len(solution.impacts) > 20
+    assert solution.trajectory.energy.drift < 1e-6
+    assert solution.trajectory.contacts.force.min() > -1e-6

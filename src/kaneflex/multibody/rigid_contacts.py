@@ -126,12 +126,32 @@ def _collided(m, here, A, count, slips):
         if not follow(m, t):
             return -1.0
         rigid_friction.wait(m, t, count, slips)
-        if not mend(m, t, A, 0.0, 1) or (m.plan[HOLDS] < m.plan[DRIVES] and not weigh(m, A, count + slips)):
-            return -1.0
-        again = _press(m, t, count, slips)
+        again = _forces(m, t, A, count, slips)
         if again <= 0:
-            return 1.0 if again == 0 else -2.0 if slips else -1.0
+            return 1.0 if again == 0 else -2.0 if slips and again == -1 else -1.0
     return -1.0
+
+
+@njit(**OPTIONS)
+def _forces(m, t, A, count, slips):
+    """Accelerations without contacts, and forces of those that rest, with what friction the joints' reactions to these
+    bring with them; see :func:`_press`, -2: singular."""
+    apart()
+    plan, w, again, missed, turn = m.plan, m.w, 0, math.inf, 0
+    while missed > 1.0 and turn < _TURNS:
+        copy(w, plan[NOW], plan[LAST_R], plan[REACTIONS])
+        if not mend(m, t, A, 0.0, 1):
+            return -2
+        rigid_friction.exchange(m)
+        if plan[HOLDS] < plan[DRIVES] and not weigh(m, A, count + slips):
+            return -2
+        again = _press(m, t, count, slips)
+        rigid_friction.exchange(m)
+        if again != 0:
+            return again
+        missed = rigid_friction.joints_know(m, A, count, slips)
+        turn += 1
+    return again
 
 
 @njit(**OPTIONS)

@@ -22,16 +22,20 @@ from kaneflex.multibody.contact_numbers import at, rigid
 from kaneflex.multibody.holds import (
     ARM, BENDS, IDLE, LAW_AT, MU_AT, OF_AT, STATIC_AT, PRELOAD_AT, STUCK, count, exert, number_at, pressed, row_of,
 )  # fmt: skip
+from kaneflex.multibody.impulses import answer
 from kaneflex.multibody.rows import works_at
 from kaneflex.multibody.sticking import LET_GO, lets_go, no_rate, no_speed
 from kaneflex.multibody.tables import (
-    ACTS, ALONG, BEFORE, BEGUN_AT, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LIMIT, MODE, NOW, NUMBERS_AT,
-    OPTIONS, PLACE, REACTION, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart, larger, of_holds, smaller,
+    ACTS, ALONG, BEFORE, BEGUN_AT, COMPLEMENT, CONTACTS, DRIVES, DUE, HOLDING, KEPT, LAST_R, LIMIT, MODE, NOW,
+    NUMBERS_AT, OPTIONS, PLACE, REACTION, REACTIONS, ROW_OF, SLIP, SLIP_RATE, STUCK_AT, TURN, WHAT, WORKS, apart,
+    larger, of_holds, smaller,
 )  # fmt: skip
 
 VISCOUS = LAWS.index("viscous")
 _AGREE = 1e-12
 """Of a joint's impulse of friction, what two turns may differ by."""
+_SETTLED = 1e-10
+"""Of the largest reaction of a joint, what two turns may differ by."""
 _HELD = 1e-9
 """Share of what holds that is kept in reserve by what counts as stuck."""
 _ROUNDING = 1e-12
@@ -114,6 +118,37 @@ def joints_ask(m, A, touching, slips, part):
             missed = larger(missed, abs(limit - w[beside]) / (_AGREE * (limit + 0.01 * size) + 1e-300))
             w[beside] += part * (limit - w[beside])
     return missed
+
+
+@of_holds(None)
+@njit(**OPTIONS)
+def exchange(m):
+    """Exchange the reactions at NOW with those at LAST_R, about which friction is linear in the problem of forces."""
+    plan, w = m.plan, m.w
+    for r in range(plan[REACTIONS]):
+        i, j = plan[NOW] + r, plan[LAST_R] + r
+        w[i], w[j] = w[j], w[i]
+
+
+@of_holds(0.0)
+@njit(**OPTIONS)
+def joints_know(m, A, touching, slips):
+    """Add what contacts that rest do to reactions at NOW, where joints rub; how many times what is allowed these differ
+    from those about which the friction was taken."""
+    apart()
+    plan, w, rubs, missed, size = m.plan, m.w, False, 0.0, 0.0
+    for n in range(-count(m), 0):
+        law = w[m.acts[plan[DRIVES] + n, NUMBERS_AT] + LAW_AT]
+        rubs = rubs or (m.acts[plan[DRIVES] + n, WHAT] != ALONG and 0.0 <= law < VISCOUS)
+    if not rubs:
+        return 0.0
+    answer(m, A, touching + slips, vector(m, FORCES))
+    for q in range(m.pivots[KEPT]):
+        row = plan[plan[ROW_OF] + q]
+        w[plan[NOW] + row] += A[plan[REACTION] + q]
+        size = larger(size, abs(w[plan[NOW] + row]))
+        missed = larger(missed, abs(w[plan[NOW] + row] - w[plan[LAST_R] + row]))
+    return missed / (_SETTLED * size + 1e-300)
 
 
 @of_holds(None)

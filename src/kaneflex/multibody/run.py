@@ -200,6 +200,8 @@ class Run:
             rows = slice(before, before + 1 + min(most, _PIECE))
             ended = by_scipy(self, rows) if scipy else self._collocation(rows, most)
             seconds = time.perf_counter() - began
+            if ended == collocation.TOO_SMALL and self.engine.numbers(at.TOUCH, at.SHARED)[at.IN_A_ROW] > 0.0:
+                ended = collocation.CASCADE
             if not scipy:  # which starts anew, and can be interrupted anywhere
                 most = max(1, min(growth * most, int((self.tried - tried) * _QUICK / seconds)))
             if ended not in (collocation.DONE, collocation.PAUSED) and not self._turned():
