@@ -43,6 +43,8 @@ coil = {torsional_at = "hinge", stiffness = 3, damping = 0.02, angle = "5 deg"}
 rope = {between = ["ground.hook", "paddle.end"], stiffness = 20, damping = 0.5, length = "0.2 m"}
 [sensors]
 angle = {position = "hinge", component = "angle"}
+turning_rate = {velocity = "hinge", component = "angle"}
+turning_accel = {acceleration = "hinge", component = "angle"}
 tip_x = {position = "paddle.end", component = "x"}
 tip_v = {velocity = "paddle.end", component = "z", axes = "body"}
 tip_a = {acceleration = "paddle.end", component = "y", reading = "accelerometer"}
@@ -77,6 +79,8 @@ push = {force_on = "bead", direction = [1, 0, 0], law = "1 + 20 * rail - rail_sp
 rope = {between = ["carriage", "bead"], stiffness = 20, damping = 0.5, length = "0.2 m"}
 [sensors]
 out = {position = "rail", component = "x"}
+along = {position = "rod", component = "x"}
+along_rate = {velocity = "rod", component = "x"}
 bead_x = {position = "bead", component = "x"}
 bead_z = {position = "bead", component = "z"}
 push = {drive_force = "rail"}
@@ -132,7 +136,7 @@ def test_drives_loads_and_springs(peer, tmp_path):
     scene = scene_of(tmp_path, TURNING)
     found = shares(scene, 2000)
     assert set(found) == set(scene.sensors)
-    assert all(found[name] < 2e-5 for name in ("angle", "tip_x", "tip_v", "turning", "pull", "twist"))
+    assert all(found[name] < 2e-5 for name in ("angle", "turning_rate", "tip_x", "tip_v", "pull", "twist"))
     assert all(share < 1e-3 for share in found.values())
 
 
@@ -141,8 +145,8 @@ def test_slides(peer, tmp_path):
     scene = scene_of(tmp_path, SLIDING)
     found = shares(scene, 2000)
     assert set(found) == set(scene.sensors)
-    assert all(found[name] < 1e-5 for name in ("out", "bead_x", "bead_z", "pull"))
-    assert all(found[name] < 1e-5 for name in ("push", "pin", "rail_moment"))
+    assert all(found[name] < 1e-5 for name in ("out", "along", "along_rate", "bead_x", "bead_z"))
+    assert all(found[name] < 1e-5 for name in ("push", "pin", "rail_moment", "pull"))
 
 
 def test_moments_of_all_kinds_of_joints(peer, tmp_path):

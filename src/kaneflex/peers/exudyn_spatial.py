@@ -28,6 +28,12 @@ _HELD = {
 """What a joint holds of translations and rotations along and about the axes of its frame, whose x is that of the joint;
 of a universal one y is its first and z its second axis."""
 
+OF_BODIES = {
+    "": "Position", "v_": "Velocity", "a_": "Acceleration", "axes_": "RotationMatrix", "omega_": "AngularVelocity",
+    "epsilon_": "AngularAcceleration",
+}  # fmt: skip
+"""Exudyn's variables by what a rigid motion's names of them begin with."""
+
 
 @dataclass(frozen=True, eq=False)
 class Built:
@@ -192,18 +198,29 @@ class _Builder:
         )  # fmt: skip
 
 
-class _State:
-    """Exudyn's bodies at the instant of its run that it computes, by the names that a motion has for them."""
+class Bodies:
+    """Motions of Exudyn's bodies by the names that a rigid motion has for them; ``times`` [s]."""
 
-    times = np.zeros(1)
-
-    def __init__(self, built: Built, system: SpatialSystem):
-        self.built, self.system, self.mechanism = built, system, system.mechanism
-        self.values: dict[str, np.ndarray] = {}
-        self.angles: dict[str, float] = {}
+    def __init__(self, times: np.ndarray):
+        self.times, self.values = times, dict[str, np.ndarray]()
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[name]
+
+    def put(self, body: str, found: Callable[[str], np.ndarray]) -> None:
+        """What Exudyn has of a body at its start, by the names of Exudyn's variables, (3 or 9, n_times)."""
+        for head, variable in OF_BODIES.items():
+            names = AXES if variable == "RotationMatrix" else "xyz"
+            self.values |= {f"{body}.{head}{name}": row for name, row in zip(names, found(variable), strict=True)}
+
+
+class _State(Bodies):
+    """Exudyn's bodies at the instant of its run that it computes."""
+
+    def __init__(self, built: Built, system: SpatialSystem):
+        super().__init__(np.zeros(1))
+        self.built, self.system, self.mechanism = built, system, system.mechanism
+        self.angles: dict[str, float] = {}
 
     def sizes(self, t: float) -> np.ndarray:
         """Sizes of all loads [N or N m], by where the joints stand that their laws know."""
@@ -225,20 +242,14 @@ class _State:
 
     def _frame(self, body: str) -> SpatialFrame:
         if body != GROUND:
-            self._look(body)
+            kinds, number = self.built.exudyn.OutputVariableType, self.built.bodies[body]
+            start = -self.mechanism.bodies[body].centre
+
+            def found(variable: str) -> np.ndarray:
+                if variable.endswith("Acceleration"):  # no law asks for it
+                    return np.zeros((3, 1))
+                output = self.built.system.GetObjectOutputBody(number, getattr(kinds, variable), localPosition=start)
+                return np.ravel(output)[:, None]
+
+            self.put(body, found)
         return SpatialFrame(self, body)
-
-    def _look(self, body: str) -> None:
-        kinds, number = self.built.exudyn.OutputVariableType, self.built.bodies[body]
-        start = -self.mechanism.bodies[body].centre
-
-        def found(kind: object) -> np.ndarray:
-            return np.ravel(self.built.system.GetObjectOutputBody(number, kind, localPosition=start))[:, None]
-
-        vectors = {"": kinds.Position, "v_": kinds.Velocity, "omega_": kinds.AngularVelocity}
-        for head, kind in vectors.items():
-            self.values |= {f"{body}.{head}{axis}": value for axis, value in zip("xyz", found(kind), strict=True)}
-        for head in ("a_", "epsilon_"):  # no law asks for them
-            self.values |= {f"{body}.{head}{axis}": np.zeros(1) for axis in "xyz"}
-        rotation = found(kinds.RotationMatrix)
-        self.values |= {f"{body}.axes_{name}": value for name, value in zip(AXES, rotation, strict=True)}

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
+from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
 from kaneflex.peers.readings import NO_COUNTERPART, address_of
-from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import Sensor
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.peers.exudyn_spatial import Built
-
-_MOTION = ("Position", "Velocity", "Acceleration")
-_TURNING = ("RotationMatrix", "AngularVelocity", "AngularAcceleration")
-
 
 class SpatialRecorder:
     """Puts Exudyn's sensors in before a run and evaluates the scene's sensors after it."""
@@ -29,15 +28,10 @@ class SpatialRecorder:
         self.model, self.scene, self.built, self.items = model, model.scene, built, items
         self.mechanism, self.start = spatial_mechanism_of(model.scene), model.motion.at(0.0)
         self.bodies = {
-            (name, quantity): self._record(items.SensorBody, quantity, bodyNumber=number)
-            for name, number in built.bodies.items() if name != GROUND for quantity in _TURNING
-        }  # fmt: skip
-        self.points = {
-            (address, quantity): self._record(
-                items.SensorBody, quantity, bodyNumber=built.bodies[address.body],
-                localPosition=np.array(self.scene.point(address)) - self.mechanism.bodies[address.body].centre,
+            (name, variable): self._record(
+                items.SensorBody, variable, bodyNumber=number, localPosition=-self.mechanism.bodies[name].centre
             )
-            for address in self._addresses() for quantity in _MOTION
+            for name, number in built.bodies.items() if name != GROUND for variable in OF_BODIES.values()
         }  # fmt: skip
         self.joints = {
             (name, quantity): self._record(items.SensorObject, quantity, objectNumber=number)
@@ -49,13 +43,7 @@ class SpatialRecorder:
             name: self._record(items.SensorObject, exerted[name], objectNumber=number)
             for name, number in built.springs.items()
         }
-        self.times = np.zeros(0)
-
-    def _addresses(self) -> list[Address]:
-        """Points that sensors read, and those of the joints."""
-        read = [address_of(sensor) for sensor in self.scene.sensors.values() if isinstance(sensor.target, Address)]
-        held = [side for joint in self.scene.joints.values() for side in joint.addresses]
-        return [address for address in dict.fromkeys([*read, *held]) if address.body in self.mechanism.bodies]
+        self.moved = Bodies(np.zeros(0))
 
     def _record(self, kind: type, variable: str, **where: object) -> int:
         quantity = getattr(self.built.exudyn.OutputVariableType, variable)
@@ -64,7 +52,9 @@ class SpatialRecorder:
 
     def read(self) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         """Values of the sensors, and what can't be read and why."""
-        self.times = self.built.system.GetSensorStoredData(next(iter(self.bodies.values())))[:, 0]
+        self.moved = Bodies(self.built.system.GetSensorStoredData(next(iter(self.bodies.values())))[:, 0])
+        for body in self.mechanism.bodies:
+            self.moved.put(body, partial(self._of_body, body))
         values, missing = {}, {}
         for name, sensor in self.scene.sensors.items():
             method = getattr(self, f"_{sensor.kind}", None)
@@ -75,63 +65,67 @@ class SpatialRecorder:
                 values[name] = found
         return values, missing
 
+    def _of_body(self, body: str, variable: str) -> np.ndarray:
+        return self._stored(self.bodies[body, variable])
+
     def _stored(self, number: int) -> np.ndarray:
         return self.built.system.GetSensorStoredData(number)[:, 1:].T
 
-    def _axes(self, body: str) -> np.ndarray:
-        """Axes of a body as columns, (3, 3, n_times)."""
-        if body == GROUND:
-            return np.repeat(np.eye(3)[:, :, None], len(self.times), axis=2)
-        return self._stored(self.bodies[body, "RotationMatrix"]).reshape(3, 3, -1)
+    @property
+    def times(self) -> np.ndarray:
+        """Instants [s], (n_times,)."""
+        return self.moved.times
 
-    def _point(self, address: Address, order: int = 0) -> np.ndarray:
-        """Place, velocity or acceleration of a point, global, (3, n_times)."""
-        if address.body == GROUND:
-            return np.outer(self.scene.point(address) if order == 0 else np.zeros(3), np.ones(len(self.times)))
-        return self._stored(self.points[address, _MOTION[order]])
+    def _frame(self, body: str) -> SpatialFrame:
+        return SpatialFrame(self.moved, body)
 
     def _component(self, sensor: Sensor, vector: np.ndarray, body: str) -> np.ndarray:
         if sensor.axes == "body":
-            vector = np.einsum("ijt,it->jt", self._axes(body), vector)
+            vector = self._frame(body).to_body(vector)
         return vector["xyz".index(sensor.component[-1])]
 
-    def _position(self, sensor: Sensor) -> np.ndarray:
+    def _point(self, sensor: Sensor, order: int) -> np.ndarray:
+        """Place of a point or a joint, or one of its rates, by the component of a sensor."""
         address = address_of(sensor)
         if address.body in self.scene.joints:
-            return self._coordinate(address.body)
-        return self._component(sensor, self._point(address), address.body)
+            return self._coordinate(address.body, sensor.component == "angle")[order]
+        frame, at = self._frame(address.body), self.scene.point(address)
+        if sensor.component.startswith("angle"):
+            return self._component(sensor, (frame.omega, frame.epsilon)[order - 1], address.body)
+        vector = (frame.place, frame.velocity, frame.acceleration)[order](at)
+        if sensor.kind == "acceleration" and sensor.reading == "accelerometer":
+            vector = vector - self.mechanism.gravity[:, None]
+        return self._component(sensor, vector, address.body)
 
-    def _coordinate(self, name: str) -> np.ndarray:
-        """Angle or slide of a joint, from where it starts."""
-        first, second = self.scene.joints[name].addresses
-        start, own = float(self.start[f"{name}.angle"][0]), self._joint_axes(name)
-        if self.scene.joints[name].kind == "prismatic":
-            slid = (own[0][:, 0] * (self._point(second) - self._point(first))).sum(axis=0)
-            return start + slid - slid[0]
-        (_, y, z), (_, turned, _) = (axes.transpose(1, 0, 2) for axes in own)
-        return start + np.unwrap(np.arctan2((turned * z).sum(axis=0), (turned * y).sum(axis=0)))
+    def _coordinate(self, name: str, turns: bool) -> Rates:
+        """Angle of a joint, counted on from where it starts, or its slide, and its rates."""
+        joint = self.mechanism.joints[name]
+        first, second = (self._frame(side.body) for side in joint.sides)
+        if not turns:
+            return slide_of(joint, first, second)
+        angle, rate, accel = turn_of(joint, first, second, self.mechanism.relative(joint))
+        angle = np.unwrap(angle)
+        whole = np.round((float(self.start[f"{name}.angle"][0]) - angle[0]) / (2.0 * np.pi))
+        return angle + 2.0 * np.pi * whole, rate, accel
+
+    def _position(self, sensor: Sensor) -> np.ndarray:
+        return self._point(sensor, 0)
+
+    def _velocity(self, sensor: Sensor) -> np.ndarray:
+        return self._point(sensor, 1)
+
+    def _acceleration(self, sensor: Sensor) -> np.ndarray:
+        return self._point(sensor, 2)
 
     def _joint_axes(self, name: str) -> list[np.ndarray]:
         """Axes of a joint's frame as its first and its second body carry them, columns of (3, 3, n_times)."""
         bodies = [side.body for side in self.scene.joints[name].addresses]
-        return [np.einsum("ijt,jk->ikt", self._axes(body), self._begins(body).T @ self.built.frames[name])
+        return [np.einsum("ijt,jk->ikt", self._frame(body).axes, self._begins(body).T @ self.built.frames[name])
                 for body in bodies]  # fmt: skip
 
     def _begins(self, body: str) -> np.ndarray:
         frame = self.start.frame(body)
         return np.column_stack([frame.to_global(axis)[:, 0] for axis in np.eye(3)])
-
-    def _velocity(self, sensor: Sensor) -> np.ndarray:
-        return self._rate(sensor, 1, np.zeros(3))
-
-    def _acceleration(self, sensor: Sensor) -> np.ndarray:
-        return self._rate(sensor, 2, self.mechanism.gravity if sensor.reading == "accelerometer" else np.zeros(3))
-
-    def _rate(self, sensor: Sensor, order: int, less: np.ndarray) -> np.ndarray:
-        address = address_of(sensor)
-        if sensor.component.startswith("angle"):
-            return self._component(sensor, self._stored(self.bodies[address.body, _TURNING[order]]), address.body)
-        return self._component(sensor, self._point(address, order) - less[:, None], address.body)
 
     def _drive_torque(self, sensor: Sensor) -> np.ndarray:
         return -self._stored(self.joints[str(sensor.target), "TorqueLocal"])[0]
