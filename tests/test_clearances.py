@@ -248,6 +248,13 @@ def test_what_slips_with_hardly_any_acceleration_keeps_its_speed_and_jams_nothin
     solution = run(str(path))
     frictions = solution.trajectory.frictions
     assert {impact.contact for impact in solution.impacts} == {"pin", "bore_3", "bore_4"}
+    for impact in solution.impacts:
+        turned = 20 * np.pi * impact.begin
+        if impact.contact == "pin":
+            across = impact.x - 0.05 * np.cos(turned), impact.y - 0.05 * np.sin(turned)
+            assert np.hypot(*across) == pytest.approx(50e-6, rel=1e-6)
+        else:
+            assert impact.y == pytest.approx(80e-6, rel=1e-9)
     assert solution.trajectory.energy.drift < 1e-9
     assert np.isnan(frictions.jams).all() and not solution.warnings
     assert (frictions.mode[:, 0] == 2).any() and abs(frictions.speed[-1, 0]) > 1e-3

@@ -246,6 +246,7 @@ def test_impacts_are_on_the_solution_in_its_summary_and_its_results(tmp_path):
     assert summary.lost == pytest.approx(sum(impact.lost for impact in solution.impacts), rel=1e-12)
     found = solution.dataset
     assert found["impact_begin"].values.tolist() == [impact.begin for impact in solution.impacts]
+    assert found["impact_y"].values == pytest.approx(0.0, abs=1e-12) and (found["impact_x"].values == 0.0).all()
     assert found["impact_contact"].values.tolist() == [0] * len(solution.impacts)
     assert found["contact"].values.tolist() == ["floor"]
     for sensor, name in (("push", "contact_force"), ("air", "contact_gap")):

@@ -29,10 +29,10 @@ from kaneflex.multibody.loops import bent, mend, middle
 from kaneflex.multibody.rows import give, works_at
 from kaneflex.multibody.switching import pass_zero, take_place
 from kaneflex.multibody.tables import (
-    ACCEL, ACTS, ALLOWED, APPROACH, IN_A_ROW, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT, GAP,
-    GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES, NUMBERS_AT, OPTIONS,
-    PEAK, PIVOTS, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, TOUCH, WORKS, YIELDING, apart, larger, of_contacts,
-    shifted, smaller,
+    ACCEL, ACTS, ALLOWED, APPROACH, BEGAN_X, BEGAN_Y, BEGUN_AT, BODIES, COLUMNS, CONTACTS, COORDINATES, DUE, FLIGHT,
+    GAP, GAP_RATE, IMPACTS, IMPACT_SIZE, IMPULSE, IN_A_ROW, KEPT, LAST_CHANGE, LOST_BEFORE, MOST_IMPACTS, NODES,
+    NUMBERS_AT, OPTIONS, PEAK, PIVOTS, PLACE_X, PLACE_Y, PRECISION, RESISTING_MASS, RESTED, SINCE, SPEEDS, TOUCH, WORKS,
+    YIELDING, apart, larger, of_contacts, shifted, smaller,
 )  # fmt: skip
 from kaneflex.multibody.yielding import along
 
@@ -196,6 +196,7 @@ def _close(m, c, t, A, lost):
     w[k + SINCE], w[k + APPROACH] = t, approach
     w[k + LOST_BEFORE] = lost - touching.stored(w, own, smaller(w[k + GAP], 0.0))
     w[k + IMPULSE] = w[k + PEAK] = 0.0
+    w[k + BEGAN_X], w[k + BEGAN_Y] = w[k + PLACE_X], w[k + PLACE_Y]
     return depth / speed
 
 
@@ -207,6 +208,7 @@ def part(m, c, t, lost):
     j = m.plan[IMPACTS] + 1 + IMPACT_SIZE * count
     w[j], w[j + 1], w[j + 2], w[j + 3], w[j + 4] = c, w[k + SINCE], t, w[k + APPROACH], w[k + GAP_RATE]
     w[j + 5], w[j + 6], w[j + 7] = w[k + IMPULSE], w[k + PEAK], lost - w[k + LOST_BEFORE]
+    w[j + 8], w[j + 9] = w[k + BEGAN_X], w[k + BEGAN_Y]
     w[m.plan[IMPACTS]] = count + 1
 
 

@@ -31,6 +31,8 @@ class Impact:
         Largest normal force [N].
     lost : float
         Energy [J].
+    x, y : float
+        Global place [m] of the contact at its begin; of flanks, which have none, 0.
     """
 
     contact: str
@@ -41,6 +43,8 @@ class Impact:
     impulse: float
     peak: float
     lost: float
+    x: float
+    y: float
 
     @property
     def lasts(self) -> bool:
@@ -97,7 +101,8 @@ def lasting(names: tuple[str, ...], engine: Engine, here: np.ndarray) -> tuple[I
         if numbers[at.BEGUN_AT]:
             lost = float(work - numbers[at.LOST_BEFORE] - numbers[at.ELASTIC])
             parts = numbers[[at.APPROACH, at.IMPULSE, at.PEAK]].tolist()
-            found.append(Impact(name, float(numbers[at.SINCE]), math.nan, parts[0], math.nan, *parts[1:], lost))
+            place = numbers[[at.BEGAN_X, at.BEGAN_Y]].tolist()
+            found.append(Impact(name, float(numbers[at.SINCE]), math.nan, parts[0], math.nan, *parts[1:], lost, *place))
     return tuple(found)
 
 

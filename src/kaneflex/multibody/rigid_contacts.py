@@ -29,10 +29,10 @@ from kaneflex.multibody.impulses import answer, share, weigh
 from kaneflex.multibody.loops import follow, mend, middle
 from kaneflex.multibody.rows import copy, give, works_at
 from kaneflex.multibody.tables import (
-    ACTS, ALLOWED, APPROACH, AT, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE, FLANK, GAP,
-    GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, POWER, PUSH_NOW, RATE,
-    REACTIONS, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH, WHAT, WORKS, apart, larger,
-    of_contacts,
+    ACTS, ALLOWED, APPROACH, AT, BEGAN_X, BEGAN_Y, BEGUN_AT, COMPLEMENT, CONTACTS, COORDINATES, CUT_ROWS, DRIVES, DUE,
+    FLANK, GAP, GAP_RATE, HOLDS, IMPULSE, KEPT, LAST_R, LOST_BEFORE, NOW, NUMBERS_AT, ON, OPTIONS, PEAK, PLACE_X,
+    PLACE_Y, POWER, PUSH_NOW, RATE, REACTIONS, RESISTING_MASS, RESTED, ROW_AT, ROW_OF, SEC, SECTION, SHUT, SINCE, TOUCH,
+    WHAT, WORKS, apart, larger, of_contacts,
 )  # fmt: skip
 
 _TOGETHER = 100.0
@@ -252,6 +252,7 @@ def _settle(m, here, count, slips):
         if rested == 0.0 and (resting or p > 0.0):
             w[k + SINCE], w[k + APPROACH], w[k + LOST_BEFORE] = t, larger(-old, 0.0), here[work]
             w[k + IMPULSE] = w[k + PEAK] = 0.0
+            w[k + BEGAN_X], w[k + BEGAN_Y] = w[k + PLACE_X], w[k + PLACE_Y]
         w[k + IMPULSE] += p
         here[work] -= 0.5 * p * (old + new)
         w[k + ALLOWED], w[k + RESISTING_MASS] = 1e-10 * f + nothing, mass

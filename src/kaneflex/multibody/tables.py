@@ -30,7 +30,7 @@ ENTRY = OUTER | {"_nrt": False, "no_cpython_wrapper": True, "no_rewrites": True,
 OPTIONS = ENTRY | {"no_cfunc_wrapper": True}
 """What compiled functions are made with that others call: they allocate nothing, so nothing is counted."""
 
-SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 42, 8
+SEC, FRAME_SIZE, ROW_SIZE, SPRING_SIZE, CONTACT_SIZE, HINGE_SIZE = 9, 11, 9, 6, 44, 8
 """Numbers of a section (x, y, theta and two rates), a frame (x, y, phi, cos, sin, then two rates of x, y, phi), a cut's
 row (residual, two rates, Jacobian by the two twists), a spring (see :mod:`kaneflex.generated.joints`), a contact (see
 :mod:`kaneflex.multibody.contacts`), and a factorised joint: what it moves along at its section (3), the articulated
@@ -70,12 +70,14 @@ ABOVE, BELOW, STAYS = 0.0, -1.0, -2.0
 """BEGUN_AT of a switch: the side of zero on which the laws are, or whether it stays at zero."""
 (
     GAP, GAP_RATE, NORMAL_X, NORMAL_Y, PLACE_X, PLACE_Y, SLIDING, NORMAL_TURN, PUSH_NOW, ELASTIC, LOSING,
-    BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE, NODES,
-) = range(23)  # fmt: skip
+    BEGUN_AT, ALLOWED, STIFF, VISCOUS, RESISTING_MASS, SINCE, APPROACH, IMPULSE, PEAK, LOST_BEFORE, DUE,
+    BEGAN_X, BEGAN_Y, NODES,
+) = range(25)  # fmt: skip
 """Numbers of a contact: what :func:`kaneflex.generated.contact.gap` stores; its force, stored energy and loss; whether
 it is closed, and the approach speed of its law (see :mod:`kaneflex.multibody.contacts`); the error allowed in its gap;
 k and c of the factors; the mass that resists along its normal; of the impact that goes on its instant, approach speed,
-impulse, peak force and what was lost before; how it changes at the end of this step; then a step's nodes."""
+impulse, peak force and what was lost before; how it changes at the end of this step; where the impact began; then a
+step's nodes."""
 (
     PLACE, SLIP, SLIP_RATE, NORMAL, LIMIT, HOLDING, SPEED_SIZE, BEFORE, FIRMEST,
     MODE, STUCK_AT, SLOPE, BY_SPEED, DECAY, BY_PRESS, JAMS,
@@ -100,9 +102,9 @@ ROOM, LARGEST = STIFF, ALLOWED
 SHUT, SHIFT = STIFF, VISCOUS
 """Of a contact by Newton's law: whether dependent coordinates keep it closed; what is added to its gap where it left
 another side without a speed. ALLOWED is the force [N] of it that is as good as none."""
-IMPACT_SIZE, MOST_IMPACTS = 8, 256
+IMPACT_SIZE, MOST_IMPACTS = 10, 256
 """Numbers of an impact that is over: contact, its begin and end, approach speed, separation speed, impulse, peak force,
-energy lost; after how many Python is to take them. Their count is before them."""
+energy lost, x and y where it began; after how many Python is to take them. Their count is before them."""
 
 (
     BODIES, COORDINATES, SPEEDS, REACTIONS, CUT_ROWS, JOINT_ROWS, RIGID, WORKS, KEPT, BENDS, LED,

@@ -21,7 +21,7 @@ RESULT_NAMES = {"time": "the results are over it"}
 _OF_IMPACTS = ("begin", "end", "approach", "separation", "impulse", "peak", "lost")
 CONTACT_RESULTS = (
     *(f"contact_{key}" for key in ("gap", "force", "lost")), *(f"flank_{key}" for key in ("gap", "torque", "lost")),
-    *(f"impact_{key}" for key in ("contact", *_OF_IMPACTS)),
+    *(f"impact_{key}" for key in ("contact", *_OF_IMPACTS, "x", "y")),
     *(f"flank_impact_{key}" for key in ("flank", *_OF_IMPACTS)),
     *(f"clearance_{key}" for key in ("x", "y", "angle")), "contact", "flank", "clearance", "eccentricity",
     "state", "last_state", "last_rate",

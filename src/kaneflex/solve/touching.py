@@ -23,8 +23,10 @@ _ABOUT = {
     "impulse": ("N s", "N m s", "of the normal force"),
     "peak": ("N", "N m", "largest normal force"),
     "lost": ("J", "J", "energy lost"),
+    "x": ("m", "global place of the contact at the begin, along x"),
+    "y": ("m", "the same along y"),
 }
-"""Numbers of an impact: units, of flanks in the second place, and meaning."""
+"""Numbers of an impact: units, of flanks, which have no place, in the second one, and meaning."""
 
 
 class FrictionSummary(PlainTable):
@@ -162,7 +164,7 @@ def _of_kind(record: ContactRecord, names: list[str], kind: str) -> dict[str, En
         number = [names.index(impact.contact) for impact in impacts]
         about = {"long_name": f"number of its {kind}, from 0 on, among those of the coordinate {kind}"}
         variables[f"{each}_{kind}"] = (each, np.array(number, np.int32), about)
-        for key in COLUMNS:
+        for key in COLUMNS[:-2] if turns else COLUMNS:
             *units, meaning = _ABOUT[key]
             values = np.array([getattr(impact, key) for impact in impacts])
             variables[f"{each}_{key}"] = (each, values, {"units": units[turns], "long_name": meaning})
