@@ -173,6 +173,7 @@ def act(m, t):
     holds.exert(m)
 
 
+@of_contacts(None)
 @njit(**OPTIONS)
 def press(m, n):
     """A contact where its sections are, and what it exerts on them if it is closed."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.types import FunctionType
 
 from kaneflex.generated import body
@@ -17,6 +15,7 @@ from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
+from kaneflex.multibody.inner import compiling
 from kaneflex.multibody.library import library
 from kaneflex.multibody.tables import Handed, Handle
 from kaneflex.multibody.topology import Layout, build_tables
@@ -364,7 +363,6 @@ def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.nd
 @cache
 def _kernel_address(kernel: Any, of: FunctionType) -> int:
     """Where compiled code finds a kernel, which is compiled here unless it is already."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+    with compiling():
         found = kernel.get_compile_result(of.signature)
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))

@@ -8,14 +8,12 @@ addresses; arrays go in by theirs, so that a call costs a few microseconds.
 from __future__ import annotations
 
 import ctypes
-import warnings
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from numba import njit
 from numba.core import cgutils
-from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import intrinsic
 from numba.types import FunctionType, UniTuple, boolean, float64, int64, void
 
@@ -118,8 +116,7 @@ def library(mechanism: Handed) -> dict[Any, Callable[..., Any]]:
 
     ``mechanism``: what it is handed; that of a mechanism with contacts, or with holds besides, has functions more.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+    with inner.compiling():
         found = _ENTERED[mechanism]()
     of_c: dict[Any, Callable[..., Any]] = {}
     for (function, signature), address in zip(ENTRIES.items(), found, strict=True):

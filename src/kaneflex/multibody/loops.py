@@ -14,6 +14,7 @@ from numba import njit
 from kaneflex.multibody import dense_lu, holds
 from kaneflex.multibody.acting import meet
 from kaneflex.multibody.closed_factors import factorise_closed, solve_closed
+from kaneflex.multibody.inner import once
 from kaneflex.multibody.recursion import assemble
 from kaneflex.multibody.rows import copy
 from kaneflex.multibody.tables import (
@@ -36,6 +37,7 @@ WORN = 8.0
 """How much more than an independent coordinate a dependent one may move, both in what counts as one in them."""
 
 
+@once
 @njit(**OPTIONS)
 def gradient(m, row, cut, bends, out):
     """Add a cut's row's derivatives by all coordinates to those at ``out``; by shapes only where asked.
@@ -99,7 +101,7 @@ def gradients(m):
         at = plan[GRADIENT] + n * r
         for i in range(n):
             w[at + i] = 0.0
-        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], plan[BENDS], at)
+        gradient(m, plan[plan[ROW_OF] + r], plan[plan[CUT_OF] + r], plan[BENDS] != 0, at)
         for k in range(count):
             w[plan[LOOP] + count * r + k] = w[at + plan[plan[DEPENDENT] + k]]
     return dense_lu.factorise(w, plan[LOOP], count, m.pivots, plan[LOOP_PIVOTS])
@@ -252,6 +254,7 @@ def hold_now(m):
         holds.row_of(m, n)
 
 
+@once
 @njit(**OPTIONS)
 def mend(m, t, A, h, turns):
     """Mend accelerations and reactions where everything is, in as many turns; False: singular.
@@ -282,6 +285,7 @@ def mend(m, t, A, h, turns):
     return True
 
 
+@once
 @njit(**OPTIONS)
 def settle_now(m, t, A, h, turns):
     """Accelerations and reactions of the cuts where and as fast as the independent coordinates are; False: singular.
