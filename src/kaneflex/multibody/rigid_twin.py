@@ -263,13 +263,7 @@ class TwinKinematics(RigidKinematics):
     module: Any
 
     def at(self, times: np.ndarray | float) -> RigidMotion:
-        times = np.atleast_1d(np.asarray(times, dtype=float))
-        return self._first if times.tolist() == [0.0] else _Placed(self, times)
-
-    @cached_property
-    def _first(self) -> RigidMotion:
-        """Where every run of a model begins: placed once."""
-        return _Placed(self, np.zeros(1))
+        return _Placed(self, np.atleast_1d(np.asarray(times, dtype=float)))
 
 
 @dataclass(frozen=True, eq=False)

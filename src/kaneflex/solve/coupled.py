@@ -25,6 +25,7 @@ from kaneflex.solve.forward import with_courses
 from kaneflex.solve.initial import laid_over
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
+from kaneflex.support.kept import Kept
 
 _CYCLES = 100
 """Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
@@ -63,7 +64,18 @@ def method_of(model: Model) -> Method:
 
 
 def beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
-    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium, or as it gives them."""
+    """q and v of the rigid mechanism, deformed where the scene starts from equilibrium, or as it gives them.
+
+    They are found once for a model, whose every run begins there.
+    """
+    q, v = _BEGINNINGS.of(model, lambda: _beginning(model))
+    return q.copy(), v.copy()
+
+
+_BEGINNINGS: Kept[Model, tuple[np.ndarray, np.ndarray]] = Kept()
+
+
+def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     system, first = model.coupled, model.motion.at(0.0)
     assert system is not None
     q, v = rigid_state(system, first)
