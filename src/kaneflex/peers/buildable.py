@@ -18,8 +18,8 @@ _MOST_CYCLES = 60
 
 
 def check_buildable(scene: Scene) -> None:
-    """Raise SceneError that names everything in a scene that has no counterpart in the peer."""
-    parts = (_in_space,) if scene.is_spatial else (_bodies, _joints, _forces, _solving)
+    """Raise SceneError that names everything in a scene that has no counterpart in the peer; in space all has one."""
+    parts = () if scene.is_spatial else (_bodies, _joints, _forces, _solving)
     problems = [problem for part in parts for problem in part(scene)]
     if problems:
         raise SceneError.gather(problems)
@@ -27,14 +27,6 @@ def check_buildable(scene: Scene) -> None:
 
 def _problem(key: str, value: object, reason: str) -> Problem:
     return Problem(key, value, f"{reason} is not built in the peer", "Compare presets instead, or leave it out")
-
-
-def _in_space(scene: Scene) -> Iterator[Problem]:
-    """Of a rigid mechanism in space: the peer's guides are driven along global directions."""
-    for name, drive in scene.drives.items():
-        joint = scene.joints[name]
-        if joint.kind == "prismatic" and drive.kind != "free" and joint.addresses[0].body != "ground":
-            yield _problem(f"drives.{name}", drive.kind, "a drive along a guide that moves")
 
 
 def _bodies(scene: Scene) -> Iterator[Problem]:

@@ -113,11 +113,15 @@ class _Builder:
 
     def _marker(self, side: Side, axes: np.ndarray | None = None) -> int:
         """A marker at a point of a body; ``axes``: its own in the body's, (3, 3)."""
-        centre = np.zeros(3) if side.body == GROUND else self.mechanism.bodies[side.body].centre
-        stands = self.built.exudyn.HT(np.eye(3) if axes is None else axes, np.array(side.at) - centre)
+        stands = self._transform(side, np.eye(3) if axes is None else axes)
         return self.system.AddMarker(
             self.items.MarkerBodyRigid(bodyNumber=self.built.bodies[side.body], localHT=stands)
         )
+
+    def _transform(self, side: Side, axes: np.ndarray) -> np.ndarray:
+        """Axes and a place on a body as Exudyn has them, whose bodies begin at their centres of mass."""
+        centre = np.zeros(3) if side.body == GROUND else self.mechanism.bodies[side.body].centre
+        return self.built.exudyn.HT(axes, np.array(side.at) - centre)
 
     def joint(self, joint: SpatialJoint) -> None:
         """Frames of both sides stand as one at the start; a prescribed freedom is held where its drive has it."""
@@ -127,7 +131,7 @@ class _Builder:
         if drive is not None and drive.kind != "free":
             moving = held.index(0)
             held[moving] = 1
-            offset = {"offsetUserFunction": self._course(joint, moving, axes[:, 0])}
+            offset = {"offsetUserFunction": self._course(joint, moving, axes)}
         markers = [self._marker(side, self._stands(side.body).T @ axes) for side in joint.sides]
         self.built.held[joint.name], self.built.frames[joint.name] = tuple(held), axes
         self.built.joints[joint.name] = self.system.AddObject(self.items.ObjectJointGeneric(
@@ -147,18 +151,24 @@ class _Builder:
         x = first @ joint.axes[0]
         return np.column_stack([x, *across(x)])
 
-    def _course(self, joint: SpatialJoint, moving: int, along: np.ndarray) -> Callable[..., list[float]]:
-        """A drive's coordinate as Exudyn asks for it: a turn since the start about the frame's x; a slide whole, as a
-        global vector."""
+    def _course(self, joint: SpatialJoint, moving: int, axes: np.ndarray) -> Callable[..., list[float]]:
+        """A drive as Exudyn asks for it: a turn since the start about the frame's x. A slide is no offset, which is no
+        arm of the guide's force there: the marker on the first body goes along its guide."""
         system = self.model.motion.module.system
         drive, start = system.driven.index(joint.name), float(self.start[f"{joint.name}.angle"][0])
-        apart = self._place(joint.sides[1]) - self._place(joint.sides[0])
+        first = joint.sides[0]
+        stands = self._stands(first.body).T @ axes
 
-        def offset(there: object, t: float, item: int, parameters: object) -> list[float]:
-            moved = float(system.courses(t)[drive, 0]) - start
-            return [0.0, 0.0, 0.0, moved, 0.0, 0.0] if moving == 3 else [*(apart + moved * along), 0.0, 0.0, 0.0]
+        def turned(there: object, t: float, item: int, parameters: object) -> list[float]:
+            return [0.0, 0.0, 0.0, float(system.courses(t)[drive, 0]) - start, 0.0, 0.0]
 
-        return offset
+        def slid(there: Any, t: float, item: int, parameters: object) -> list[float]:
+            moved = Side(first.body, tuple(first.at + float(system.courses(t)[drive, 0]) * joint.axes[0]))
+            marker = there.GetObjectParameter(item, "markerNumbers")[0]
+            there.SetMarkerParameter(marker, "localHT", self._transform(moved, stands))
+            return [0.0] * 6
+
+        return turned if moving == 3 else slid
 
     def load(self, name: str) -> None:
         load, number = self.mechanism.loads[name], list(self.mechanism.loads).index(name)
