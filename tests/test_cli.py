@@ -247,7 +247,7 @@ def test_what_is_open_is_named_by_its_body():
     scene = read_scene("engine")
     reason, cure = in_joints(mechanism_of(scene), (), ("v_x_rod", "omega_rod"))
     assert reason.startswith("nothing determines the motion of rod; of 9 degrees of freedom the joints take main 2")
-    assert cure == "Join or drive what is open"
+    assert cure == "Join or drive what is open; a drive may be free, and under preset coupled a body, too"
     assert in_joints(mechanism_of(scene), (), ("pin_force_x",))[0].startswith("nothing determines the force in pin;")
 
 

@@ -117,7 +117,7 @@ def _in_words(
         cures.append("leave a joint or a drive out, or give every body a pose where nothing is to move")
     if loose:
         reasons.append(f"nothing determines the motion of {', '.join(loose)}")
-        cures.append("join or drive what is open")
+        cures.append("join or drive what is open; a drive may be free, and under preset coupled a body, too")
     if loaded:
         reasons.append(f"nothing determines the force in {', '.join(loaded)}")
     count = count_freedom(mechanism)
