@@ -329,7 +329,8 @@ def _wrong(m):
         if w[k + MODE] == STUCK:
             off = (abs(w[k + HOLDING]) - w[k + LIMIT]) / (_CLOSE * w[k + LIMIT] + no_force(m, n))
         else:
-            off = -w[k + MODE] * w[k + SLIP_RATE] / no_rate(m, n)
+            unsure = _SHORT / _WRONG if w[k + DUE] <= LET_GO else 1.0  # as what it was to bear
+            off = -w[k + MODE] * w[k + SLIP_RATE] / (unsure * no_rate(m, n))
         if off > larger(worst, 1.0):
             worst, found = off, n
     return found
