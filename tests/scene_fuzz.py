@@ -20,9 +20,12 @@ from typing import Any
 
 import numpy as np
 
+from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.fem.spatial_map import held_nodes
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.mechanism.rigid_bodies import check_elastic
+from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.options import acting, resolve_options
 from kaneflex.scene.scene import Scene
@@ -249,7 +252,12 @@ def examine(file: Path, placed: bool = False) -> Scene | UserError:
         with np.errstate(all="ignore"):
             scene = read_scene(file)
             options = resolve_options(scene)
-            if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
+            elastic = [name for name, body in scene.bodies.items() if body.elastic]
+            if scene.is_spatial:
+                links = [link_of_scene(scene, name, 1) for name in elastic]
+                mechanism = spatial_mechanism_of(scene)
+                assert all(held_nodes(mechanism, link) is not None for link in links)
+            elif options.dynamics != "rigid" and elastic:
                 check_elastic(scene)
             acting(scene, options).structure_hash()
             shape_counts(scene)

@@ -43,7 +43,8 @@ def test_a_renamed_scene_has_the_same_numbers_to_the_bit(name, monkeypatch):
     other = renaming.renamed(scene, new)
     if scene.is_spatial:
         spatial = renaming.under_new_names(find_spatial_module(scene, quiet)[0], new)
-        monkeypatch.setattr("kaneflex.solve.loading.find_spatial_module", lambda scene, progress: (spatial, 0.0))
+        finding = "kaneflex.solve.spatial_loading.find_spatial_module"
+        monkeypatch.setattr(finding, lambda scene, progress: (spatial, 0.0))
     modules = (None if scene.is_spatial else find_module(scene, quiet)[0]), None
     if scene.solve.preset == "coupled":
         modules = modules[0], find_coupled_module(scene, shape_counts(scene), quiet)[0]

@@ -14,7 +14,7 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.spatial_system import build_spatial_system
 from kaneflex.multibody.spatial_tables import ROWS, WHAT, build_tables
 from kaneflex.scene.rotation import about
-from kaneflex.solve.loading import find_spatial_module, spatial_start
+from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start
 
 DATA = Path(__file__).parent / "data"
 SEED = 20261122

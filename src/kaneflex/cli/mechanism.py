@@ -73,7 +73,7 @@ def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
     """The picture of a mechanism in space as it starts; says how many freedoms it has."""
     from kaneflex.plots.spatial import scheme_picture
     from kaneflex.report.presentation import spatial_mobility_lines
-    from kaneflex.solve.loading import spatial_start
+    from kaneflex.solve.spatial_loading import spatial_start
 
     if at:
         name, place = next(iter(at.items()))

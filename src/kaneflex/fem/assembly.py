@@ -234,4 +234,4 @@ def _by_motion(placed: Iterable[Placed]) -> Iterable[tuple[Mapping[str, Affine],
 
 def spin_or_euler(monomial: Monomial) -> str:
     """Which complete group a term of K_d belongs to: "euler" if proportional to epsilon, else "spin"."""
-    return "euler" if any(name.endswith(".epsilon") for name in monomial) else "spin"
+    return "euler" if any(name.rpartition(".")[2].startswith("epsilon") for name in monomial) else "spin"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -71,6 +71,10 @@ class Link:
     parameters: Mapping[str, np.ndarray]
     element_terms: tuple[tuple[str, Monomial, np.ndarray], ...]
     part: Part
+    dofs: ClassVar[int] = 3
+    """Coordinates of a node."""
+    slopes: ClassVar[slice] = slice(3, 4)
+    """Rows of :meth:`shape` that are the axis' slopes."""
 
     @property
     def length(self) -> float:
@@ -123,8 +127,12 @@ class Link:
         """Those that were asked for: the points of a study share a link."""
         return {}
 
+    def rigid_motion(self, x: float) -> np.ndarray:
+        """Displacements and rotations at x when the link moves as a rigid one by those of its start, (dofs, dofs)."""
+        return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
+
     def at_nodes(self, coordinates: np.ndarray) -> np.ndarray:
-        """u, v, theta of each node in turn, (3 n_nodes, n_times), from the part's coordinates."""
+        """Displacements and rotations of each node in turn, (dofs n_nodes, n_times), from the part's coordinates."""
         return coordinates[[row for rows in self.part.place.values() for row in rows]]
 
 

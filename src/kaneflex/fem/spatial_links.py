@@ -15,10 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kaneflex.fem.element_terms import chain, terms_of_elements
-from kaneflex.fem.links import Link, Part, node_coordinates
+from kaneflex.fem.links import Link, Part, forced_points, mesh, node_coordinates
 from kaneflex.fem.shape_functions import spatial_shape_functions
+from kaneflex.fem.spatial_bodies import at_point
+from kaneflex.scene import Scene
 from kaneflex.scene.sections import SpatialSectionNumbers
-from kaneflex.support.spatial_contract import SPATIAL_NODE
+from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module
 
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for the products with x of every linearly tapered shape
 _VARYING = ("rho_A", "rho_I_y", "rho_I_z", "E_I_y", "E_I_z")
@@ -89,6 +91,12 @@ def spatial_element_parameters_of(at: Callable[[float], SpatialProperties], node
 class SpatialLink(Link):
     """An elastic link in space; element matrices are 12 x 12, and nodes have the coordinates of SPATIAL_NODE."""
 
+    dofs = 6
+    slopes = slice(6, 8)
+
+    def rigid_motion(self, x: float) -> np.ndarray:
+        return at_point(np.array([x, 0.0, 0.0]))
+
     def _shape_at(self, e: int, local: float) -> np.ndarray:
         """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of an element's shape functions, (8, 12)."""
         of = {name: numbers[e] for name, numbers in self.parameters.items()}
@@ -96,9 +104,38 @@ class SpatialLink(Link):
         return spatial_shape_functions(local, self.length_of(e), (of["phi_y"], of["phi_z"]), growth)
 
 
+def link_of_scene(scene: Scene, name: str, elements: int) -> SpatialLink:
+    """The link of an elastic body, its mesh that of :func:`kaneflex.fem.links.mesh`.
+
+    Beyond a node where joints or loads act the axial force is higher by ``name.link.jump_NODE``.
+    """
+    from importlib import import_module
+
+    body, nodes = scene.bodies[name], mesh(scene, name, elements)
+    profile = body.spatial_profile
+    module = import_module(f"kaneflex.generated.{spatial_beam_module(profile.rotary, profile.shear, profile.varying)}")
+
+    def at(x: float) -> SpatialProperties:
+        section, made_of = profile.at(x)
+        E, rho, G, _ = made_of
+        assert E is not None and rho is not None and G is not None  # checked with the scene
+        return spatial_properties(section, E, G, rho, profile.shear)
+
+    viscous = None if scene.damping is None else scene.damping.viscous
+    mu = None if viscous is None else viscous.mu
+    return build_spatial_link(name, nodes, at, module, mu, jumps(scene, name, nodes))
+
+
+def jumps(scene: Scene, name: str, nodes: np.ndarray) -> tuple[int, ...]:
+    """Nodes between a link's ends at which joints or loads act."""
+    places = set(forced_points(scene, name).values())
+    return tuple(k for k, x in enumerate(nodes[1:-1], 1) if any(abs(x - place) <= 1e-9 * nodes[-1] for place in places))
+
+
 def build_spatial_link(
-    name: str, nodes: np.ndarray, at: Callable[[float], SpatialProperties], module: ModuleType, mu: float | None = None
-) -> SpatialLink:
+    name: str, nodes: np.ndarray, at: Callable[[float], SpatialProperties], module: ModuleType, mu: float | None = None,
+    jumps: tuple[int, ...] = (),
+) -> SpatialLink:  # fmt: skip
     """Assemble a link's constant matrices from the element kernels of a module of ``SPATIAL_BEAMS``.
 
     Parameters
@@ -113,9 +150,15 @@ def build_spatial_link(
         Like ``kaneflex.generated.spatial_beam_timoshenko``. Sections that vary ask for a ``_varying`` one.
     mu : float, optional
         Damping by a force for each length and velocity [N s/m^2].
+    jumps : tuple of int
+        Nodes beyond which the axial force is higher by a scalar of the motion.
     """
     parameters = spatial_element_parameters_of(at, nodes)
     terms = [(*key, blocks) for key, blocks in terms_of_elements(module, parameters, f"{name}.link.{{}}".format, mu)]
+    pulled = next(blocks for key, monomial, blocks in terms if (key, monomial) == ("K_g", (f"{name}.link.P_0",)))
+    for node in jumps:
+        beyond = np.arange(len(nodes) - 1) >= node
+        terms.append(("K_g", (f"{name}.link.jump_{node}",), pulled * beyond[:, None, None]))
     coordinates, place = node_coordinates(name, len(nodes), axially_rigid=False, dofs=SPATIAL_NODE)
     matrices = chain((((key, monomial), blocks) for key, monomial, blocks in terms), place, len(coordinates))
     return SpatialLink(name, nodes, parameters, tuple(terms), Part(name, coordinates, matrices, place))

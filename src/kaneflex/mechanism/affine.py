@@ -126,7 +126,8 @@ class Affine:
 
     @cached_property
     def rate(self) -> Affine:
-        """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon of each body; constants stay constant."""
+        """Time derivative: c' = -omega s, s' = omega c, omega' = epsilon of each body, value' = rate and rate' = accel
+        of what is tabulated with its rates; constants stay constant."""
         terms: dict[Monomial, Matrix] = {}
         for monomial, matrix in self.terms.items():
             for k, name in enumerate(monomial):
@@ -212,4 +213,6 @@ def _rate_of(name: str) -> tuple[float, tuple[str, ...]]:
         return 1.0, (f"{body}.omega", f"{body}.c")
     if kind == "omega":
         return 1.0, (f"{body}.epsilon",)
+    if kind in ("value", "rate"):  # of what is tabulated with its rates
+        return 1.0, (f"{body}.{'rate' if kind == 'value' else 'accel'}",)
     raise ValueError(f"the rate of the scalar {name} is not a scalar of the motion")

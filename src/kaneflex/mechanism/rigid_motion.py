@@ -10,8 +10,11 @@ from types import ModuleType
 import numpy as np
 from scipy.sparse import csr_array
 
-from kaneflex.mechanism.affine import Affine, Monomial, as_array
+from kaneflex.mechanism.affine import Affine, Monomial, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.body_frame import BodyFrame
+
+_MANY = 200
+"""Terms beyond which a matrix is summed entry by entry, as most of them have few."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +118,12 @@ class RigidMotion:
 
     def matrices(self, affine: Affine) -> np.ndarray:
         """An affine matrix at all times, (n_times, rows, columns)."""
+        if len(affine.terms) > _MANY:
+            found = numbered_entries(affine, affine.monomials)
+            rows, columns = affine.shape
+            shares = coefficients(found.rows * columns + found.columns, found, (rows * columns, len(affine.terms)))
+            products = np.array([self.monomial(monomial) for monomial in affine.monomials])
+            return np.ascontiguousarray((shares @ products).T).reshape(-1, rows, columns)
         total = np.zeros((len(self.times), *affine.shape))
         for monomial, matrix in affine.terms.items():
             total += self.monomial(monomial)[:, None, None] * as_array(matrix)

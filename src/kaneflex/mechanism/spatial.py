@@ -181,9 +181,13 @@ def _made(scene: Scene) -> SpatialMechanism:
 
 
 def _body(scene: Scene, name: str) -> SpatialBody:
-    """A body; left out, its inertia is that of a thin bar along x."""
+    """A body; left out, its inertia is that of a thin bar along x, of an elastic one with its sections' own."""
     body = scene.bodies[name]
     given = body.inertia if isinstance(body.inertia, tuple) else (0.0, body.inertia, body.inertia)
+    if body.beam is not None:
+        about_x, about_y, about_z = body.spatial_profile.rotary_inertias()
+        slender = float(given[2]) - about_z * body.beam.rotary
+        given = (about_x, slender + about_y * body.beam.rotary, slender + about_z * body.beam.rotary)
     inertia = np.array([*given, *np.zeros(6 - len(given))])
     rotation = np.eye(3) if body.rotation is None else body.rotation.matrix
     return SpatialBody(body.mass, np.asarray(scene.vector(body.centre)), inertia, rotation)

@@ -28,6 +28,9 @@ from kaneflex.mechanism.mechanism import same_mechanism
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model import REACHED, Model, keep_terms
+from kaneflex.multibody.spatial_elastic import elastic_stage
+from kaneflex.multibody.spatial_motion import SpatialKinematics
+from kaneflex.multibody.stage import Stage, count_of_modes
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -53,29 +56,25 @@ def build_model(
         return replace(like, **mine, energy=None, warnings=(), seconds={})
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         return rigid_model(scene, options, motion, reference)
-    links = {
-        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
-        for name, body in scene.bodies.items()
-        if body.elastic
-    }
     if bare:
+        links = _links(scene, options, motion)
         parts = {name: link.part for name, link in links.items()}
         none = _no_equations()
         return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
-    carried = carried_bodies(scene)
-    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
-    parts, bases = _parts(scene, options, links, interfaces, {} if frozen is None else frozen.bases)
-    frame = build_frame(scene, parts, carried, interfaces)
-    placed = [(part, frame.maps[name]) for name, part in parts.items()]
-    placed += place_rigid(scene, carried, frame)
-    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
+    bases = {} if frozen is None else frozen.bases
+    if isinstance(motion, SpatialKinematics):
+        stage = elastic_stage(scene, options, motion, bases)
+    else:
+        stage = _planar_stage(scene, options, motion, bases)
+    placed = stage.placed
     if scene.damping is not None and scene.damping.kind == "rayleigh":
         alpha, beta = rayleigh_coefficients(scene.damping.rayleigh.ratio, *scene.damping.rayleigh.at)
         placed = [(with_rayleigh(part, alpha, beta), L) for part, L in placed]
-    placed += place_springs(scene, links, parts, frame)  # with dampers of their own
+    frame, placed = stage.frame, placed + stage.sprung
     frame, placed = _narrow_band(frame, placed) if frozen is None else _ordered(frame, placed, frozen.coordinates)
     equations = assemble(placed, frame.coordinates, options.convective)
-    model = Model(scene, options, motion, links, parts, bases, interfaces, frame, equations, equations, None, reference)
+    model = Model(scene, options, stage.motion, stage.links, stage.parts, stage.bases, stage.interfaces, frame,
+                  equations, equations, None, reference)  # fmt: skip
     if scene.damping is not None and scene.damping.kind == "modal":
         equations = _with_modal_damping(model, model if frozen is None else frozen)
         model = replace(model, equations=equations, reduced=equations)
@@ -86,7 +85,31 @@ def build_model(
         if options.dynamics == "frozen":
             reduced = _frozen(model, reduced, omega)
         model = replace(model, reduced=reduced, modal_basis=basis)
-    return replace(model, warnings=warnings)
+    return replace(model, warnings=(*warnings, *stage.warnings))
+
+
+def _links(scene: Scene, options: Options, motion: RigidKinematics) -> dict[str, Link]:
+    """The elastic links of a planar scene."""
+    return {
+        name: build_link(scene, name, motion.module, options.elements or body.beam.elements)
+        for name, body in scene.bodies.items()
+        if body.elastic
+    }
+
+
+def _planar_stage(
+    scene: Scene, options: Options, motion: RigidKinematics, frozen: Mapping[str, np.ndarray]
+) -> Stage:
+    """Mesh the links, find the coordinates; ``frozen``: bases to reduce to."""
+    links, carried = _links(scene, options, motion), carried_bodies(scene)
+    interfaces = find_interfaces(scene, links, carried, options.weld_pins, options.free_drives)
+    parts, bases = _parts(scene, options, links, interfaces, frozen)
+    frame = build_frame(scene, parts, carried, interfaces)
+    placed = [(part, frame.maps[name]) for name, part in parts.items()]
+    placed += place_rigid(scene, carried, frame)
+    placed += place_masses(scene, links, parts, frame) + place_torques(scene, links, parts, frame)
+    sprung = place_springs(scene, links, parts, frame)
+    return Stage(motion, links, parts, bases, interfaces, frame, placed, sprung)
 
 
 def rigid_model(scene: Scene, options: Options, motion: RigidKinematics, reference: float = 0.0) -> Model:
@@ -254,13 +277,7 @@ def _parts(
         parts[name] = load_on_link(scene, link.part, link)
         if options.reduction == "craig-bampton":
             held = interfaces.held_rows(parts[name]) | _loaded_rows(scene, link)
-            limit = parts[name].size - len(held)
-            count = limit if options.modes == "all" else options.modes
-            if count > limit:
-                raise SceneError(
-                    "solve.modes", options.modes, f"{name} has {limit} fixed-interface modes",
-                    "Ask for fewer modes, or give the link more elements",
-                )  # fmt: skip
+            count = count_of_modes(options, name, parts[name].size - len(held))
             parts[name], bases[name] = craig_bampton(parts[name], held, count, frozen.get(name))
     return parts, bases
 

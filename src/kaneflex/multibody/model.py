@@ -19,13 +19,14 @@ from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part
 from kaneflex.fem.modes import rayleigh_coefficients
 from kaneflex.integrate.system import AffineSystem
-from kaneflex.mechanism.affine import Affine, Monomial, coefficients, numbered_entries
+from kaneflex.mechanism.affine import Affine, Monomial, as_array, coefficients, numbered_entries
 from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
+from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
@@ -197,6 +198,9 @@ class Model:
         return self._at("F", t)
 
     def _at(self, name: str, t: float) -> np.ndarray:
+        if self.scene.is_spatial:  # whose scalars no compiled kernel tabulates
+            found = as_array(self.motion.at(float(t)).first(sums(self.equations)[name]))
+            return found[:, 0] if name == "F" else found
         out = np.empty((self.equations.size,) * (1 if name == "F" else 2))
         getattr(Kernels, name)(float(t), self._all_terms, out)
         return out
@@ -210,8 +214,9 @@ class Model:
     def kernels(self) -> Kernels:
         """Compiled kernels of what is integrated, with the term groups that the options keep, and their argument p.
 
-        Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes.
+        Raises SceneError under preset ``coupled``, whose matrices depend on where the mechanism goes, and in space.
         """
+        refuse_in_space(self.scene, "kernels", "compiled kernels move")
         if self.coupled is not None:
             raise SceneError(
                 "solve.preset", "coupled", "its M, K and F depend on the coordinates, not on time alone",

@@ -45,10 +45,13 @@ class SpatialModule:
     system : SpatialSystem
     open_reactions : frozenset of str
         Those that no equation determines; they are no numbers.
+    more : tuple
+        Name, unit and meaning of what else is tabulated, for elastic bodies.
     """
 
     system: SpatialSystem
     open_reactions: frozenset[str] = frozenset()
+    more: tuple[tuple[str, str, str], ...] = ()
     CONSTANTS: dict[str, float] = field(default_factory=dict)
     LOOPS: tuple = ()
     TERMS: tuple = ()
@@ -87,7 +90,7 @@ class SpatialModule:
             at = ("tension", "N") if spring.joint is None else ("torque", "N m")
             found.append((f"{name}.{at[0]}", at[1], "of the spring and its damper"))
         found += [(f"{name} energy", "J", "of the mechanism") for name in ("kinetic", "strain", "weight")]
-        return tuple(found)
+        return (*found, *self.more)
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
@@ -121,7 +124,7 @@ class SpatialKinematics(RigidKinematics):
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
-        out = np.zeros((len(times), len(self.column)))
+        out = np.zeros((len(times), len(self.column) - len(self.module.more)))
         for k in np.argsort(times, kind="stable"):
             out[k] = self._row(self.curve(float(times[k])))
         for name in self.module.closing:
@@ -253,6 +256,8 @@ def follow(system: SpatialSystem, start: State) -> Callable[[float], State]:
 
 def _growth(system: SpatialSystem, u: np.ndarray) -> float:
     """How fast the dependent speeds are beside the prescribed ones."""
+    if not len(u):  # nothing moves
+        return 0.0
     speeds = abs(u) * system.measure / system.measure.max()
     driven = speeds[system.driven_speeds].max(initial=0.0)
     return float(speeds.max() / driven) if driven else 0.0

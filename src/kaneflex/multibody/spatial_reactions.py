@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -64,14 +64,21 @@ def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[
     A force or a moment is open with all its components: which of them an instant's combination of multipliers leaves
     out is how the mechanism stands there.
     """
-    from scipy.linalg import null_space
-
     found: set[str] = set()
     for state in states:
-        J = system.jacobian(state.q)
-        for combination in null_space(J[:, system.open_speeds].T, rcond=1e-9).T if len(J) else ():
-            found |= _exerted_by(system, combination / system.row_measure)
+        for multipliers in without_work(system, state):
+            found |= _exerted_by(system, multipliers)
     return frozenset(found)
+
+
+def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
+    """Multipliers of the rows that move nothing, where more of them hold the mechanism than it needs; ``work`` then
+    stands there."""
+    from scipy.linalg import null_space
+
+    J = system.jacobian(state.q)
+    for combination in null_space(J[:, system.open_speeds].T, rcond=1e-9).T if len(J) else ():
+        yield combination / system.row_measure
 
 
 def _exerted_by(system: SpatialSystem, multipliers: np.ndarray) -> set[str]:

@@ -97,6 +97,7 @@ def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]],
     from kaneflex.plots import clearances, displacements, loads, modes, motion, records, sensors, spatial
 
     if solution.model.scene.is_spatial:
-        return (spatial.figures, sensors.figures) if _moves(solution) else ()
+        moving = (spatial.figures, spatial.deformed, sensors.figures) if _moves(solution) else ()
+        return (*moving, spatial.modes)
     kinds = (loads, motion, modes, displacements, clearances, records, sensors) if _moves(solution) else (loads, modes)
     return tuple(kind.figures for kind in kinds)

@@ -14,16 +14,16 @@ from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, fram
 from kaneflex.plots.mechanism import Outline, grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import GREY, PALETTE, new_figure, shade
 from kaneflex.plots.view import angle_name
-from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.elastic_motion import elastic_motion
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.solve.solution import Solution
 
-_MOST = 6
-_DRAWN = 0.09
+MOST = 6
+DRAWN = 0.09
 """Largest displacement of a drawn mode, in sizes of the mechanism."""
-_SMALL = 1e-9
+SMALL = 1e-9
 """Largest displacement at which shapes are evaluated, in sizes: the foreshortening, of second order, vanishes."""
 
 
@@ -32,14 +32,14 @@ def figures(solution: Solution) -> dict[str, Figure]:
     model = solution.model
     if model.frame is None or model.equations.size == 0:
         return {}
-    count = min(_MOST, model.equations.size)
+    count = min(MOST, model.equations.size)
     omega, shapes = reference_modes(model, count)
     fixed = scenery(model)
     rigid = model.motion.at(np.full(count, model.reference_time))
     still = rigid_outline(model.scene, rigid, fixed)
     positive, negative = (_deflected(model, rigid, fixed, sign * shapes, still) for sign in (1.0, -1.0))
     figure, panels = _panels(count, fixed.size, (still, positive, negative), fixed)
-    figure.suptitle(_title(solution))
+    figure.suptitle(title_at_reference(solution))
     for k, axes in enumerate(panels):
         draw_scenery(axes, fixed)
         draw_guides(axes, fixed, grounded(model.scene), still)
@@ -47,7 +47,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
         draw_outline(axes, negative, k, shade(PALETTE[5], 0.3), links_only=True)
         draw_outline(axes, positive, k)
         frame_axes(axes, [still, positive, negative], fixed)
-        axes.set_title(f"Mode {k + 1}: {_hertz(omega[k])}")
+        axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
         axes.label_outer()
     figure.legend(handles=_handles(), loc="outside lower center", ncols=3)
     return {"modes": figure}
@@ -56,11 +56,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
 def _deflected(model: Model, rigid, fixed, shapes: np.ndarray, still: Outline) -> Outline:
     """One mode an instant, each enlarged to the same largest displacement."""
     rates = np.zeros_like(shapes)
-    small = shapes * (_SMALL * fixed.size / np.abs(shapes).max(axis=0))
-    tried = outline(ElasticMotion(model, rigid, (small, rates, rates)), fixed, 1.0 / _SMALL)
+    small = shapes * (SMALL * fixed.size / np.abs(shapes).max(axis=0))
+    tried = outline(elastic_motion(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
     largest = np.max([_shift(tried, still, name) for name in still.links], axis=0)
-    small *= _DRAWN * fixed.size / largest
-    return outline(ElasticMotion(model, rigid, (small, rates, rates)), fixed, 1.0 / _SMALL)
+    small *= DRAWN * fixed.size / largest
+    return outline(elastic_motion(model, rigid, (small, rates, rates)), fixed, 1.0 / SMALL)
 
 
 def _shift(moved: Outline, still: Outline, link: str) -> np.ndarray:
@@ -82,7 +82,7 @@ def _panels(count: int, size: float, outlines: tuple[Outline, ...], fixed) -> tu
     return figure, list(grid[:count])
 
 
-def _title(solution: Solution) -> str:
+def title_at_reference(solution: Solution) -> str:
     model = solution.model
     places = [
         f"{angle_name(solution, drive)} {model.scene.written_coordinate(drive, value)}"
@@ -91,7 +91,7 @@ def _title(solution: Solution) -> str:
     return f"Mode shapes{' at ' if places else ''}{', '.join(places)}, undamped"
 
 
-def _hertz(omega: float) -> str:
+def hertz(omega: float) -> str:
     """A frequency to five digits."""
     value = omega / (2 * math.pi)
     return f"{value:.{max(0, 4 - math.floor(math.log10(value)))}f} Hz" if value > 1e-3 else "0 Hz"

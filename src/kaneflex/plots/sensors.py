@@ -22,7 +22,8 @@ _ONE_COLUMN = 4
 """Most panels that stand one above the other."""
 QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
-    "axial_force": "force", "shear_force": "force", "bending_moment": "moment", "strain": "strain",
+    "axial_force": "force", "shear_force": "force", "bending_moment": "moment",
+    "torsional_moment": "moment", "strain": "strain",
     "joint_force": "force", "drive_torque": "torque", "drive_force": "force",
     "spring_force": "force", "spring_torque": "torque", "contact_force": "force", "contact_gap": "gap",
     "contact_torque": "torque", "contact_angle": "gap",

@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from kaneflex.mechanism.planar import GROUND
-from kaneflex.plots.animation import DPI, PER_SECOND
+from kaneflex.mechanism.spatial import spatial_mechanism_of
+from kaneflex.multibody.building import reference_modes
+from kaneflex.plots.animation import DPI, PER_SECOND, title
 from kaneflex.plots.drawing import MM
-from kaneflex.plots.style import PALETTE, as_file, legend_beside, new_figure, styled
-from kaneflex.plots.view import FRAMES, frames_of, view
+from kaneflex.plots.mechanism import ALONG_LINK
+from kaneflex.plots.modes import DRAWN, MOST, SMALL, hertz, title_at_reference
+from kaneflex.plots.style import GREY, PALETTE, as_file, legend_beside, new_figure, round_down, styled
+from kaneflex.plots.view import FRAMES, View, frames_of, view
+from kaneflex.response.elastic_motion import elastic_motion
+from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Vector
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
+    from kaneflex.multibody.model import Model
+    from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
     from kaneflex.solve.solution import Solution
 
 _GHOSTS = 9
 """Instants at which the mechanism is drawn pale beside its first."""
 _AXIS = 0.09
 """Half the length of a joint's axis as drawn, in sizes of the mechanism."""
+_LARGEST = 0.1
+"""Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
 """Views along an axis: what is drawn to the right, and up."""
 
@@ -33,26 +46,70 @@ _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
 def figures(solution: Solution) -> dict[str, Figure]:
     """``motion``: the mechanism at first, pale at later instants, and the paths of points whose places sensors read."""
     shown = view(solution)
-    figure = _drawn(solution.model.scene, shown.motion.rigid, f"Rigid motion{shown.note}", _tracks(solution))
+    lines = _bodies(solution.model.scene, shown.rigid)
+    figure = _drawn(solution.model.scene, shown.rigid, lines, f"Rigid motion{shown.note}", _tracks(solution))
     return {"motion": figure}
+
+
+def deformed(solution: Solution) -> dict[str, Figure]:
+    """``deformed``: the same with its deformation enlarged, as the animation shows it."""
+    if not solution.model.links:
+        return {}
+    shown = view(solution)
+    factor = _enlargement(shown)
+    lines = _deformed(shown.motion, factor)
+    return {"deformed": _drawn(solution.model.scene, shown.rigid, lines, title(factor) + shown.note, {})}
+
+
+def modes(solution: Solution) -> dict[str, Figure]:
+    """``modes``: up to six, at their largest deflection, beside the mechanism at the reference place."""
+    model = solution.model
+    if model.frame is None or model.equations.size == 0:
+        return {}
+    count = min(MOST, model.equations.size)
+    omega, shapes = reference_modes(model, count)
+    rigid = model.motion.at(np.full(count, model.reference_time))
+    still, none = _bodies(model.scene, rigid), np.zeros_like(shapes)
+    size = spatial_mechanism_of(model.scene).size
+    small = shapes * (SMALL * size / abs(shapes).max(axis=0))
+    moved = _deformed(elastic_motion(model, rigid, (small, none, none)), 1.0 / SMALL)
+    lines = _bodies(model.scene, rigid, _along(model))
+    largest = np.max([np.linalg.norm(moved[name] - lines[name], axis=1).max(axis=0) for name in model.links], axis=0)
+    figure = new_figure(9.6, 3.5 * -(-count // 3) + 0.7, title_at_reference(solution))
+    for k in range(count):
+        axes = figure.add_subplot(-(-count // 3), 3, k + 1, projection="3d")
+        for points in still.values():
+            axes.plot(*(MM * points[:, :, k]).T, color=GREY, linewidth=0.9)
+        away = DRAWN * size / largest[k] if largest[k] else 0.0
+        for n, name in enumerate(moved):
+            drawn = lines[name][:, :, k] + away * (moved[name] - lines[name])[:, :, k]
+            axes.plot(*(MM * drawn).T, color=PALETTE[n % len(PALETTE)], linewidth=2.2)
+        _frame(axes, [points[:, :, k : k + 1] for points in still.values()])
+        axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
+    handles = [Line2D([], [], color=PALETTE[n % len(PALETTE)], linewidth=2.2, label=name)
+               for n, name in enumerate(moved)]  # fmt: skip
+    handles.append(Line2D([], [], color=GREY, linewidth=0.9, label="undeformed"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(6, len(handles)))
+    return {"modes": figure}
 
 
 def scheme_picture(scene: Scene, motion: RigidMotion, kind: str) -> bytes:
     """The drawing of a scene as it starts as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
     title = f"{scene.name}: {scene.description}" if scene.description else scene.name
     with styled():
-        return as_file(_drawn(scene, motion, title, {}), kind)
+        return as_file(_drawn(scene, motion, _bodies(scene, motion), title, {}), kind)
 
 
 def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
     """The moving mechanism, seen at an angle, as a small GIF."""
     shown = frames_of(view(solution), frames)
-    lines = _bodies(solution.model.scene, shown.rigid)
-    figure = new_figure(5.0, 4.6, "Rigid mechanism")
+    factor = _enlargement(shown) if solution.model.links else None
+    lines = _deformed(shown.motion, factor or 1.0)
+    figure = new_figure(5.0, 4.6, title(factor))
     axes = figure.add_subplot(projection="3d")
     _frame(axes, list(lines.values()))
-    found = {name: axes.plot([], [], [], marker="o", markersize=3, color=PALETTE[k % len(PALETTE)])[0]
-             for k, name in enumerate(lines)}  # fmt: skip
+    found = {name: axes.plot([], [], [], marker="" if name in solution.model.links else "o", markersize=3,
+                             color=PALETTE[k % len(PALETTE)])[0] for k, name in enumerate(lines)}  # fmt: skip
     caption = axes.set_title("")
     figure.canvas.draw()
     figure.set_layout_engine("none")
@@ -66,9 +123,10 @@ def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
     return path
 
 
-def _drawn(scene: Scene, motion: RigidMotion, title: str, tracks: dict[str, np.ndarray]) -> Figure:
-    figure = new_figure(9.0, 7.6, title)
-    lines = _bodies(scene, motion)
+def _drawn(
+    scene: Scene, motion: RigidMotion, lines: dict[str, np.ndarray], heading: str, tracks: dict[str, np.ndarray]
+) -> Figure:
+    figure = new_figure(8.6, 7.0, heading)
     axes_of = _axes(scene, motion, max(abs(points[:, :, 0]).max() for points in lines.values()))
     count = motion.times.size
     ghosts = np.unique(np.linspace(0, count - 1, _GHOSTS).round().astype(int))[1:].tolist()
@@ -83,7 +141,9 @@ def _drawn(scene: Scene, motion: RigidMotion, title: str, tracks: dict[str, np.n
             colour = PALETTE[k % len(PALETTE)]
             for ghost in ghosts:
                 draw(points[:, :, ghost], color=colour, alpha=0.22, linewidth=1.0)
-            draw(points[:, :, 0], color=colour, marker="o", markersize=3.5, linewidth=2.2, label=name)
+            marker = "" if len(points) == ALONG_LINK else "o"  # those are places on a deformed axis
+            label = name if len(points) > 1 else None  # a dot where a line ends needs no name
+            draw(points[:, :, 0], color=colour, marker=marker, markersize=3.5, linewidth=2.2, label=label)
         for ends in axes_of:
             draw(ends, color="0.35", linestyle="-.", linewidth=0.9)
         for name, track in tracks.items():
@@ -112,12 +172,18 @@ def _frame(axes, points: list[np.ndarray]) -> None:
     axes.set_box_aspect((1, 1, 1))
 
 
-def _bodies(scene: Scene, motion: RigidMotion) -> dict[str, np.ndarray]:
-    """Of every body the line through its ends and the points at which joints hold it, (points, 3, times) [m]."""
+def _bodies(
+    scene: Scene, motion: RigidMotion, along: Mapping[str, np.ndarray] = MappingProxyType({})
+) -> dict[str, np.ndarray]:
+    """Of every body the line through its ends and the points at which joints hold it, (points, 3, times) [m].
+
+    ``along``: of some bodies places on their x axis instead [m].
+    """
     found = {}
     for name in scene.bodies:
         frame = motion.frame(name)
-        found[name] = np.array([frame.place(point) for point in outline_points(scene, name)])
+        points = [(float(x), 0.0, 0.0) for x in along[name]] if name in along else outline_points(scene, name)
+        found[name] = np.array([frame.place(point) for point in points])
     return found
 
 
@@ -130,6 +196,42 @@ def outline_points(scene: Scene, name: str) -> list[Vector]:
     if len(points) == 1 and any(body.centre):
         points.append(scene.vector(body.centre))
     return points
+
+
+def _deformed(motion: Motion, factor: float) -> dict[str, np.ndarray]:
+    """The bodies as they deform and follow, all displacements enlarged."""
+    model = motion.model
+    lines = _bodies(model.scene, motion.rigid, _along(model))
+    for name in model.links:
+        frame = motion.rigid.frame(name)
+        for k, x in enumerate(_along(model)[name]):
+            lines[name][k] += factor * frame.to_global(_shift(motion, name, float(x))[:3])
+    for name in model.frame.bodies if model.frame is not None else ():
+        frame, moved = motion.rigid.frame(name), _shift(motion, name)
+        shift, turn = frame.to_global(moved[:3]), frame.to_global(moved[3:])
+        lines[name] = lines[name] + factor * (shift + np.cross(turn[None], lines[name] - frame.origin, axis=1))
+    return lines
+
+
+def _shift(motion: Motion, body: str, x: float = 0.0) -> np.ndarray:
+    """Displacement and rotation of a point on a body's x axis, in the body's axes, (6, n_times)."""
+    return cast("SpatialElasticMotion", motion).displacement(body, (x, 0.0, 0.0))[0]
+
+
+def _along(model: Model) -> dict[str, np.ndarray]:
+    """Places on the axes of elastic links at which these are drawn [m]."""
+    return {name: np.linspace(0.0, link.length, ALONG_LINK) for name, link in model.links.items()}
+
+
+def _enlargement(shown: View) -> float:
+    """Factor that makes the largest elastic displacement a tenth of the mechanism, rounded down to 1, 2 or 5."""
+    largest = 0.0
+    for name, link in shown.solution.model.links.items():
+        for x in link.nodes:
+            moved = _shift(shown.motion, name, float(x))[:3]
+            largest = max(largest, float(np.linalg.norm(moved, axis=0).max()))
+    size = spatial_mechanism_of(shown.solution.model.scene).size
+    return round_down(_LARGEST * size / largest) if largest else 1.0
 
 
 def _axes(scene: Scene, motion: RigidMotion, reach: float) -> list[np.ndarray]:

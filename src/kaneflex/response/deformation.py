@@ -21,7 +21,7 @@ _GAUSS = np.polynomial.legendre.leggauss(3)  # exact for v'^2 of a cubic
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (3 n_nodes, n_times).
+    """One link's nodal coordinates q, q', q'' over time, in link axes; arrays (dofs n_nodes, n_times).
 
     ``turned`` are L' z and L'' z: all of q' and q'' that quasistatic equations know, as their K holds it. ``shortened``
     are the displacements that foreshortening asks of the nodes, those of the bent axis apart. ``residuals`` are those
@@ -39,14 +39,14 @@ class Deformation:
     residuals: np.ndarray | None = None
 
     def at(self, x: float) -> Rates:
-        """(u, v, theta) and first and second rates at distance x [m] from the start; each (3, n_times).
+        """(u, v, theta) and first and second rates at distance x [m] from the start; each (dofs, n_times).
 
         With foreshortening u holds -1/2 int_0^x v'^2 as well (Kane, Ryan, Banerjee 1987), and all of them what closes
         the joints then, see :mod:`kaneflex.response.foreshortening`.
         """
         e, local = self.link.locate(x)
-        shape = self.link.shape(e, local)[:3]
-        rows = slice(3 * e, 3 * e + 6)
+        n = self.link.dofs
+        shape, rows = self.link.shape(e, local)[:n], slice(n * e, n * (e + 2))
         d, d_rate, d_accel = (shape @ series[rows] for series in (self.q, self.q_rate, self.q_accel))
         if self.shortened is None:
             return d, d_rate, d_accel
@@ -74,12 +74,21 @@ class Deformation:
         """1/2 int v'^2 of elements as far as `reach` [m] from their starts, and its rates, (elements, 3, n_times)."""
         points, weights = _GAUSS
         slopes = np.array([
-            [self.link.shape(e, 0.5 * far * (1 + point))[3] for point in points]
+            [self.link.shape(e, 0.5 * far * (1 + point))[self.link.slopes] for point in points]
             for e, far in enumerate(reach, elements.start)
         ])  # fmt: skip
-        s, s_rate, s_accel = (slopes @ _of_elements(part, elements) for part in (self.q, self.q_rate, self.q_accel))
-        squares = np.stack([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel], axis=1)
-        return 0.5 * reach[:, None, None] * (weights @ squares)
+        total = 0.0
+        for plane in range(slopes.shape[2]):
+            s, s_rate, s_accel = (slopes[:, :, plane] @ self._of_elements(part, elements)
+                                  for part in (self.q, self.q_rate, self.q_accel))  # fmt: skip
+            squares = np.stack([0.5 * s**2, s * s_rate, s_rate**2 + s * s_accel], axis=1)
+            total = total + weights @ squares
+        return 0.5 * reach[:, None, None] * total
+
+    def pushes(self) -> np.ndarray:
+        """What the point loads push the link's coordinates by, (size, n_times)."""
+        unloaded = replace(self.link.part, matrices={"F": Affine.zero(self.link.part.size, 1)})
+        return self.rigid.column_of(load_on_link(self.model.scene, unloaded, self.link).matrices["F"])
 
     def section(self, x: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Axial force N [N, tension positive], shear force V [N] and bending moment M = E I v'' [N m] at x.
@@ -98,31 +107,23 @@ class Deformation:
             return N, V, M
         axial, transverse = (own + more for own, more in zip(self._rigid_load(e), self._spread(e), strict=True))
 
-        def sag(load: np.ndarray, integrals: int) -> np.ndarray:
-            """The load integrated once or twice, less the straight line between its values at both ends."""
-            total = np.zeros(load.shape[1])
-            for k, coefficient in enumerate(load):
-                power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
-                total += coefficient * (local**power - s * length**power) / divisor
-            return total
-
         # N' = -n, V' = -p and M'' = p under the loads n along and p across the link.
-        return N - sag(axial, 1), V - sag(transverse, 1), M + sag(transverse, 2)
+        return (N - sag(axial, local, length, 1), V - sag(transverse, local, length, 1),
+                M + sag(transverse, local, length, 2))  # fmt: skip
 
     def _rigid_load(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Inertia load of the rigid link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
-        rigid, name, parameters = self.rigid, self.link.name, self.link.parameters
+        rigid, name, x_0 = self.rigid, self.link.name, self.link.nodes[e]
+        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
+        along = self._inertia_load(e, rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
+        return along, self._inertia_load(e, rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
+
+    def _inertia_load(self, e: int, at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
+        """-rho_A(x) a(x) on an element of an acceleration that is linear in x: coefficients of 1, x, x^2."""
+        parameters = self.link.parameters
         growth = parameters["rho_A_rise"][e] / parameters["length"][e]
         density = parameters["rho_A"][e] - parameters["rho_A_rise"][e] / 2
-        omega, epsilon = rigid[f"{name}.omega"], rigid[f"{name}.epsilon"]
-
-        def load(at_node: np.ndarray, per_length: np.ndarray) -> np.ndarray:
-            """-rho_A(x) a(x) of an acceleration that is linear in x."""
-            return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
-
-        x_0 = self.link.nodes[e]
-        along = load(rigid[f"{name}.link.a_x"] - omega**2 * x_0, -(omega**2))
-        return along, load(rigid[f"{name}.link.a_y"] + epsilon * x_0, epsilon)
+        return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
 
     def _spread(self, e: int) -> tuple[np.ndarray, np.ndarray]:
         """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
@@ -138,7 +139,7 @@ class Deformation:
         return (-f[0], -f[1], -f[2]), (f[3], f[4], f[5])
 
     def end_forces(self, e: int) -> np.ndarray:
-        """Forces and moments on an element at its nodes, link axes, shape (6, n_times).
+        """Forces and moments on an element at its nodes, link axes, shape (2 dofs, n_times).
 
         The residual f = M q'' + C q' + K q - F of the element's own equations, with the terms that the run kept;
         K_s q alone for the frozen model of the paper. An axially rigid element besides passes on what pulls at it.
@@ -211,13 +212,18 @@ class Deformation:
 
     def forces_of(self, series: Mapping[str, np.ndarray], elements: slice) -> np.ndarray:
         """Sum of the matrices named by ``series`` times these nodal coordinates, (elements, 6, n_times)."""
-        own = {key: _of_elements(part, elements) for key, part in series.items()}
+        own = {key: self._of_elements(part, elements) for key, part in series.items()}
         total = np.zeros_like(next(iter(own.values())))
         for (key, monomial), blocks in self._terms.items():
             if key in own:
                 part = blocks[elements] @ own[key]
                 total += np.multiply(part, self.rigid.monomial(monomial), out=part) if monomial else part
         return total
+
+    def _of_elements(self, coordinates: np.ndarray, elements: slice) -> np.ndarray:
+        """Coordinates of some elements' two nodes, (elements, 2 dofs, n_times), of all nodes'."""
+        n = self.link.dofs
+        return coordinates[n * np.arange(elements.start, elements.stop)[:, None] + np.arange(2 * n)]
 
     @cached_property
     def _terms(self) -> Mapping[tuple[str, Monomial], np.ndarray]:
@@ -240,9 +246,14 @@ class Deformation:
         return {"C_s": options.damping, "C_d": self._gyroscopic, "K_g": options.geometric}.get(key, True)
 
 
-def _of_elements(coordinates: np.ndarray, elements: slice) -> np.ndarray:
-    """Coordinates of some elements' two nodes, (elements, 6, n_times), of all nodes' (3 n_nodes, n_times)."""
-    return coordinates[3 * np.arange(elements.start, elements.stop)[:, None] + np.arange(6)]
+def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.ndarray:
+    """A load, coefficients of 1, x, x^2, integrated once or twice up to `local` [m] within a `length` [m], less the
+    straight line between its values at both ends."""
+    total = np.zeros(load.shape[1])
+    for k, coefficient in enumerate(load):
+        power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
+        total += coefficient * (local**power - local / length * length**power) / divisor
+    return total
 
 
 def follow(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine) -> Rates:
@@ -264,7 +275,9 @@ def as_balanced(model: Model, rigid: RigidMotion, coordinates: Rates, L: Affine)
     return tuple(rigid.apply(each, coordinates[0]) for each in (L, rate, rate.rate))
 
 
-def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> Deformation:
+def deform(
+    model: Model, rigid: RigidMotion, coordinates: Rates, name: str, kind: type[Deformation] = Deformation
+) -> Deformation:
     """The deformation of one link, reduced coordinates expanded."""
     L, link = model.frame.maps[name], model.links[name]
     series = follow(model, rigid, coordinates, L)
@@ -273,7 +286,7 @@ def deform(model: Model, rigid: RigidMotion, coordinates: Rates, name: str) -> D
     if name in model.bases:
         series = tuple(model.bases[name] @ part for part in series)
     q, q_rate, q_accel, *turned = (link.at_nodes(part) for part in series)
-    found = Deformation(model, link, rigid, q, q_rate, q_accel, tuple(turned) or None)
+    found = kind(model, link, rigid, q, q_rate, q_accel, tuple(turned) or None)
     return found if name not in model.bases else _with_static_share(found)
 
 
@@ -283,10 +296,9 @@ def _with_static_share(found: Deformation) -> Deformation:
     Without them the link's inner equations keep a residual r, which no joint would carry; K_s^-1 r balances it.
     """
     link, model = found.link, found.model
-    unloaded = replace(link.part, matrices={"F": Affine.zero(link.part.size, 1)})
     elements = slice(0, len(link.nodes) - 1)
     found = replace(found, residuals=found.residuals_of(elements))
-    residual = -found.rigid.column_of(load_on_link(model.scene, unloaded, link).matrices["F"])
+    residual = -found.pushes()
     for e in range(elements.stop):
         rows = [row for node in (e, e + 1) for row in link.part.place[node]]
         for row, force in zip(rows, found.end_forces(e), strict=True):  # one by one: rows may be the same

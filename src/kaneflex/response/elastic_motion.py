@@ -10,10 +10,23 @@ import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.response.reactions import consistent_reactions, spring_tension
+
+
+def elastic_motion(
+    model: Model, rigid: RigidMotion, coordinates: Rates, whole: Motion | None = None
+) -> ElasticMotion:
+    """The motion of a model of a one-way preset, in the plane or in space."""
+    if model.scene.is_spatial:
+        from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
+
+        return SpatialElasticMotion(model, rigid, coordinates, whole=whole)
+    return ElasticMotion(model, rigid, coordinates, whole=whole)
 
 
 @dataclass(frozen=True, eq=False)

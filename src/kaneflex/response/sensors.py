@@ -31,7 +31,7 @@ def measure(motion: Motion) -> dict[str, Series]:
     for name, sensor in motion.model.scene.sensors.items():
         meaning = reader.meaning(sensor)
         measured[name] = Series(reader.read(sensor), sensor.unit, meaning)
-        if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces:
+        if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces and reader.is_rigid_known(sensor):
             meaning = f"{meaning}, of the rigid mechanism"
             measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
     return measured
@@ -72,6 +72,10 @@ class Reader:
     def meaning(self, sensor: Sensor) -> str:
         """One line for people."""
         return sensor.meaning
+
+    def is_rigid_known(self, sensor: Sensor) -> bool:
+        """Whether rigid bodies say how much a sensor reads there."""
+        return True
 
     def read_rigid(self, sensor: Sensor) -> np.ndarray:
         """The value of the rigid mechanism."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.response.sensors import Reader, address_of
+from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import Sensor
+from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 
 
 class SpatialReader(Reader):
@@ -33,6 +35,53 @@ class SpatialReader(Reader):
             vector = self.rigid.frame(address_of(sensor).body).to_body(vector)
         return vector["xyz".index(sensor.component[-1])]
 
+    def _displacement(self, sensor: Sensor) -> np.ndarray:
+        address = address_of(sensor)
+        d = self._elastic(address)[0].copy()
+        if sensor.relative_to != "frame":
+            start = self._elastic(Address(address.body, "start"))[0]
+            if sensor.relative_to == "start":
+                d -= start
+            else:
+                end = self._elastic(Address(address.body, "end"))[0]
+                length = self.scene.bodies[address.body].length
+                chord = start + self.scene.point(address)[0] / length * (end - start)
+                chord[3:] = start[3], (start[2] - end[2]) / length, (end[1] - start[1]) / length
+                d -= chord
+        if sensor.axes != "body":
+            frame = self.rigid.frame(address.body)
+            d = np.vstack([frame.to_global(d[:3]), frame.to_global(d[3:])])
+        return d[3 * sensor.component.startswith("angle") + "xyz".index(sensor.component[-1])]
+
+    def is_rigid_known(self, sensor: Sensor) -> bool:
+        """Not where more constraints hold the motion than it needs."""
+        lost = self.motion.model.module.open_reactions
+        if sensor.kind in SECTION_KINDS:
+            of = self.scene.joints.items()
+            joints = [name for name, joint in of if address_of(sensor).body in {side.body for side in joint.addresses}]
+        else:
+            joints = [str(sensor.target)]
+        return not any(each.rpartition(".")[0] in joints for each in lost)
+
+    def read_rigid(self, sensor: Sensor) -> np.ndarray:
+        if sensor.kind in SECTION_KINDS:
+            address = address_of(sensor)
+            return self._of_section(sensor, self.motion.rigid_section(address.body, self.scene.point(address)[0]))
+        return super().read_rigid(sensor)
+
+    def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
+        """The component of N, V_y, V_z, T, M_y, M_z that a sensor reads."""
+        if sensor.kind == "axial_force":
+            return section[0]
+        if sensor.kind == "torsional_moment":
+            return section[3]
+        return section["xyz".index(sensor.component) + 3 * (sensor.kind == "bending_moment")]
+
+    def _axial_force(self, sensor: Sensor) -> np.ndarray:
+        return self._of_section(sensor, self._section(sensor))
+
+    _torsional_moment = _shear_force = _bending_moment = _axial_force
+
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = address_of(sensor)
         if address.body in self.scene.joints:
@@ -51,9 +100,15 @@ class SpatialReader(Reader):
         joint = mechanism.joints[name]
         first, second = (SpatialFrame(self.rigid, side.body) for side in joint.sides)
         if sensor.component != "angle":
-            return slide_of(joint, first, second)
-        _, rate, accel = turn_of(joint, first, second, mechanism.relative(joint))
-        return self.rigid[f"{name}.angle"], rate, accel
+            rigid = slide_of(joint, first, second)
+        else:
+            _, rate, accel = turn_of(joint, first, second, mechanism.relative(joint))
+            rigid = self.rigid[f"{name}.angle"], rate, accel
+        if not self.motion.model.links:
+            return rigid
+        freedom = "angle" if sensor.component == "angle" else "position"
+        change = cast(SpatialElasticMotion, self.motion).change_of(name, freedom)
+        return rigid[0] + change[0], rigid[1] + change[1], rigid[2] + change[2]
 
     def _velocity(self, sensor: Sensor) -> np.ndarray:
         if address_of(sensor).body in self.scene.joints:

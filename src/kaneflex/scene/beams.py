@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
 from pydantic import Field, model_validator
 
 from kaneflex.scene.materials import MATERIALS, Constants, Made
-from kaneflex.scene.profile import Piece, Profile
+from kaneflex.scene.profile import Piece, Profile, SpatialProfile
 from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveSecondMoment, WholeNumber
-from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient
+from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient, SpatialSectionNumbers
 from kaneflex.support.errors import Fault
 
 _THEORIES = {
@@ -26,11 +27,15 @@ class Sectioned(Made):
     """A material and a section by area `A` and second moment `I`, or by its shape: `section`, at the far end `taper`.
 
     Between the two the shape's dimensions change linearly; towards `A_end` and `I_end` area and second moment do.
-    `kappa` is the shear coefficient; a shape has its own.
+    `kappa` is the shear coefficient; a shape has its own. In space a section has `I_y` (int z^2 dA, of bending across
+    y), `I_z` (int y^2 dA) and `J` (Saint-Venant's constant of torsion) for `I`; a shape's height lies along y.
     """
 
     A: PositiveArea | None = None
     I: PositiveSecondMoment | None = None
+    I_y: PositiveSecondMoment | None = None
+    I_z: PositiveSecondMoment | None = None
+    J: PositiveSecondMoment | None = None
     A_end: PositiveArea | None = Field(default=None, description="A at the far end, changing linearly")
     I_end: PositiveSecondMoment | None = Field(default=None, description="I at the far end, changing linearly")
     section: Shape | None = None
@@ -39,9 +44,15 @@ class Sectioned(Made):
 
     @model_validator(mode="after")
     def _one_section(self) -> Sectioned:
-        for field in ("A", "I", "A_end", "I_end"):
+        for field in ("A", "I", *_IN_SPACE, "A_end", "I_end"):
             if self.section is not None and getattr(self, field) is not None:
                 raise Fault("the shape of the section has its own", f"Leave {field} out", below=field)
+        if any(given := [getattr(self, field) for field in _IN_SPACE]):
+            if self.I is not None:
+                raise Fault("a section in space has I_y and I_z", "Leave I out", below="I")
+            if None in given:
+                missing = _IN_SPACE[given.index(None)]
+                raise Fault("missing", "A section in space has I_y, I_z and J: give all three", below=missing)
         for field in ("A", "I"):
             if getattr(self, f"{field}_end") is not None and getattr(self, field) is None:
                 raise Fault(f"no {field} to start from", f"Give {field}, too", below=f"{field}_end")
@@ -60,12 +71,28 @@ class Sectioned(Made):
     def piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
         """The stretch of beam from start to stop [m]; `area` stands for an `A` that is left out."""
         if self.section is None:
-            first = (self.A if self.A is not None else area, self.I)
-            last = (first[0] if self.A_end is None else self.A_end, self.I if self.I_end is None else self.I_end)
+            first = (self.A if self.A is not None else area, self.I if self.I_z is None else self.I_z)
+            last = (first[0] if self.A_end is None else self.A_end, first[1] if self.I_end is None else self.I_end)
             return Piece(start, stop, partial(_given, self.kappa), first, last, made_of)
         last = self.section if self.taper is None else self.taper
         shaped = partial(_shaped, self.section, made_of.nu, self.kappa)
         return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of)
+
+
+    def spatial_piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
+        """The same in space, whose sections have the numbers of both planes of bending and of torsion."""
+        if self.section is None:
+            numbers = partial(SpatialSectionNumbers, k_y=self.kappa, k_z=self.kappa)
+            A = self.A if self.A is not None else area
+            assert A and self.I_y and self.I_z and self.J  # checked with the scene
+            given = (A, self.I_y, self.I_z, self.J)
+            return Piece(start, stop, numbers, given, given, made_of)
+        last = self.section if self.taper is None else self.taper
+        shaped = partial(_shaped_in_space, self.section, made_of.nu, self.kappa)
+        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of)
+
+
+_IN_SPACE = ("I_y", "I_z", "J")
 
 
 # Not within the method: a scene must be picklable, to be sent to other processes.
@@ -80,6 +107,13 @@ def _shaped(section: Shape, nu: float, kappa: float | None, *dimensions: float) 
     return numbers if kappa is None else numbers._replace(kappa=kappa)
 
 
+def _shaped_in_space(
+    section: Shape, nu: float | None, kappa: float | None, *dimensions: float
+) -> SpatialSectionNumbers:
+    numbers = section.spatial_numbers_of(dimensions, nu)
+    return numbers if kappa is None else numbers._replace(k_y=kappa, k_z=kappa)
+
+
 class Segment(Sectioned):
     """A stretch of a beam up to the distance `to` from the body's start; the last one ends where the body ends.
 
@@ -90,13 +124,13 @@ class Segment(Sectioned):
 
     @model_validator(mode="after")
     def _whole_section(self) -> Segment:
-        if self.section is None and (self.A is None or self.I is None):
+        if self.section is None and (self.A is None or (self.I is None and self.I_z is None)):
             raise Fault("no section", "Give section, or both A and I")
         return self
 
 
 class Beam(Sectioned):
-    """A planar beam along the body's length: one section, tapered or not, or `segments` with a section each.
+    """A beam along the body's length: one section, tapered or not, or `segments` with a section each.
 
     `A` may be left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia
     Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch. `shapes` are
@@ -120,10 +154,10 @@ class Beam(Sectioned):
     @model_validator(mode="after")
     def _has_section(self) -> Beam:
         if not self.segments:
-            if self.section is None and self.I is None:
+            if self.section is None and self.I is None and self.I_z is None:
                 raise Fault("missing", "Give I, or a section by its shape", below="I")
             return self
-        for field in ("A", "I", "A_end", "I_end", "section", "taper", "kappa"):
+        for field in ("A", "I", *_IN_SPACE, "A_end", "I_end", "section", "taper", "kappa"):
             if getattr(self, field) is not None:
                 raise Fault("every segment has its own", f"Leave {field} out, or the segments", below=field)
         reached = 0.0
@@ -146,10 +180,20 @@ class Beam(Sectioned):
         if any(made_of.G is None for made_of in self._constants().values()):
             raise Fault(f"{kind} needs a shear modulus", "Give nu or G", below="theory")
         for part in (self, *self.segments.values()):
-            if part.section is None and part.kappa is None and part.I is not None:
+            given = part.I is not None or part.I_z is not None
+            if part.section is None and part.kappa is None and given:
                 cure = "Give kappa, or a section by its shape"
                 raise Fault(f"{kind} needs a shear coefficient", cure, below="theory")
         return self
+
+    @property
+    def sections(self) -> dict[str, Sectioned]:
+        """What has a section of its own, by its key in the body: each segment, or the whole beam."""
+        return {f"beam.segments.{name}": segment for name, segment in self.segments.items()} or {"beam": self}
+
+    def made_of(self, part: Sectioned) -> Constants:
+        """The material of one of :attr:`sections`."""
+        return self.constants() if part is self else part.constants(self)
 
     def _constants(self) -> dict[str | None, Constants]:
         """Of each segment, by its key, or of the whole beam."""
@@ -180,15 +224,22 @@ class Beam(Sectioned):
 
     def profile(self, length: float, mass: float) -> Profile:
         """What the beam is made of along its length [m]; where there is no area it follows from the mass [kg]."""
+        return Profile(self._pieces(Sectioned.piece, length, mass), self.rotary, self.shear)
+
+    def spatial_profile(self, length: float, mass: float) -> SpatialProfile:
+        """The same of a beam in space."""
+        return SpatialProfile(self._pieces(Sectioned.spatial_piece, length, mass), self.rotary, self.shear)
+
+    def _pieces(self, piece_of: Callable[..., Piece], length: float, mass: float) -> tuple[Piece, ...]:
         pieces, start = [], 0.0
         for segment in self.segments.values():
             stop = length if segment.to is None else segment.to
-            pieces.append(segment.piece(start, stop, segment.constants(self)))
+            pieces.append(piece_of(segment, start, stop, segment.constants(self)))
             start = stop
         if not pieces:
             made_of = self.constants()
-            pieces = [self.piece(0.0, length, made_of, mass / (made_of.rho * length))]
-        return Profile(tuple(pieces), self.rotary, self.shear)
+            pieces = [piece_of(self, 0.0, length, made_of, mass / (made_of.rho * length))]
+        return tuple(pieces)
 
     def structure(self) -> dict[str, str | bool]:
         """What the equations depend on beyond those of a uniform Euler-Bernoulli beam."""

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from kaneflex.scene.beams import Beam
 from kaneflex.scene.modal_data import ModalData, modal_data_of, read_modal_data
-from kaneflex.scene.profile import Profile
+from kaneflex.scene.profile import Profile, SpatialProfile
 from kaneflex.scene.quantities import (
     Angle,
     AngularSpeed,
@@ -190,6 +190,13 @@ class Body(SceneTable):
     def profile(self) -> Profile:
         """What the beam is made of along its length; its mass is exactly the body's; elastic bodies only."""
         return self.beam.profile(self.length, self.mass).of_mass(self.mass)
+
+    @cached_property
+    def spatial_profile(self) -> SpatialProfile:
+        """The same of a body in space."""
+        assert self.beam is not None and self.length is not None
+        expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
+        return self.beam.spatial_profile(self.length, self.mass).denser(self.mass / expected)
 
     @cached_property
     def first_element(self) -> dict[str, float]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from kaneflex.scene.materials import Constants
-from kaneflex.scene.sections import SectionNumbers
+from kaneflex.scene.sections import SpatialSectionNumbers
 
 _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for x^2 A and (x - middle) I of every tapered shape
 
@@ -49,18 +49,19 @@ class Piece:
 
     start: float
     stop: float
-    numbers: Callable[..., SectionNumbers]
+    numbers: Callable[..., Any]
     first: tuple[float, ...]
     last: tuple[float, ...]
     made_of: Constants
 
-    def at(self, x: float) -> SectionNumbers:
+    def at(self, x: float) -> Any:
+        """Numbers of the section at distance x [m] from the beam's start, SectionNumbers or SpatialSectionNumbers."""
         s = (x - self.start) / (self.stop - self.start)
         return self.numbers(*(a + (b - a) * s for a, b in zip(self.first, self.last, strict=True)))
 
 
 @dataclass(frozen=True)
-class Profile:
+class Stretches:
     """The pieces of a beam; `rotary` and `shear`: whether its theory knows them."""
 
     pieces: tuple[Piece, ...]
@@ -80,9 +81,53 @@ class Profile:
         """Where one piece ends and the next one begins [m]."""
         return tuple(piece.stop for piece in self.pieces[:-1])
 
+    def denser(self, share: float) -> Self:
+        """The same with this many times its densities."""
+        scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
+        return replace(self, pieces=tuple(scaled))
+
+    def piece_at(self, x: float) -> Piece:
+        """The piece at distance x [m] from the start; at a border the one before it."""
+        return next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
+
+    def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
+        """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
+        points, weights = [np.zeros(0)], [np.zeros(0)]
+        for piece in self.pieces:
+            low, high = max(a, piece.start), min(b, piece.stop)
+            if high > low:
+                points.append((low + high) / 2 + (high - low) / 2 * _GAUSS[0])
+                weights.append((high - low) / 2 * _GAUSS[1])
+        return np.concatenate(points), np.concatenate(weights)
+
+
+class SpatialProfile(Stretches):
+    """Of a beam in space."""
+
+    def at(self, x: float) -> tuple[SpatialSectionNumbers, Constants]:
+        """The section at distance x [m] from the start, and its material; at a border those of the piece before it."""
+        piece = self.piece_at(x)
+        return piece.at(min(max(x, piece.start), piece.stop)), piece.made_of
+
+    def rotary_inertias(self, x: float | None = None) -> tuple[float, float, float]:
+        """Sums of the sections' own inertias about x, y and z [kg m^2] from the start to x [m], by default of all.
+
+        Whatever the theory: one without rotary inertia leaves out those about y and z.
+        """
+        points, weights = self._gauss(0.0, self.length if x is None else x)
+        sums = np.zeros(2)
+        for place, weight in zip(points, weights, strict=True):
+            numbers, made_of = self.at(place)
+            sums += weight * made_of.rho * np.array([numbers.I_y, numbers.I_z])
+        return float(sums.sum()), float(sums[0]), float(sums[1])
+
+
+class Profile(Stretches):
+    """Of a beam in the plane."""
+
     def at(self, x: float) -> Properties:
         """The properties at distance x [m] from the start; at a border those of the piece before it."""
-        piece = next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
+        piece = self.piece_at(x)
         (A, I, kappa), (E, rho, G, _) = piece.at(x), piece.made_of
         rho_I = rho * I if self.rotary else 0.0
         G_A = kappa * G * A if self.shear else math.inf
@@ -90,9 +135,7 @@ class Profile:
 
     def of_mass(self, mass: float) -> Profile:
         """The same with its densities in proportion, so that the beam's mass is exactly `mass` [kg]."""
-        share = mass / self.inertia(self.length).mass
-        scaled = (replace(p, made_of=p.made_of._replace(rho=p.made_of.rho * share)) for p in self.pieces)
-        return replace(self, pieces=tuple(scaled))
+        return self.denser(mass / self.inertia(self.length).mass)
 
     def element(self, x_0: float, length: float) -> dict[str, float]:
         """Every parameter of the element from x_0 to x_0 + length [m], by its name in ``kaneflex.support.contract``.
@@ -127,13 +170,3 @@ class Profile:
 
     def _near(self, x: float) -> Properties:
         return self.at(min(max(x, 0.0), self.length))
-
-    def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
-        """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
-        points, weights = [np.zeros(0)], [np.zeros(0)]
-        for piece in self.pieces:
-            low, high = max(a, piece.start), min(b, piece.stop)
-            if high > low:
-                points.append((low + high) / 2 + (high - low) / 2 * _GAUSS[0])
-                weights.append((high - low) / 2 * _GAUSS[1])
-        return np.concatenate(points), np.concatenate(weights)

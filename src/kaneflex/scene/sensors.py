@@ -12,7 +12,7 @@ from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
 
 MOTION_KINDS = ("displacement", "velocity", "acceleration", "position")
-SECTION_KINDS = ("axial_force", "bending_moment", "shear_force", "strain")
+SECTION_KINDS = ("axial_force", "bending_moment", "torsional_moment", "shear_force", "strain")
 POINT_KINDS = MOTION_KINDS + SECTION_KINDS
 DRIVE_KINDS = ("drive_torque", "drive_force")
 SPRING_KINDS = ("spring_force", "spring_torque")
@@ -25,8 +25,8 @@ RIGID_COMPANIONS = ("axial_force", "joint_force", *DRIVE_KINDS, *SPRING_KINDS)
 
 _UNITS = {
     "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "position": "m", "axial_force": "N",
-    "bending_moment": "N m", "shear_force": "N", "strain": "1", "joint_force": "N", "drive_torque": "N m",
-    "drive_force": "N",
+    "bending_moment": "N m", "torsional_moment": "N m", "shear_force": "N", "strain": "1",
+    "joint_force": "N", "drive_torque": "N m", "drive_force": "N",
     "spring_force": "N", "spring_torque": "N m", "contact_force": "N", "contact_gap": "m",
     "contact_torque": "N m", "contact_angle": "rad",
     "friction_force": "N", "friction_torque": "N m",
@@ -59,7 +59,8 @@ class Sensor(SceneTable):
     drive_force: that of a guide's drive.
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
     turning. In space components are x, y, z, and angle_x, angle_y, angle_z for rotations, angular velocities and
-    accelerations, and moments about these axes. contact_force: the normal force of a contact; contact_gap: how far
+    accelerations, and moments about these axes; a bending_moment is about the link's y or z, a shear_force along them,
+    and there is torsional_moment, about x. contact_force: the normal force of a contact; contact_gap: how far
     its sides are apart, below zero where they are in each other. contact_torque, contact_angle: the same of a flank
     of a joint's backlash. friction_force: what friction exerts on the second side of a contact or a guide;
     friction_torque: that of a pin.
@@ -71,6 +72,7 @@ class Sensor(SceneTable):
     position: AddressField | None = None
     axial_force: AddressField | None = None
     bending_moment: AddressField | None = None
+    torsional_moment: AddressField | None = None
     shear_force: AddressField | None = None
     strain: AddressField | None = None
     joint_force: str | None = None
@@ -96,7 +98,7 @@ class Sensor(SceneTable):
         kind = the_one_given(self, KINDS)
         needs = {
             "relative_to": ("displacement",),
-            "component": (*MOTION_KINDS, "joint_force"),
+            "component": (*MOTION_KINDS, "joint_force", "bending_moment", "shear_force"),
             "axes": (*MOTION_KINDS, "joint_force"),
             "reading": ("acceleration",),
             "body": ("joint_force",),
@@ -126,6 +128,8 @@ class Sensor(SceneTable):
         text = f"{self.kind.replace('_', ' ')} of {self.target}"
         if self.kind in (*MOTION_KINDS, "joint_force"):
             text += f", {self.component}" + ("" if self.component == "angle" else f" in {self.axes} axes")
+        if self.kind in ("bending_moment", "shear_force") and self.component != "x":
+            text += f", {self.component}"
         if self.kind == "displacement":
             text += f", relative to {self.relative_to}"
         if self.kind == "acceleration" and self.reading == "accelerometer":

@@ -9,8 +9,10 @@ from kaneflex.scene.scene import Scene, given_value, given_vectors
 from kaneflex.scene.sensors import Sensor
 from kaneflex.support.errors import Fault, Problem, SceneError
 
-_SENSORS = ("position", "velocity", "acceleration", "joint_force", "drive_torque", "drive_force", "spring_force",
-            "spring_torque")  # fmt: skip
+_SENSORS = (
+    "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
+    "torsional_moment", "joint_force", "drive_torque", "drive_force", "spring_force", "spring_torque",
+)  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 """Kinds of joints with more than one freedom."""
 START_SPEEDS = {"cylindrical": "initial_speeds", "universal": "initial_speeds", "spherical": "angular_velocity"}
@@ -27,7 +29,7 @@ def dimension_problems(scene: Scene) -> list[Problem]:
         reason = f"two components, where {deep} has three"
         return [Problem(flat, given, reason, "Give all vectors of a scene as many: three in space")]
     if scene.is_spatial:
-        parts = _planar_only, _joints, _laws, _bodies, _drives, _sensors
+        parts = _planar_only, _joints, _laws, _bodies, _beams, _drives, _sensors
         return [problem for part in parts for problem in part(scene)]
     return list(_spatial_only(scene))
 
@@ -54,12 +56,20 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
         for field in ("axis", "axes"):
             if getattr(joint, field) is not None:
                 yield Problem(f"joints.{name}.{field}", None, "planar joints turn across the plane", cure)
+        for part, sectioned in {} if body.beam is None else body.beam.sections.items():
+            if sectioned.J is not None:
+                right = "Give I, or give vectors three components"
+                yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
     for name, drive in scene.drives.items():
         if drive.angular_velocity is not None:
             yield Problem(f"drives.{name}.angular_velocity", None, "a planar joint has one", "Give initial_speed")
         if drive.initial_speeds is not None:
             yield Problem(f"drives.{name}.initial_speeds", None, "a planar joint has one", "Give initial_speed")
     for name, sensor in scene.sensors.items():
+        if sensor.kind == "torsional_moment":
+            yield Problem(f"sensors.{name}.torsional_moment", None, "planar beams don't twist", "Leave it out")
+        if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
+            yield Problem(f"sensors.{name}.component", sensor.component, "a planar section has one", "Leave it out")
         if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
             yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has none", cure)
 
@@ -68,7 +78,7 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     """What there is in the plane alone, so far."""
     reason, cure = "only planar scenes have this so far", "Leave it out"
     for name, body in scene.bodies.items():
-        for field in ("beam", "modal_data", "pose"):
+        for field in ("modal_data", "pose"):
             if getattr(body, field) is not None:
                 yield Problem(f"bodies.{name}.{field}", None, reason, cure)
     for name, joint in scene.joints.items():
@@ -82,10 +92,9 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     for name, load in scene.loads.items():
         if load.spread_on is not None:
             yield Problem(f"loads.{name}.spread_on", load.spread_on, reason, "Let forces act on points")
-    if scene.damping is not None:
-        yield Problem("damping", None, reason, cure)
-    if scene.solve.preset == "coupled" and "preset" in scene.solve.model_fields_set:
-        yield Problem("solve.preset", "coupled", "only planar scenes have this preset so far", "Choose rigid")
+    if scene.solve.preset in ("coupled", "paper") and "preset" in scene.solve.model_fields_set:
+        cure = "Choose rigid, quasistatic, linear or stiffened"
+        yield Problem("solve.preset", scene.solve.preset, "only planar scenes have this preset so far", cure)
 
 
 def _laws(scene: Scene) -> Iterator[Problem]:
@@ -131,6 +140,42 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{name}.inertia", given, reason, "Give [J_x, J_y, J_z]")
 
 
+def _beams(scene: Scene) -> Iterator[Problem]:
+    """Sections of beams in space have two planes of bending and torsion."""
+    for name, body in scene.bodies.items():
+        if body.beam is None:
+            continue
+        key = f"bodies.{name}.beam"
+        if body.beam.axially_rigid:
+            yield Problem(f"{key}.axially_rigid", True, "only planar beams can be so far", "Leave it out")
+        if body.beam.shear and not body.beam.rotary:
+            reason = "only planar beams know shear without rotary inertia so far"
+            yield Problem(f"{key}.theory", body.beam.theory, reason, "Take timoshenko")
+        for part, sectioned in body.beam.sections.items():
+            here, made_of = f"bodies.{name}.{part}", body.beam.made_of(sectioned)
+            if sectioned.section is None and sectioned.J is None:
+                cure = "Give section by its shape, or A, I_y, I_z and J"
+                yield Problem(f"{here}.I", sectioned.I, "a beam in space bends across two axes and twists", cure)
+            for field in ("A_end", "I_end"):
+                if getattr(sectioned, field) is not None:
+                    cure = "Give section and taper by their shapes"
+                    yield Problem(f"{here}.{field}", getattr(sectioned, field), "only planar beams have it", cure)
+            if made_of.G is None:
+                yield Problem(here, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
+        pushed = (load.force_on for load in scene.forces.values() if load.force_on is not None)
+        for at in (at for at in pushed if at.body == name and at.point in body.points_all):
+            x, y, z = scene.point(at)
+            if y or z:
+                reason = "a load on an elastic body must lie on its axis"
+                key = f"bodies.{name}.points.{at.point}"
+                yield Problem(key, (x, y, z), reason, "Move the point onto the axis")
+    for name, spring in scene.springs.items():
+        elastic = [end.body for end in spring.ends if end.body in scene.bodies and scene.bodies[end.body].elastic]
+        if elastic:
+            reason = f"in space springs don't act so far on elastic bodies, like {elastic[0]}"
+            yield Problem(f"springs.{name}", None, reason, "Let it act on rigid bodies, or at a joint")
+
+
 def _drives(scene: Scene) -> Iterator[Problem]:
     for name, drive in scene.drives.items():
         joint = scene.joints.get(name)
@@ -153,6 +198,9 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         key = f"sensors.{name}"
         if sensor.kind not in _SENSORS:
             yield Problem(f"{key}.{sensor.kind}", None, "only planar scenes have this so far", "Leave it out")
+        elif sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
+            what = "bends about" if sensor.kind == "bending_moment" else "is sheared along"
+            yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or its z", "Give y or z")
         elif sensor.component == "angle" and joint_read(scene, sensor) is None:
             yield Problem(f"{key}.component", "angle", "a rotation in space is about an axis", "Write like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":

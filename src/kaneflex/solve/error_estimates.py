@@ -20,11 +20,12 @@ from kaneflex.integrate.spectral import FEWEST, Grid, at_instants, improved
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
-from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.elastic_motion import ElasticMotion, elastic_motion
 from kaneflex.response.sensors import measure
 from kaneflex.scene.options import left_out, resolve_options
 from kaneflex.scene.structure import pruned_hash
 from kaneflex.solve.simulation import not_repeated
+from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 if TYPE_CHECKING:
     from kaneflex.scene.bodies import Body
@@ -123,15 +124,17 @@ def _refined(solution: Solution) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     model, period = solution.model, solution.model.options.duration
     steps, count = len(solution.times) - 1, _instants(solution)
     read = np.arange(0, steps, max(1, steps // _READ))
-    rigid, there = model.motion.at(period / count * np.arange(count)), model.motion.at(solution.times[read])
+    instants, shown = period / count * np.arange(count), solution.times[read]
+    rigid, there = model.motion.at(instants), model.motion.at(shown)
 
     def values(richer: Model, coordinates: Rates) -> dict[str, np.ndarray]:
         z, v, a = (part[:, read] for part in coordinates)
-        return {name: series.values for name, series in measure(ElasticMotion(richer, there, (z, v, a))).items()}
+        here = there if richer.motion is model.motion else richer.motion.at(shown)  # in space each has its own scalars
+        return {name: series.values for name, series in measure(elastic_motion(richer, here, (z, v, a))).items()}
 
     yield "", values(model, solution.coordinates)
     z, v, a = (at_instants(part[:, :-1], count) for part in solution.coordinates)
-    motion = ElasticMotion(model, rigid, (z, v, a))
+    motion = elastic_motion(model, rigid, (z, v, a))
     for kind, richer in _richer(model):
         if not_repeated(richer):
             raise _Unknown("the motion or its loads don't repeat themselves")
@@ -142,7 +145,8 @@ def _refined(solution: Solution) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         if found is None:
             raise _Unknown(f"corrections by {kind} contract too slowly")
         z, v, a = found if basis is None else (basis @ part for part in found)
-        motion = ElasticMotion(richer, rigid, (z, v, a))
+        rigid = rigid if richer.motion is motion.model.motion else richer.motion.at(instants)
+        motion = elastic_motion(richer, rigid, (z, v, a))
         z, v, a = (at_instants(part, steps) for part in motion.coordinates)
         yield kind, values(richer, (z, v, a))
 
@@ -187,16 +191,17 @@ def _embedded(richer: Model, motion: ElasticMotion) -> np.ndarray:
     """The motion in the coordinates of a richer model, shape (n, n_times): at its nodes by the elements' own shapes."""
     known = dict(zip(motion.model.coordinates, motion.coordinates[0], strict=True))
     z = np.zeros((len(richer.coordinates), len(motion.times)))
-    nodes = {}
+    nodes, names = {}, SPATIAL_NODE if motion.model.scene.is_spatial else DOFS
     for name, link in motion.model.links.items():
         q = motion.nodes(name)[0]
         places = (link.locate(x) for x in richer.links[name].nodes)
-        nodes[name] = [link.shape(e, local)[:3] @ q[3 * e : 3 * e + 6] for e, local in places]
+        n = link.dofs
+        nodes[name] = [link.shape(e, local)[:n] @ q[n * e : n * (e + 2)] for e, local in places]
     for row, name in enumerate(richer.coordinates):
         owner, _, place = name.partition(".")
         node, _, component = place.partition(".")
         if owner in nodes and component:
-            z[row] = nodes[owner][int(node)][DOFS.index(component)]
+            z[row] = nodes[owner][int(node)][names.index(component)]
         elif name in known:
             z[row] = known[name]
     return z

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -18,13 +18,12 @@ from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.rigid_bodies import check_elastic, check_on_axes
 from kaneflex.mechanism.rigid_motion import RigidKinematics
 from kaneflex.mechanism.springs import points_meet
-from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module, find_spatial_module
-from kaneflex.multibody.building import build_model, rigid_model
+from kaneflex.multibody.binding import bind_parameters, find_module, find_pruned_module
+from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene
 from kaneflex.scene.options import UNUSED_TERMS, Options, acting, has_term, resolve_options
 from kaneflex.scene.plausible import implausible
-from kaneflex.scene.sensors import DRIVE_KINDS
 from kaneflex.solve.forward import at_initial_speed, integrate_free_joints
 from kaneflex.solve.initial import check_start
 from kaneflex.solve.memory import check_memory
@@ -32,16 +31,12 @@ from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.multibody.rigid_twin import RigidTwin, TwinKinematics
-    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
-    from kaneflex.multibody.spatial_system import SpatialSystem, State
 
 Progress = Callable[[str], None]
 ONE_WAY = "{joints} moves as in the rigid mechanism: the deformation follows that motion and does not act back on it"
 """Said of every run with free joints."""
 _MEETING = 1e-3
 """Share of a spring's greatest length under which it has no direction."""
-_ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
-"""Shares of a run at which reactions are looked at: its start, and where nothing is likely to be in line."""
 _MOST = 20_000
 """Instants at most at which laws must have values before anything is computed."""
 
@@ -76,7 +71,9 @@ def load(
     started = time.perf_counter()
     options = resolve_options(scene)
     if scene.is_spatial:
-        return _load_spatial(scene, options, progress, started)
+        from kaneflex.solve.spatial_loading import load_spatial
+
+        return load_spatial(scene, options, progress, started)
     if options.dynamics == "coupled":
         return _load_coupled(scene, options, progress, started)
     if like is None or like.coupled is not None or not same_mechanism(scene, like.scene):  # coupled ones may have more
@@ -86,11 +83,11 @@ def load(
     if options.dynamics != "rigid" and any(body.elastic for body in scene.bodies.values()):
         check_elastic(scene)
     module, derived = (find_pruned_module if pruned else find_module)(scene, progress)
-    ignored, scene = _ignored(scene, options), acting(scene, options)
+    ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(module.SCALARS))
     motion = RigidKinematics(module, bind_parameters(scene, module))
     # a kernel that every load needs is called once, so that compiling is seen and timed apart from computing
-    compiled = _compiled(progress, lambda: motion.table(np.zeros(1)))
+    compiled = compiled_by(progress, lambda: motion.table(np.zeros(1)))
     motion, energy = _moving(scene, motion, options, progress)
     check_closure(mechanism_of(scene), motion, options.duration)
     check_springs(scene, motion, options)
@@ -100,7 +97,7 @@ def load(
     if module.FREE and options.dynamics != "rigid":
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(module.FREE)))
     model = replace(model, energy=energy, warnings=warnings)
-    return _timed(model, started, derived, compiled)
+    return timed(model, started, derived, compiled)
 
 
 def _moving(
@@ -117,7 +114,7 @@ def _moving(
     return motion, energy
 
 
-def _compiled(progress: Progress, *compile: Callable[[], object]) -> float:
+def compiled_by(progress: Progress, *compile: Callable[[], object]) -> float:
     """Seconds in which all is compiled that these calls need."""
     progress("compiling, first time only")
     started = time.perf_counter()
@@ -126,7 +123,7 @@ def _compiled(progress: Progress, *compile: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
-def _timed(model: Model, started: float, derived: float, compiled: float) -> Model:
+def timed(model: Model, started: float, derived: float, compiled: float) -> Model:
     """The model with what its stages took [s], ready to start from where it asks for."""
     set_up = time.perf_counter() - started - derived - compiled
     model = replace(model, seconds={"derive": derived, "compile": compiled, "set_up": set_up})
@@ -162,7 +159,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     spare = check_determined(mechanism, twice=True)
     check_on_axes(scene)
     bare, scene = not has_elastic_stage(scene), with_branches(scene)
-    ignored, scene = _ignored(scene, options), acting(scene, options)
+    ignored, scene = ignored_of(scene, options), acting(scene, options)
     check_memory(scene, options, len(mechanism.drives) + len(mechanism.loads) + 10 * len(mechanism.bodies))
     placement = place(scene)
     if spare:
@@ -170,7 +167,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
     coupled, derived = build_system(scene, progress)
     scene = with_stretch(scene)
     twin = build_twin(scene, coupled, placement)
-    compiled = _compiled(progress, coupled.compile, twin.rigid.compile)
+    compiled = compiled_by(progress, coupled.compile, twin.rigid.compile)
     motion = _twin(scene, twin, options)
     check_twin(scene, motion, options)
     check_springs(scene, motion, options)
@@ -181,76 +178,7 @@ def _load_coupled(scene: Scene, options: Options, progress: Progress, started: f
         check_sensors(scene, open_rows)
         coupled = replace(coupled, undetermined=open_rows)
     model = replace(model, coupled=coupled, warnings=(*model.warnings, *implausible(scene), *ignored))
-    return _timed(model, started, derived, compiled)
-
-
-def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
-    """A mechanism in space, where it starts, and its motion at that instant."""
-    from kaneflex.multibody.spatial_motion import SpatialModule
-    from kaneflex.multibody.spatial_start import start_of
-    from kaneflex.multibody.spatial_system import build_spatial_system
-
-    system = build_spatial_system(scene, find_spatial_module(scene, progress)[0])
-    start = start_of(system)
-    return system, start, _standing(SpatialModule(system), start).at(0.0)
-
-
-def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
-    """A mechanism in space that stays where it starts."""
-    from kaneflex.multibody.spatial_motion import SpatialKinematics
-
-    system = module.system
-    return SpatialKinematics(
-        module, system.parameters, lambda t: system.settle(start.t, start.q, start.u, start.choice)
-    )
-
-
-def _load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
-    """:func:`load` of a rigid mechanism in space: of its module drives and loads are derived, all else is numbers."""
-    from kaneflex.multibody.spatial_forward import integrate
-    from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, follow
-    from kaneflex.multibody.spatial_reactions import open_reactions
-    from kaneflex.multibody.spatial_start import start_of
-    from kaneflex.multibody.spatial_system import build_spatial_system
-
-    ignored, scene = _ignored(scene, options), acting(scene, options)
-    generated, derived = find_spatial_module(scene, progress)
-    system = build_spatial_system(scene, generated)
-    module, energy = SpatialModule(system), None
-    check_memory(scene, options, len(module.SCALARS))
-    compiled = _compiled(progress, system.compile)
-    start = start_of(system)
-    check_spatial_sensors(scene, open_reactions(system, [start]))
-    if module.FREE:
-        progress("forward dynamics of the rigid mechanism")
-        motion, energy = integrate(system, start, module, options)
-    else:
-        motion = SpatialKinematics(module, system.parameters, follow(system, start))
-    # a number that is determined where the mechanism starts need not be elsewhere
-    lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
-    check_spatial_sensors(scene, lost)
-    motion = replace(motion, module=replace(module, open_reactions=lost))
-    check_springs(scene, motion, options)
-    check_finite(scene, motion, options)
-    model = replace(rigid_model(scene, options, motion), energy=energy, warnings=(*implausible(scene), *ignored))
-    return _timed(model, started, derived, compiled)
-
-
-def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None:
-    """No sensor may read what no equation determines.
-
-    Raises SceneError that names the sensor and the joint.
-    """
-    for name, sensor in scene.sensors.items():
-        joint = str(sensor.target)
-        own = sorted(each for each in open_reactions if each.rpartition(".")[0] == joint)
-        part = "drive" if sensor.kind in DRIVE_KINDS else "moment" if sensor.component.startswith("angle") else "force"
-        if sensor.kind in ("joint_force", *DRIVE_KINDS) and any(each.startswith(f"{joint}.{part}") for each in own):
-            raise SceneError(
-                f"sensors.{name}.{sensor.kind}", joint,
-                "more constraints hold the motion than it needs: rigid bodies don't say how this force is shared",
-                "Measure another one, or release what is held twice, as by a spherical joint for a revolute one",
-            )  # fmt: skip
+    return timed(model, started, derived, compiled)
 
 
 def check_twin(scene: Scene, motion: TwinKinematics, options: Options) -> None:
@@ -289,6 +217,10 @@ def neighbour(model: Model, scene: Scene, frozen: bool) -> Model:
     frozen : bool
         Whether the new one keeps the modal bases and the modes of the damping.
     """
+    if scene.is_spatial:
+        from kaneflex.solve.spatial_loading import neighbour_in_space
+
+        return neighbour_in_space(model, scene, frozen)
     scene = with_branches(scene)
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
     options = replace(model.options, duration=duration)
@@ -315,7 +247,7 @@ def _moved(model: Model, scene: Scene, duration: float) -> RigidKinematics:
     return RigidKinematics(module, seed_loops(scene, module, parameters, duration))
 
 
-def _ignored(scene: Scene, options: Options) -> tuple[str, ...]:
+def ignored_of(scene: Scene, options: Options) -> tuple[str, ...]:
     """What the scene asks for and its preset overrules."""
     found = []
     solve, integrates = scene.solve, options.dynamics not in ("rigid", "quasistatic")

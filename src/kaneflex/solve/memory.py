@@ -31,7 +31,9 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     there = installed()
     if there is None:
         return
-    links = {name: 3 * (options.elements or body.beam.elements) for name, body in scene.bodies.items() if body.elastic}
+    dofs = 6 if scene.is_spatial else 3
+    elastic = {name: body.beam for name, body in scene.bodies.items() if body.elastic}
+    links = {name: dofs * (options.elements or beam.elements) for name, beam in elastic.items()}
     size, coupled = sum(links.values()), options.dynamics == "coupled"
     kept = size if options.reduction == "none" else min(size, (_count(options.modes, size) + 6) * len(links))
     whole = options.dynamics in ("rigid", "quasistatic") or coupled
@@ -52,7 +54,7 @@ def check_memory(scene: Scene, options: Options, scalars: int) -> None:
     if matrices > instants:
         largest = max(links, key=links.get)
         cure = "Take fewer elements" + (", keep some modes of them, or start from zero" if not coupled else "")
-        raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // 3, needs, cure)
+        raise SceneError(f"bodies.{largest}.beam.elements", links[largest] // dofs, needs, cure)
     raise SceneError("solve.steps", options.steps, needs, f"Ask for {there // (2 * row):,} at most")
 
 

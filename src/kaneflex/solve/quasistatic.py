@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import cast
 
 import numpy as np
-from scipy.sparse import coo_array, vstack
+from scipy.sparse import coo_array, csr_array, vstack
 
 from kaneflex.fem.springs import place_springs
+from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_elastic import DeformingKinematics
 
 _DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same
 _RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
@@ -113,24 +116,36 @@ def mechanism_modes(model: Model, t: float) -> int:
         ends = (end for end in spring.ends if end.body in links)
         held |= {(end.body, links[end.body].node_at(model.scene.point(end)[0])) for end in ends}
     rows, shapes = [], []
+    n = next(iter(links.values())).dofs
     for k, (name, part) in enumerate(model.parts.items()):
         moved = rigid.first(model.frame.maps[name])
         for node in (node for node in part.place if (name, node) in held):
-            x = links[name].nodes[node] / length
-            for row, shape in zip(part.place[node], ((1.0, 0.0, 0.0), (0.0, 1.0, x), (0.0, 0.0, 1.0)), strict=True):
+            carried = links[name].rigid_motion(links[name].nodes[node] / length)
+            for of_node, row in enumerate(part.place[node]):
                 if row is not None:
-                    rows.append(moved[[row]] * (length if shape[0] == shape[1] else 1.0))
-                    shapes.append(np.pad(-np.array(shape), (3 * k, 3 * (len(links) - k - 1))))
-    for part, parted in place_springs(model.scene, links, model.parts, model.frame):
-        stiff = np.flatnonzero(rigid.first(part.matrices["K_s"]).diagonal())
-        rows.extend(rigid.first(parted)[[row]] for row in stiff)
-        shapes.extend([np.zeros(3 * len(links))] * len(stiff))
+                    rows.append(moved[[row]] * (1.0 if of_node < n // 2 + n % 2 else length))
+                    shapes.append(np.pad(-carried[of_node], (n * k, n * (len(links) - k - 1))))
+    stiff = list(_kept_by_springs(model, rigid))
+    rows, shapes = rows + stiff, shapes + [np.zeros(n * len(links))] * len(stiff)
     bodies = map(rigid.first, model.frame.bodies.values())
     columns = np.unique(np.concatenate([part.nonzero()[1] for part in (*rows, *bodies)]))
     conditions = np.hstack([vstack(rows).toarray()[:, columns], np.array(shapes)])
     sizes = np.linalg.norm(conditions, axis=0)
     conditions /= np.where(sizes > 0.0, sizes, 1.0)
     return conditions.shape[1] - int(np.linalg.matrix_rank(conditions, tol=_DEPENDENT))
+
+
+def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[csr_array]:
+    """What springs hold: rows of their displacements by the coordinates."""
+    if model.scene.is_spatial:
+        # springs between points act on nothing that deforms
+        turned = cast(DeformingKinematics, model.motion).deforming.map.rotation
+        twists = (spring.torsional_at for spring in model.scene.springs.values() if spring.stiffness)
+        yield from (rigid.first(turned(joint)) for joint in twists if joint is not None)
+        return
+    for part, parted in place_springs(model.scene, model.links, model.parts, model.frame):
+        stiff = np.flatnonzero(rigid.first(part.matrices["K_s"]).diagonal())
+        yield from (rigid.first(parted)[[row]] for row in stiff)
 
 
 def lost_digits(model: Model, t: float) -> float:

@@ -14,7 +14,7 @@ from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
 from kaneflex.solve.initial import STATE, start_coordinates
@@ -117,7 +117,7 @@ class Solution:
         series = (self.trajectory.z.T, self.trajectory.v.T, self.trajectory.a.T)
         basis = self.model.modal_basis
         coordinates = series if basis is None else tuple(basis @ part for part in series)
-        return ElasticMotion(self.model, self.rigid, coordinates, whole=whole)
+        return elastic_motion(self.model, self.rigid, coordinates, whole=whole)
 
     @cached_property
     def coordinates(self) -> Rates:

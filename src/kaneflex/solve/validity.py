@@ -62,18 +62,22 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
         found += lost_stiffness(model, solution.times)
     motion = solution.motion
     nodes = {name: motion.nodes(name)[0] for name in model.links}
-    shares = {name: float(abs(q[1::3]).max()) / model.links[name].length for name, q in nodes.items()}
+    shares = {}
     for name, q in nodes.items():
-        found += _deformed(name, model.links[name].length, q, shares[name], coupled)
+        link = model.links[name]
+        of_node = q.reshape(len(link.nodes), -1, q.shape[1])  # u, v, theta; in space u, v, w and three rotations
+        across = abs(of_node[:, 1]) if link.dofs == 3 else np.hypot(of_node[:, 1], of_node[:, 2])
+        shares[name] = float(across.max()) / link.length
+        found += _deformed(name, link.length, of_node[-1, 0] - of_node[0, 0], shares[name], coupled)
     return found if coupled else found + _uncoupled(solution, shares)
 
 
-def _deformed(name: str, length: float, q: np.ndarray, share: float, coupled: bool) -> Iterator[str]:
-    """Warnings where a link's nodal coordinates, shape (3 n_nodes, n_times), are too large for what is made of them.
+def _deformed(name: str, length: float, stretched: np.ndarray, share: float, coupled: bool) -> Iterator[str]:
+    """Warnings where a link's displacements are too large for what is made of them.
 
-    share: of the link's length, by which it moves across its axis at most
+    stretched: by how much it is longer [m], (n_times,); share: of its length, by which it moves across its axis at most
     """
-    stretch = abs(q[-3] - q[0]).max() / length
+    stretch = abs(stretched).max() / length
     if stretch > LARGEST_STRETCH:
         yield (
             f"{name} stretches by {stretch:.2g} of its length: strains are taken as small, so its forces and "

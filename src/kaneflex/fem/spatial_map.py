@@ -1,0 +1,392 @@
+"""How the parts of a mechanism in space hang together: their coordinates q = L(t) z from independent ones.
+
+About the rigid motion every joint ties the small displacements and rotations of its two points by the rows
+J(t) q = 0 of its elementary constraints, those of ``kaneflex.mechanism.spatial``; a drive holds its joint's freedom
+besides. Of all coordinates some are chosen as dependent, and
+
+    J L = 0,   J L' = -J' L,   J L'' = -J'' L - 2 J' L'
+
+with the others' rows of L a unit matrix. What joints hold to the ground by drives alone comes out as not moving at all.
+J and its rates follow from how the bodies turn; the entries of L that vary are scalars of the motion like others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from kaneflex.fem.links import Link, Part
+from kaneflex.fem.spatial_bodies import at_point, skew
+from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
+from kaneflex.mechanism.spatial_frame import SpatialFrame
+from kaneflex.support.errors import SceneError
+
+_ZERO = 1e-10
+"""Coefficient, in rad or sizes of the mechanism, that counts as none."""
+_NEAR = 0.9
+"""Share of the largest pivot from which the first in order is taken: the same choice on every machine."""
+_LEAST = 1e-4
+"""Least pivot at any instant of the run: beyond, the dependent coordinates grow past all measure."""
+_VARY = 1e-9
+"""Change of an entry of L over the run, in its own measure, that counts as none."""
+
+Rates3 = np.ndarray
+"""A quantity and its first two rates, (3, n_times, ...)."""
+
+
+def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
+    """Nodes of an elastic link at joints -> the joints.
+
+    Raises
+    ------
+    SceneError
+        If a joint lies off the link's axis.
+    """
+    found: dict[int, list[str]] = {}
+    for name, joint in mechanism.joints.items():
+        for side in joint.sides:
+            if side.body == link.name:
+                found.setdefault(node_of(link, side), []).append(name)
+    return found
+
+
+def node_of(link: Link, side: Side) -> int:
+    """The node at a point of an elastic link; raises SceneError for one off its axis."""
+    x, y, z = side.at
+    node = None if y or z else link.node_at(x)
+    if node is None:
+        raise SceneError(
+            f"bodies.{link.name}", list(side.at), "a joint on an elastic body must lie on its axis",
+            "Move the point onto the axis, between start and end",
+        )  # fmt: skip
+    return node
+
+
+class Joined:
+    """The coordinates of all parts, and the rows that joints make of them.
+
+    ``parts`` are those of elastic links, reduced or not, and of rigid bodies; ``held``: joints whose freedoms a drive
+    holds, or that share their rotation.
+    """
+
+    def __init__(
+        self, mechanism: SpatialMechanism, links: Mapping[str, Link], parts: Mapping[str, Part], held: Iterable[str]
+    ) -> None:
+        self.mechanism, self.links, self.parts, self.held = mechanism, links, parts, frozenset(held)
+        self.first: dict[str, int] = {}
+        self.labels: list[str] = []
+        for name, part in parts.items():
+            self.first[name] = len(self.labels)
+            self.labels += part.coordinates
+        self.size = len(self.labels)
+        self.measure = np.array([_unit(label, mechanism.size) for label in self.labels])
+
+    def point(self, side: Side) -> tuple[np.ndarray, np.ndarray] | None:
+        """Displacement and rotation of a joint's point in its body's axes: six of the coordinates, and the matrix
+        (6, 6) before them; None on the ground."""
+        if side.body == GROUND:
+            return None
+        columns = self.first[side.body] + np.arange(self.parts[side.body].size)
+        if side.body not in self.links:
+            return columns, at_point(np.asarray(side.at))
+        return columns[list(self.parts[side.body].place[node_of(self.links[side.body], side)])], np.eye(6)
+
+    def rows(self, motion: RigidMotion, joints: Collection[str] | None = None) -> tuple[Rates3, dict[str, slice]]:
+        """J and its rates at the instants of a motion, (3, n_times, rows, size), and which rows are a joint's.
+
+        ``joints``: those whose rows are computed, by default all; the others' are left at zero.
+        """
+        turned = {body: _turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
+        J = np.zeros((3, len(motion.times), self.row_count, self.size))
+        for name, joint in self.mechanism.joints.items():
+            if joints is None or name in joints:
+                for each, side in zip(self.coefficients(motion, joint, turned), joint.sides, strict=True):
+                    point = self.point(side)
+                    if point is not None:
+                        J[:, :, self.where[name], point[0]] += each @ point[1]
+        return J, self.where
+
+    @cached_property
+    def where(self) -> dict[str, slice]:
+        """Joint -> its rows."""
+        found, count = {}, 0
+        for name, joint in self.mechanism.joints.items():
+            of_joint = 3 if joint.across is None else len(joint.across)
+            of_joint += len(joint.parallel) + len(self._held(joint))
+            found[name] = slice(count, count := count + of_joint)
+        return found
+
+    @property
+    def row_count(self) -> int:
+        return max((own.stop for own in self.where.values()), default=0)
+
+    def coefficients(
+        self, motion: RigidMotion, joint: SpatialJoint, turned: Mapping[str, Rates3] | None = None,
+        freedoms: bool = False,
+    ) -> tuple[Rates3, Rates3]:
+        """Rows of a joint before displacement and rotation of its first point and of its second, each in its body's
+        axes, (3, n_times, rows, 6); those of a drive come last, with ``freedoms`` also where there is none."""
+        turned = turned or {side.body: _turning(motion, side.body) for side in joint.sides}
+        R_1, R_2 = (turned[side.body] for side in joint.sides)
+        apart = _place(motion, joint.sides[1]) - _place(motion, joint.sides[0])
+        stands = [self.mechanism.stands(side.body) for side in joint.sides]
+        blocks: list[tuple[Rates3, Rates3]] = []
+
+        def add(d_1: Rates3 | None, t_1: Rates3 | None, d_2: Rates3 | None, t_2: Rates3 | None) -> None:
+            """A row by its global vectors before displacements and rotations."""
+            one, two = (np.zeros((3, len(motion.times), 6)) for _ in range(2))
+            for out, R, d, t in ((one, R_1, d_1, t_1), (two, R_2, d_2, t_2)):
+                if d is not None:
+                    out[..., :3] = _product(d[..., None, :], R)[..., 0, :]
+                if t is not None:
+                    out[..., 3:] = _product(t[..., None, :], R)[..., 0, :]
+            blocks.append((one, two))
+
+        def slides_not(n: Rates3) -> None:
+            add(-n, _cross(n, apart), n, None)
+
+        def turns_not(axis: Rates3) -> None:
+            add(None, -axis, None, axis)
+
+        across = joint.across
+        for axis in np.eye(3) if across is None else ():
+            constant = np.zeros((3, len(motion.times), 3))
+            constant[0] = axis
+            add(-constant, None, constant, None)
+        for axis in across or ():
+            slides_not(_turned(R_1, axis))
+        for one, other in joint.parallel:
+            turns_not(_cross(_turned(R_1, one), _turned(R_2, stands[1].T @ stands[0] @ other)))
+        for what, axis in joint.moves if freedoms else self._held(joint):
+            (slides_not if what == "position" else turns_not)(_turned(R_1, axis))
+        first, second = (np.stack(rows, axis=2) for rows in zip(*blocks, strict=True))
+        return first, second
+
+    def _held(self, joint: SpatialJoint) -> list[tuple[str, np.ndarray]]:
+        """What is held of a joint besides, by axes of its first body."""
+        if joint.name not in self.held:
+            return []
+        if joint.kind in ("spherical", "universal"):
+            return [("angle", axis) for axis in np.eye(3)]
+        return joint.moves
+
+    def exerted(self, motion: RigidMotion, name: str, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """Global force and moment of a joint on its second body, at its second point, (6, n_times), by multipliers of
+        its rows (n_times, rows); and its drive's force or torque along its one freedom, None where it has none."""
+        joint = self.mechanism.joints[name]
+        second = self.coefficients(motion, joint)[1][0]
+        local = np.einsum("tri,tr->it", second, multipliers)
+        frame, held = motion.frame(joint.sides[1].body), self._held(joint)
+        wrench = np.vstack([frame.to_global(local[:3]), frame.to_global(local[3:])])
+        return wrench, multipliers[:, -1] if len(held) == 1 else None
+
+    def choose(self, motion: RigidMotion, still: np.ndarray | None = None) -> Choice:
+        """Rows and dependent coordinates that serve at all instants of a motion; ``still``: which don't move at all.
+
+        Raises
+        ------
+        SceneError
+            If none do: the links then pass where they no longer say how the mechanism stands.
+        """
+        J = self.rows(motion)[0][0] * self.measure
+        J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
+        if still is not None:
+            J[:, :, still] = 0.0
+        rows, columns = list[int](), list[int]()
+        while True:
+            open_rows = np.setdiff1d(np.arange(J.shape[1]), rows)
+            if not len(open_rows):
+                break
+            largest, least = abs(J[:, open_rows]).max(axis=0), abs(J[:, open_rows]).min(axis=0)
+            if largest.max() < _ZERO:  # what is left follows from the others
+                break
+            best = least.max()
+            if best < _LEAST:
+                joints = self._named(open_rows[largest.max(axis=1) >= _ZERO])
+                raise SceneError(
+                    "joints", ", ".join(joints), "with elastic bodies between them they don't hold the mechanism in "
+                    "one way over the whole run: it passes a dead centre there",
+                    "Limit the drives' range, or hold it otherwise",
+                )  # fmt: skip
+            row, column = np.argwhere(least >= _NEAR * best)[0]
+            # of coordinates that serve as well the last one: bodies are given from the ground outwards
+            column = np.flatnonzero(least[row] >= _NEAR * best)[-1]
+            row = open_rows[row]
+            rows.append(int(row))
+            columns.append(int(column))
+            pivot = J[:, row] / J[:, row, column][:, None]
+            J = J - J[:, :, column][:, :, None] * pivot[:, None, :]
+            J[:, row] = 0.0
+        order = np.argsort(rows)
+        dependent = np.array(columns, int)[order]
+        left = np.setdiff1d(np.arange(self.size), dependent)
+        return Choice(np.array(rows, int)[order], dependent, left if still is None else left[~still[left]])
+
+    def _named(self, rows: np.ndarray) -> list[str]:
+        """The joints that have some rows."""
+        return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
+
+    def maps(self, motion: RigidMotion, choice: Choice) -> Rates3:
+        """L and its rates at the instants of a motion, (3, n_times, size, independent)."""
+        joints = self._named(choice.rows)
+        J = self.rows(motion, joints)[0][:, :, choice.rows] * self.measure
+        L = np.zeros((3, len(motion.times), self.size, len(choice.independent)))
+        L[0][:, choice.independent, np.arange(len(choice.independent))] = 1.0
+        if len(choice.dependent):
+            held, given = J[..., choice.dependent], J[..., choice.independent]
+            L_0 = -np.linalg.solve(held[0], given[0])
+            L_1 = -np.linalg.solve(held[0], given[1] + held[1] @ L_0)
+            L_2 = -np.linalg.solve(held[0], given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1)
+            L[:, :, choice.dependent] = np.stack([L_0, L_1, L_2])
+        return L * (self.measure[:, None] / self.measure[choice.independent])
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Rows that hold, and which coordinates depend on which others."""
+
+    rows: np.ndarray
+    dependent: np.ndarray
+    independent: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialMap:
+    """L of a mechanism by what of it is constant and what varies.
+
+    Attributes
+    ----------
+    joined : Joined
+    choice : Choice
+    constant : ndarray (size, independent)
+    varying : ndarray (n, 2)
+        Row and column of the entries that are scalars of the motion.
+    rows : ndarray
+        All rows of the joints that don't follow from others.
+    """
+
+    joined: Joined
+    choice: Choice
+    constant: np.ndarray
+    varying: np.ndarray
+    rows: np.ndarray
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of z."""
+        return tuple(self.joined.labels[k] for k in self.choice.independent)
+
+    @property
+    def scalars(self) -> list[tuple[str, str, str]]:
+        """Name, unit and meaning of what varies, each entry with its two rates."""
+        found = []
+        for name, row, column in self._entries():
+            labels = self.joined.labels[row], self.joined.labels[self.choice.independent[column]]
+            units = [_unit_name(label) for label in labels]
+            ratio = "1" if units[0] == units[1] else "/".join(units)
+            meaning = f"displacement {labels[0]} by that of {labels[1]}"
+            for kind, per in (("value", ""), ("rate", "/s"), ("accel", "/s^2")):
+                found.append((f"{name}.{kind}", f"{ratio}{per}", meaning))
+        return found
+
+    def _entries(self) -> list[tuple[str, int, int]]:
+        labels, independent = self.joined.labels, self.choice.independent
+        return [(f"{labels[r]} by {labels[independent[c]]}", int(r), int(c)) for r, c in self.varying]
+
+    def table(self, motion: RigidMotion) -> np.ndarray:
+        """The scalars at the instants of a motion, (n_times, 3 n)."""
+        if not len(self.varying):
+            return np.zeros((len(motion.times), 0))
+        L = self.joined.maps(motion, self.choice)
+        rows, columns = self.varying.T
+        return L[:, :, rows, columns].transpose(1, 2, 0).reshape(len(motion.times), -1)
+
+    def of(self, body: str) -> Affine:
+        """L of a part."""
+        first, size = self.joined.first[body], self.joined.parts[body].size
+        total = Affine.constant(self.constant[first : first + size])
+        for name, row, column in self._entries():
+            if first <= row < first + size:
+                entry = np.zeros((size, self.constant.shape[1]))
+                entry[row - first, column] = 1.0
+                total += Affine.term((f"{name}.value",), entry)
+        return total
+
+
+    def rotation(self, joint: str) -> Affine:
+        """Elastic rotation of a joint's second body against its first about its first axis, (1, independent)."""
+        of, mechanism = self.joined.mechanism.joints[joint], self.joined.mechanism
+        total = Affine.zero(1, self.constant.shape[1])
+        for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):
+            point = self.joined.point(side)
+            if point is not None:
+                axis = mechanism.stands(side.body).T @ mechanism.stands(of.sides[0].body) @ of.axes[0]
+                row = np.zeros((1, self.joined.parts[side.body].size))
+                row[0, point[0] - self.joined.first[side.body]] = sign * axis @ point[1][3:]
+                total += Affine.constant(row) @ self.of(side.body)
+        return total
+
+
+def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:
+    """The map by instants spread over the run, at which is seen what varies.
+
+    What drives alone hold does not move: its coordinates and the rows that hold them are left out then.
+    """
+    choice = joined.choose(motion)
+    rows = choice.rows
+    scaled = joined.maps(motion, choice)[0] * joined.measure[choice.independent] / joined.measure[:, None]
+    still = ~(abs(scaled) > _ZERO).any(axis=(0, 2))
+    choice = joined.choose(motion, still)
+    L = joined.maps(motion, choice)
+    measure = joined.measure[:, None] / joined.measure[choice.independent]
+    apart = abs(L[0] - L[0, :1]).max(axis=0) / measure
+    varying = np.argwhere(apart > _VARY)
+    constant = L[0, 0] * (apart <= _VARY)
+    constant[abs(constant) < _ZERO * measure] = 0.0
+    return SpatialMap(joined, choice, constant, varying, rows)
+
+
+def _unit(label: str, size: float) -> float:
+    """What counts as one in a coordinate: the mechanism's size, or 1 rad."""
+    return 1.0 if label.rpartition(".")[2].startswith("theta") else size
+
+
+def _unit_name(label: str) -> str:
+    return "rad" if label.rpartition(".")[2].startswith("theta") else "m"
+
+
+def _turning(motion: RigidMotion, body: str) -> Rates3:
+    """Axes of a body and their rates, (3, n_times, 3, 3)."""
+    frame = cast(SpatialFrame, motion.frame(body))
+    R = np.moveaxis(frame.axes, 2, 0)
+    spin, turn = skew(frame.omega.T), skew(frame.epsilon.T)
+    return np.stack([R, spin @ R, (turn + spin @ spin) @ R])
+
+
+def _turned(R: Rates3, vector: Sequence[float] | np.ndarray) -> Rates3:
+    """A vector fixed in a body's axes, global, (3, n_times, 3)."""
+    return R @ np.asarray(vector, dtype=float)
+
+
+def _place(motion: RigidMotion, side: Side) -> Rates3:
+    """A point of a body, its velocity and acceleration, (3, n_times, 3)."""
+    frame = motion.frame(side.body)
+    return np.stack([frame.place(side.at).T, frame.velocity(side.at).T, frame.acceleration(side.at).T])
+
+
+def _product(a: Rates3, b: Rates3) -> Rates3:
+    """a b and its rates, of matrices."""
+    return np.stack([a[0] @ b[0], a[1] @ b[0] + a[0] @ b[1], a[2] @ b[0] + 2.0 * a[1] @ b[1] + a[0] @ b[2]])
+
+
+def _cross(a: Rates3, b: Rates3) -> Rates3:
+    """a x b and its rates."""
+    x = np.cross
+    return np.stack([x(a[0], b[0]), x(a[1], b[0]) + x(a[0], b[1]), x(a[2], b[0]) + 2.0 * x(a[1], b[1]) + x(a[0], b[2])])

@@ -1,0 +1,306 @@
+"""The elastic stage of a mechanism in space: its parts, how they hang together, and the scalars that they move by."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+from scipy.linalg import null_space
+
+from kaneflex.fem.assembly import Placed, empty_part
+from kaneflex.fem.coordinate_map import Frame
+from kaneflex.fem.interface_coordinates import Interfaces
+from kaneflex.fem.links import Link, Part, craig_bampton
+from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
+from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene
+from kaneflex.fem.spatial_map import Joined, SpatialMap, held_nodes, map_of
+from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.spatial_wrenches import wrenches_on
+from kaneflex.multibody.spatial_motion import SpatialKinematics
+from kaneflex.multibody.spatial_reactions import COMPONENTS, joint_wrenches, without_work
+from kaneflex.multibody.stage import Stage, count_of_modes
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+from kaneflex.support.spatial_contract import AXES, SPATIAL_LINK_SCALARS
+
+_SAMPLES = 33
+"""Instants of a run at which is seen what of L varies, and whether the dependent coordinates serve."""
+_NONE = 1e-7
+"""Share of the largest below which a force that multipliers of no work exert counts as none."""
+_LEFT_OUT = (
+    "more constraints hold the motion than it needs: rigid bodies leave open how some of the forces on {bodies} are "
+    "shared, and what these do at their arms to the stiffness of small rotations is left out"
+)
+_IRREGULAR = 0.381966
+"""Where between two even instants these lie: nothing is likely to be in line there."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialInterfaces:
+    """Where elastic links meet other bodies: (link, node) -> the joint that comes first there."""
+
+    displaced: Mapping[tuple[str, int], str]
+
+    def held_rows(self, part: Part) -> set[int]:
+        """Local rows that a reduction must keep."""
+        return {row for link, node in self.displaced if link == part.name for row in part.place[node]}
+
+
+@dataclass(frozen=True, eq=False)
+class Deforming:
+    """What the elastic stage reads of a rigid motion beside its frames; scalars ``BODY.link.NAME``.
+
+    Of an elastic link those of SPATIAL_LINK_SCALARS, jumps of its axial force, and what pushes its nodes; of a rigid
+    body the same accelerations, ARMS, and what pushes it. ``map`` are the parts' coordinates.
+    """
+
+    scene: Scene
+    mechanism: SpatialMechanism
+    links: Mapping[str, SpatialLink]
+    parts: Mapping[str, Part]
+    map: SpatialMap
+
+    @cached_property
+    def scalars(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, unit and meaning."""
+        found: list[tuple[str, str, str]] = []
+        for name in self.parts:
+            own = SPATIAL_LINK_SCALARS if name in self.links else SPATIAL_LINK_SCALARS[:-1]
+            found += [(f"{name}.link.{each}", unit, meaning) for each, unit, meaning in own]
+            if name in self.links:
+                found += [(f"{name}.link.jump_{node}", "N", f"by which the axial force is higher beyond node {node}")
+                          for node in self._jumps(name)]  # fmt: skip
+                for node in pushed_nodes(self.mechanism, self.links[name]):
+                    found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
+            else:
+                found += [(f"{name}.link.{each}", "N m", "of all that acts at arms from the start") for each in ARMS]
+                found += [(f"{name}.link.push_{axis}", "N", "of loads and springs") for axis in AXES]
+                found += [(f"{name}.link.turn_{axis}", "N m", "of the same, about the start") for axis in AXES]
+        return (*found, *self.map.scalars)
+
+    def _jumps(self, link: str) -> tuple[int, ...]:
+        return jumps(self.scene, link, self.links[link].nodes)
+
+    def table(self, motion: RigidMotion) -> np.ndarray:
+        """The scalars at the instants of a motion, (n_times, n)."""
+        found: list[np.ndarray] = []
+        gravity = self.mechanism.gravity[:, None]
+        points = {name for name, load in self.mechanism.loads.items() if load.at is not None}
+        points |= {name for name, spring in self.mechanism.springs.items() if spring.joint is None}
+        for name in self.parts:
+            frame = motion.frame(name)
+            felt = frame.to_body(frame.acceleration(np.zeros(3)) - gravity)
+            found += [frame.to_body(frame.omega), frame.to_body(frame.epsilon), felt]
+            acting = list(wrenches_on(self.mechanism, motion, name))
+            if name in self.links:
+                link = self.links[name]
+                at = [link.node_at(each.on[0]) for each in acting]
+                for node in (0, *self._jumps(name)):
+                    pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
+                    found.append(-sum(pulls, np.zeros((1, len(motion.times)))))
+                for node in pushed_nodes(self.mechanism, link):
+                    pushes = [each.force for each, own in zip(acting, at, strict=True)
+                              if own == node and each.by in self.mechanism.loads]  # fmt: skip
+                    found.append(sum(pushes, np.zeros_like(felt)))
+                continue
+            body = self.mechanism.bodies[name]
+            weight = -body.mass * frame.to_body(frame.acceleration(body.centre) - gravity)
+            arms = np.einsum("it,j->ijt", weight, body.centre)
+            arms += sum(np.einsum("it,jt->ijt", each.force, each.at) for each in acting)
+            for i, j in (("xyz".index(pair[0]), "xyz".index(pair[1])) for pair in PAIRS):
+                found.append(0.5 * (arms[i, j] + arms[j, i])[None])
+            given = [each for each in acting if each.by in points]
+            none = np.zeros_like(felt)
+            found.append(sum((each.force for each in given), none))
+            found.append(sum((each.moment + np.cross(each.at, each.force, axis=0) for each in given), none))
+        return np.hstack([np.concatenate(found).T, self.map.table(motion)])
+
+
+@dataclass(frozen=True, eq=False)
+class DeformingKinematics(SpatialKinematics):
+    """The rigid motion of a mechanism in space with what its elastic stage reads of it."""
+
+    deforming: Deforming
+    arms: frozenset[str]
+    """ARMS that no equation determines: they are left out."""
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        bare = SpatialKinematics(replace(self.module, more=(), open_reactions=frozenset()), self.parameters, self.curve)
+        rigid = bare.at(times)
+        out = np.hstack([rigid.values, self.deforming.table(rigid)])
+        out[:, [self.column[name] for name in self.arms]] = 0.0
+        out[:, [self.column[name] for name in self.module.open_reactions if name in self.column]] = np.nan
+        return out
+
+
+def elastic_stage(
+    scene: Scene, options: Options, motion: SpatialKinematics, frozen: Mapping[str, np.ndarray]
+) -> Stage:
+    """Mesh the links, find the coordinates; ``frozen``: bases to reduce to.
+
+    Raises
+    ------
+    SceneError
+        For what elastic bodies can't have in space so far, and where nothing holds them in one way.
+    """
+    mechanism = spatial_mechanism_of(scene)
+    motion = SpatialKinematics(replace(motion.module, more=()), motion.parameters, motion.curve)
+    links = {name: link_of_scene(scene, name, options.elements or body.beam.elements)
+             for name, body in scene.bodies.items() if body.beam is not None}  # fmt: skip
+    held = {name: held_nodes(mechanism, link) for name, link in links.items()}
+    interfaces = SpatialInterfaces({(name, node): on[0] for name, at in held.items() for node, on in at.items()})
+    parts: dict[str, Part] = {}
+    bases: dict[str, np.ndarray] = {}
+    for name, body in mechanism.bodies.items():
+        if name not in links:
+            parts[name] = _with_pushes(rigid_part(name, body))
+            continue
+        part = with_loads(links[name].part, pushed_nodes(mechanism, links[name]))
+        parts[name] = part
+        if options.reduction == "craig-bampton":
+            rows = interfaces.held_rows(part)
+            parts[name], bases[name] = craig_bampton(part, rows, count_of_modes(options, name, part.size - len(rows)),
+                                                     frozen.get(name))  # fmt: skip
+    held_too = [name for name, drive in scene.drives.items() if drive.rotation == "held"]
+    held_too += [name for name, joint in scene.joints.items() if joint.rotation == "shared"]
+    times = np.append(0.0, options.duration * (np.arange(_SAMPLES) + _IRREGULAR) / _SAMPLES)
+    found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))
+    maps = {name: found.of(name) for name in parts}
+    moving = {name: part for name, part in parts.items() if name in links or maps[name].pattern().any()}
+    _check_springs(mechanism, [name for name in moving if name not in links])
+    deforming = Deforming(scene, mechanism, links, parts, found)
+    placed = [(part, maps[name]) for name, part in moving.items()]
+    torques, springs = _at_joints(mechanism, found)
+    frame = Frame(found.coordinates, {name: maps[name] for name in links},
+                  {name: maps[name] for name in moving if name not in links})  # fmt: skip
+    lost = _open_scalars(deforming, motion, times[:: _SAMPLES // 8])
+    arms = frozenset(name for name in lost if name.rpartition(".")[2] in ARMS)
+    _check_pulls(lost - arms, options)
+    stiffened = sorted({name.partition(".")[0] for name in arms} & set(moving))
+    warnings = (_LEFT_OUT.format(bodies=", ".join(stiffened)),) if stiffened and options.geometric else ()
+    module = replace(motion.module, more=deforming.scalars, open_reactions=motion.module.open_reactions | (lost - arms))
+    moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
+    kept = {name: parts[name] for name in links}
+    return Stage(moved, links, kept, bases, cast(Interfaces, interfaces), frame, placed + torques, springs, warnings)
+
+
+def pushed_nodes(mechanism: SpatialMechanism, link: Link) -> list[int]:
+    """Nodes of a link on which loads act."""
+    places = (load.at.at[0] for load in mechanism.loads.values() if load.at is not None and load.at.body == link.name)
+    return sorted({node for x in places if (node := link.node_at(x)) is not None})
+
+
+def with_loads(part: Part, nodes: list[int]) -> Part:
+    """A link's part with what pushes its nodes in F."""
+    total = part.matrices["F"]
+    for node in nodes:
+        for k, axis in enumerate(AXES):
+            push = np.zeros((part.size, 1))
+            push[part.place[node][k]] = 1.0
+            total = total + Affine.term((f"{part.name}.link.push_{node}_{axis}",), push)
+    return replace(part, matrices={**part.matrices, "F": total})
+
+
+def _with_pushes(part: Part) -> Part:
+    """A rigid body's part with what pushes and turns it in F."""
+    total = part.matrices["F"]
+    for k, name in enumerate((*(f"push_{axis}" for axis in AXES), *(f"turn_{axis}" for axis in AXES))):
+        total = total + Affine.term((f"{part.name}.link.{name}",), np.eye(6)[:, k : k + 1])
+    return replace(part, matrices={**part.matrices, "F": total})
+
+
+def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.ndarray) -> frozenset[str]:
+    """Names of what rigid bodies leave open of what stiffens others: what forces change that move nothing."""
+    system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
+    joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
+    for t in times:
+        state = motion.curve(float(t))
+        if not any(True for _ in without_work(system, state)):
+            continue
+        here = motion.at(float(t))
+        for multipliers in without_work(system, motion.curve(float(t))):
+            wrenches = joint_wrenches(system, system.passed_on(multipliers), multipliers)
+            tables = []
+            for sign in (1.0, -1.0):
+                values = here.values.copy()
+                for name, columns in joints.items():
+                    values[0, columns] = sign * wrenches[name]
+                tables.append(deforming.table(replace(here, values=values))[0])
+            apart = abs(tables[0] - tables[1])
+            reach = deforming.mechanism.size
+            largest = max(max(abs(wrench[:3]).max(), abs(wrench[3:]).max() / reach) for wrench in wrenches.values())
+            found |= {name for name, value in zip(names, apart, strict=True) if value > _NONE * largest}
+    return frozenset(found)
+
+
+def _check_pulls(lost: Collection[str], options: Options) -> None:
+    """What stiffens a body must be known where its stiffness is asked for."""
+    concerned = sorted({name.partition(".")[0] for name in lost})
+    if concerned and options.geometric:
+        raise SceneError(
+            f"bodies.{concerned[0]}", None, "more constraints hold the motion than it needs: rigid bodies don't say "
+            "how forces are shared that stiffen this one",
+            "Take preset linear, leave out solve.terms.geometric, or release what is held twice, as by a spherical "
+            "joint for a revolute one",
+        )  # fmt: skip
+
+
+def _check_springs(mechanism: SpatialMechanism, bodies: list[str]) -> None:
+    for name, spring in mechanism.springs.items():
+        follows = [side.body for side in spring.sides if side.body in bodies]
+        if follows:
+            raise SceneError(
+                f"springs.{name}", None, f"in space springs don't act so far on bodies that follow elastic ones, like "
+                f"{follows[0]}",
+                "Let it act on bodies that drives move, or at a joint, or take preset rigid",
+            )  # fmt: skip
+
+
+def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:
+    """Torques and torsional springs at joints, on the rotation of the second body against the first about the axis."""
+    torques, springs = [], []
+    for name, load in mechanism.loads.items():
+        if load.joint is not None:
+            push = replace(empty_part(name, 1), matrices=_matrices(name, F=Affine.term((name,), [[1.0]])))
+            torques.append((push, found.rotation(load.joint)))
+    for name, spring in mechanism.springs.items():
+        if spring.joint is not None:
+            stiffness, damping, _ = spring.numbers
+            own = {"K_s": Affine.constant([[stiffness]]), "C_s": Affine.constant([[damping]])}
+            pull = _matrices(name, F=Affine.term((f"{name}.torque",), [[-1.0]]), **own)
+            springs.append((replace(empty_part(name, 1), matrices=pull), found.rotation(spring.joint)))
+    return torques, springs
+
+
+def _matrices(name: str, **own: Affine) -> dict[str, Affine]:
+    return {**empty_part(name, 1).matrices, **own}
+
+
+def undetermined(found: SpatialMap, motion: RigidMotion) -> frozenset[str]:
+    """Names of the forces and moments of joints and drives that no equation determines at some instants of a motion.
+
+    As :func:`kaneflex.multibody.spatial_reactions.open_reactions`, of a mechanism whose links deform.
+    """
+    joined, names = found.joined, set[str]()
+    J, where = joined.rows(motion)
+    for instant in range(len(motion.times)):
+        here = J[0, instant] * joined.measure
+        scale = np.maximum(abs(here).max(axis=1), 1e-300)
+        for combination in null_space((here / scale[:, None]).T, rcond=1e-9).T:
+            multipliers = combination / scale
+            wrenches = {name: joined.exerted(motion.taken(np.array([instant])), name, multipliers[None, own])
+                        for name, own in where.items()}  # fmt: skip
+            largest = max(abs(wrench).max() for wrench, _ in wrenches.values())
+            for name, (wrench, drive) in wrenches.items():
+                for part, values in (("force", wrench[:3]), ("moment", wrench[3:])):
+                    if abs(values).max() > _NONE * largest:
+                        names |= {f"{name}.{part}_{axis}" for axis in AXES}
+                if drive is not None and abs(drive).max() > _NONE * largest:
+                    names.add(f"{name}.drive")
+    return frozenset(names)

@@ -1,0 +1,167 @@
+"""Small elastic displacements about the rigid motion of a mechanism in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from kaneflex.fem.assembly import ElasticEquations
+from kaneflex.fem.links import Part, with_rayleigh
+from kaneflex.fem.spatial_map import SpatialMap
+from kaneflex.mechanism.affine import Affine
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.planar import GROUND
+from kaneflex.multibody.model import keep_terms
+from kaneflex.multibody.spatial_elastic import DeformingKinematics
+from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
+from kaneflex.response.elastic_motion import ElasticMotion
+from kaneflex.response.motion import Section
+from kaneflex.response.spatial_deformation import SpatialDeformation, rigid_section
+from kaneflex.support.spatial_contract import AXES
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialElasticMotion(ElasticMotion):
+    """The rigid motion in space with the elastic coordinates about it; displacements have six components."""
+
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Rates:
+        model = self.model
+        if body in model.links:
+            moved, arm = self._displaced.links[body].at(at[0]), np.array([0.0, *at[1:]])
+        elif model.frame is not None and body in model.frame.bodies:
+            moved, arm = follow(model, self.rigid, self._displaced.coordinates, model.frame.bodies[body]), np.array(at)
+        else:
+            return self._still()
+        if not arm.any():
+            return moved
+        return cast(Rates, tuple(
+            np.vstack([part[:3] + np.cross(part[3:], arm[:, None], axis=0), part[3:]]) for part in moved
+        ))  # fmt: skip
+
+    def section(self, link: str, x: float) -> Section:
+        if link in self.model.links:
+            return self._elastic_section(link, x)
+        return self.rigid_section(link, x)
+
+    def rigid_section(self, link: str, x: float) -> Section:
+        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x))
+
+    def reaction(self, name: str) -> np.ndarray:
+        return self._exerted[name] if self.model.links else self.rigid[name]
+
+    def spring_tension(self, name: str) -> np.ndarray:
+        spring = self.model.scene.springs[name]
+        if spring.torsional_at is None or not self.model.links:
+            return self.rigid[f"{name}.{'tension' if spring.torsional_at is None else 'torque'}"]
+        turned, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._map.rotation(spring.torsional_at))
+        damped = spring.damping * rate[0] if self.model.options.damping else 0.0
+        return self.rigid[f"{name}.torque"] + spring.stiffness * turned[0] + damped
+
+    def change_of(self, name: str, freedom: str) -> Rates:
+        """What the deformation changes of a joint's coordinate, "angle" or "position", and its rates, (n_times,) each.
+        """
+        joined, none = self._map.joined, np.zeros(len(self.times))
+        joint = joined.mechanism.joints[name]
+        row = [move for move, _ in joint.moves].index(freedom) - len(joint.moves)
+        found = [none, none, none]
+        for c, side in zip(joined.coefficients(self.rigid, joint, freedoms=True), joint.sides, strict=True):
+            if side.body != GROUND:
+                c_0, c_1, c_2 = c[:, :, row].transpose(0, 2, 1)
+                d, d_rate, d_accel = self.displacement(side.body, side.at)
+                found[0] = found[0] + (c_0 * d).sum(axis=0)
+                found[1] = found[1] + (c_1 * d + c_0 * d_rate).sum(axis=0)
+                found[2] = found[2] + (c_2 * d + 2.0 * c_1 * d_rate + c_0 * d_accel).sum(axis=0)
+        return found[0], found[1], found[2]
+
+    @property
+    def _map(self) -> SpatialMap:
+        return cast(DeformingKinematics, self.model.motion).deforming.map
+
+    @cached_property
+    def _deformed(self) -> Mapping[str, Deformation]:
+        return {name: deform(self.model, self.rigid, self.coordinates, name, SpatialDeformation)
+                for name in self.model.links}  # fmt: skip
+
+    @cached_property
+    def _exerted(self) -> dict[str, np.ndarray]:
+        """What joints and drives exert, by the names of the rigid motion.
+
+        Joints' multipliers balance every joint's node and every rigid body, whose own equations are left with their
+        sum. Rows that others follow from exert nothing; what they would share is named when the scene is loaded.
+        """
+        joined, rigid = self._map.joined, self.rigid
+        residual = np.zeros((len(rigid.times), joined.size))
+        used = np.zeros(joined.size, dtype=bool)
+        for joint in joined.mechanism.joints.values():
+            for side in joint.sides:
+                point = joined.point(side)
+                if point is not None:
+                    used[point[0]] = True
+        for name, part in joined.parts.items():
+            columns = slice(joined.first[name], joined.first[name] + part.size)
+            if name in self.model.links:
+                residual[:, columns] = self._of_link(name, part).T
+            else:
+                residual[:, columns] = self._of_body(name, part).T
+        for name, (at, on_second) in self.model.scene.joint_torques.items():
+            torque = on_second * self._torque(name)
+            of = joined.mechanism.joints[at]
+            for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):
+                point = joined.point(side)
+                if point is not None:
+                    stands = joined.mechanism.stands
+                    axis = stands(side.body).T @ stands(of.sides[0].body) @ of.axes[0]
+                    residual[:, point[0]] -= sign * torque[:, None] * (axis @ point[1][3:])
+        J, where = joined.rows(rigid)
+        rows, scale = self._map.rows, joined.measure[used]
+        Q, R = np.linalg.qr((J[0][:, rows][:, :, used] * scale).transpose(0, 2, 1))
+        found = np.zeros((len(rigid.times), J.shape[2]))
+        right = np.einsum("tij,ti->tj", Q, residual[:, used] * scale)
+        found[:, rows] = np.linalg.solve(R, right[..., None])[..., 0]
+        exerted: dict[str, np.ndarray] = {}
+        for name, own in where.items():
+            wrench, drive = joined.exerted(rigid, name, found[:, own])
+            parts = [f"{name}.{kind}_{axis}" for kind in ("force", "moment") for axis in AXES]
+            exerted |= dict(zip(parts, wrench, strict=True))
+            if drive is not None:
+                exerted[f"{name}.drive"] = drive
+        return exerted
+
+    def _torque(self, name: str) -> np.ndarray:
+        """Of a load at a joint, or what a torsional spring opposes to the turning of its joint."""
+        spring = name.removesuffix(".torque")
+        return self.spring_tension(spring) if spring in self.model.scene.springs else self.rigid[name]
+
+    def _of_link(self, name: str, part: Part) -> np.ndarray:
+        """What joints exert on a link's coordinates, (size, n_times): of the nodes that its part has."""
+        deformed = self._deformed[name]
+        total = -deformed.pushes()
+        for e in range(len(deformed.link.nodes) - 1):
+            forces = deformed.end_forces(e)
+            for node, own in ((e, forces[:6]), (e + 1, forces[6:])):
+                total[list(deformed.link.part.place[node])] += own
+        found = np.zeros((part.size, len(self.times)))
+        for node, rows in part.place.items():
+            found[list(rows)] = total[list(deformed.link.part.place[node])]
+        return found
+
+    def _of_body(self, name: str, part: Part) -> np.ndarray:
+        """What joints exert on a rigid body's coordinates, (6, n_times)."""
+        model, L = self.model, self._map.of(name)
+        options = model.options
+        if options.dynamics == "quasistatic":  # C_d acts on the turning of the axes alone, among the spin terms
+            options = replace(options, gyroscopic=options.spin)
+        part = with_rayleigh(part, *model.rayleigh)
+        own = keep_terms(ElasticEquations(part.coordinates, K_c=Affine.zero(6, 6), **part.matrices), options)
+        q, q_rate, q_accel = as_balanced(model, self.rigid, self.coordinates, L)
+        total = -self.rigid.column_of(own["F"])
+        if not L.pattern().any():
+            return total
+        for key, series in (("M", q_accel), ("C", q_rate), ("K", q)):
+            total += self.rigid.apply(own[key], series)
+        return total
+

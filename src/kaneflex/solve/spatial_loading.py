@@ -1,0 +1,116 @@
+"""From a scene in space to a model: of its module drives and loads are derived, all else is numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.multibody.binding import find_spatial_module
+from kaneflex.multibody.building import build_model
+from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
+from kaneflex.multibody.spatial_forward import integrate
+from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion, follow
+from kaneflex.multibody.spatial_reactions import open_reactions
+from kaneflex.multibody.spatial_start import start_of
+from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options, acting
+from kaneflex.scene.plausible import implausible
+from kaneflex.scene.sensors import DRIVE_KINDS
+from kaneflex.solve.loading import ONE_WAY, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
+from kaneflex.solve.memory import check_memory
+from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.mechanism.energy import Energy
+
+_ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
+"""Shares of a run at which reactions are looked at: its start, and where nothing is likely to be in line."""
+
+
+def load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
+    """:func:`kaneflex.solve.loading.load` of a mechanism in space."""
+    ignored, scene = ignored_of(scene, options), acting(scene, options)
+    generated, derived = find_spatial_module(scene, progress)
+    system = build_spatial_system(scene, generated)
+    check_memory(scene, options, len(SpatialModule(system).SCALARS))
+    compiled = compiled_by(progress, system.compile)
+    motion, energy = _moving(system, options, progress)
+    check_springs(scene, motion, options)
+    check_finite(scene, motion, options)
+    model = build_model(scene, options, motion)
+    if isinstance(model.motion, DeformingKinematics):
+        instants = model.motion.at(options.duration * _ELSEWHERE)
+        check_spatial_sensors(scene, undetermined(model.motion.deforming.map, instants))
+    warnings = (*model.warnings, *implausible(scene), *ignored)
+    if motion.module.FREE and options.dynamics != "rigid":
+        warnings = (*warnings, ONE_WAY.format(joints=", ".join(motion.module.FREE)))
+    model = replace(model, energy=energy, warnings=warnings)
+    return timed(model, started, derived, compiled)
+
+
+def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
+    """:func:`kaneflex.solve.loading.neighbour` of a mechanism in space."""
+    duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
+    options = replace(model.options, duration=duration)
+    if options.integrator == "spectral":  # whose grid and corrections may differ from neighbour to neighbour
+        options = replace(options, integrator="radau")
+    scene = acting(scene, options)
+    generated: ModuleType = model.module.system.module
+    motion, energy = _moving(build_spatial_system(scene, generated), options, lambda stage: None)
+    return replace(build_model(scene, options, motion, model if frozen else None), energy=energy)
+
+
+def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tuple[SpatialKinematics, Energy | None]:
+    """The rigid motion of a system, its free joints integrated, and the energy of these."""
+    module, energy, start = SpatialModule(system), None, start_of(system)
+    rigid = options.dynamics == "rigid"
+    if rigid:
+        check_spatial_sensors(system.scene, open_reactions(system, [start]))
+    if module.FREE:
+        progress("forward dynamics of the rigid mechanism")
+        motion, energy = integrate(system, start, module, options)
+    else:
+        motion = SpatialKinematics(module, system.parameters, follow(system, start))
+    # a number that is determined where the mechanism starts need not be elsewhere
+    lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
+    if rigid:
+        check_spatial_sensors(system.scene, lost)
+    return replace(motion, module=replace(module, open_reactions=lost)), energy
+
+
+def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
+    """A mechanism in space, where it starts, and its motion at that instant."""
+    system = build_spatial_system(scene, find_spatial_module(scene, progress)[0])
+    start = start_of(system)
+    return system, start, _standing(SpatialModule(system), start).at(0.0)
+
+
+def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
+    """A mechanism in space that stays where it starts."""
+    system = module.system
+    return SpatialKinematics(
+        module, system.parameters, lambda t: system.settle(start.t, start.q, start.u, start.choice)
+    )
+
+
+def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None:
+    """No sensor may read what no equation determines.
+
+    Raises SceneError that names the sensor and the joint.
+    """
+    for name, sensor in scene.sensors.items():
+        joint = str(sensor.target)
+        own = sorted(each for each in open_reactions if each.rpartition(".")[0] == joint)
+        part = "drive" if sensor.kind in DRIVE_KINDS else "moment" if sensor.component.startswith("angle") else "force"
+        if sensor.kind in ("joint_force", *DRIVE_KINDS) and any(each.startswith(f"{joint}.{part}") for each in own):
+            raise SceneError(
+                f"sensors.{name}.{sensor.kind}", joint,
+                "more constraints hold the motion than it needs: rigid bodies don't say how this force is shared",
+                "Measure another one, or release what is held twice, as by a spherical joint for a revolute one",
+            )  # fmt: skip

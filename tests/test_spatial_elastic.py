@@ -1,0 +1,315 @@
+"""Elastic links in space: the plane seen otherwise, rotors and blades in closed form, frames, what is refused."""
+
+import math
+import shutil
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomlkit
+from lifting import lifted
+from scipy.linalg import eig, eigh
+from test_spatial_links import swept
+
+import kaneflex.scenes
+from kaneflex import SceneError, load, read_scene, simulate
+from kaneflex.fem.spatial_bodies import at_point, rigid_part
+from kaneflex.generated import spatial
+from kaneflex.mechanism.affine import as_array
+from kaneflex.mechanism.spatial import SpatialBody
+from kaneflex.multibody.model import keep_terms
+
+STEEL = 'E = "200 GPa", nu = 0.3, rho = "7850 kg/m^3"'
+
+
+def written(tmp_path, text, name="scene.toml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return read_scene(path)
+
+
+def matrices(model, t=0.0):
+    """M, C, K and F of the kept terms at an instant, as arrays."""
+    rigid = model.motion.at(t)
+    kept = keep_terms(model.equations, model.options)
+    return {key: as_array(rigid.first(kept[key])) for key in "MCKF"}
+
+
+def frequencies(M, C, K):
+    """[rad/s] of M q'' + C q' + K q = 0, which neither grows nor falls."""
+    none, one = np.zeros_like(M), np.eye(len(M))
+    roots = eig(np.block([[none, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]), right=False)
+    return np.sort(roots.imag[roots.imag > 0])
+
+
+# ---- the plane, seen otherwise ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "preset"),
+    [
+        ("rotating-cantilever", "stiffened"), ("engine", "stiffened"), ("engine-elastic-crank", "stiffened"),
+        ("engine", "linear"), ("four-bar", "stiffened"), ("six-bar", "stiffened"), ("quick-return", "stiffened"),
+        ("v-engine", "stiffened"),
+    ],
+)  # fmt: skip
+def test_a_planar_elastic_mechanism_moves_the_same_in_space(tmp_path, name, preset):
+    """Turned by any rotation, its links' other bending and torsion beside: every sensor, about its periodic motion.
+
+    Where two long links meet at a small angle, rounding of their axial stiffness alone is some 1e-7 of a force.
+    """
+    shutil.copy(Path(kaneflex.scenes.__path__[0]) / "gas.csv", tmp_path)
+    raw = {key: value for key, value in read_scene(name).raw.items() if key != "masses"}  # which space has not
+    raw["solve"] = {"preset": preset, "start": "periodic", "tolerance": 1e-10}
+    planar = written(tmp_path, tomlkit.dumps(raw), "planar.toml")
+    flat = simulate(load(planar))
+    given = lifted(planar) | {"solve": raw["solve"]}
+    solution = simulate(load(written(tmp_path, tomlkit.dumps(given), "lifted.toml")))
+    assert solution.model.links and len(solution.times) == len(flat.times)
+    for sensor in given["sensors"]:
+        wanted, found = flat[sensor].values, solution[sensor].values
+        assert abs(found - wanted).max() < 1e-6 * abs(wanted).max(), sensor
+    moved = [sensor for sensor in given["sensors"] if "displacement" in given["sensors"][sensor]]
+    for sensor in moved:
+        wanted = flat[sensor].values
+        assert abs(solution[sensor].values - wanted).max() < 1e-9 * abs(wanted).max(), sensor
+
+
+# ---- frames at rest ---------------------------------------------------------------------------------------------
+
+BENT = f"""
+schema = 1
+gravity = [0, 0, 0]
+[bodies.arm]
+length = "1 m"
+beam = {{{STEEL}, section = {{circle = "20 mm"}}, elements = 3}}
+[bodies.leg]
+length = "0.6 m"
+rotation = {{x = [0, 1, 0]}}
+beam = {{{STEEL}, section = {{circle = "20 mm"}}, elements = 2}}
+[joints]
+root = {{revolute = ["ground", "arm.start"], axis = [0, 0, 1]}}
+corner = {{weld = ["arm.end", "leg.start"]}}
+[drives]
+root = {{speed = "0 rpm"}}
+[loads]
+push = {{force_on = "leg.end", direction = [0, 0, 1], value = "10 N"}}
+[sensors]
+tip = {{displacement = "leg.end", component = "z", axes = "global"}}
+torque = {{torsional_moment = "arm.mid"}}
+bending = {{bending_moment = "arm.start", component = "y"}}
+shear = {{shear_force = "arm.mid", component = "z"}}
+root_force = {{joint_force = "root", component = "z"}}
+root_moment = {{joint_force = "root", component = "angle_y"}}
+corner_moment = {{joint_force = "corner", component = "angle_x"}}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 4
+"""
+
+
+def test_a_bent_frame_bends_and_twists(tmp_path):
+    """Tip of a cantilever with a leg across it, by Castigliano: P (l^3 + h^3)/(3 E I) + P h^2 l/(G J); its balance."""
+    text = BENT
+    solution = simulate(load(written(tmp_path, text)))
+    E, G, d, long, h, P = 200e9, 200e9 / 2.6, 0.02, 1.0, 0.6, 10.0
+    EI, GJ = E * math.pi * d**4 / 64, G * math.pi * d**4 / 32
+    wanted = {
+        "tip": P * (long**3 + h**3) / (3 * EI) + P * h**2 * long / GJ, "torque": P * h, "bending": P * long,
+        "shear": P, "root_force": -P, "root_moment": P * long, "corner_moment": -P * h,
+    }  # fmt: skip
+    signs = {"bending": -1.0}  # M_y = -E I_y w''
+    for sensor, value in wanted.items():
+        assert solution[sensor].values == pytest.approx(signs.get(sensor, 1.0) * value, rel=1e-9), sensor
+
+
+# ---- rotors -----------------------------------------------------------------------------------------------------
+
+ROTOR = """
+schema = 1
+gravity = [0, 0, 0]
+[bodies.shaft]
+length = "0.5 m"
+beam = {E = "200 GPa", nu = 0.3, rho = "0.01 kg/m^3", section = {circle = "20 mm"}, elements = 2}
+[bodies.disc]
+mass = "5 kg"
+inertia = ["0.09 kg m^2", "0.05 kg m^2", "0.05 kg m^2"]
+[joints]
+bearing = {revolute = ["ground", "shaft.start"], axis = [1, 0, 0]}
+hub = {weld = ["shaft.end", "disc.start"]}
+[drives]
+bearing = {speed = "SPEED rad/s", cycle = "360 deg"}
+[solve]
+preset = "stiffened"
+"""
+
+
+@pytest.mark.parametrize("speed", [50.0, 400.0])
+def test_a_disc_on_an_overhung_shaft_whirls(tmp_path, speed):
+    """Forward and backward whirl of a rigid disc on a massless cantilever shaft, seen from the turning shaft.
+
+    K = E I [[12/l^3, -6/l^2], [-6/l^2, 4/l]] before deflection and slope, gyroscopic moment J_x speed (Genta,
+    Dynamics of Rotating Systems, 2005, ch. 2): a frequency p of the inertial frame is |p - speed| here; torsion
+    sqrt(G J/(l J_x)) turns with it.
+    """
+    model = load(written(tmp_path, ROTOR.replace("SPEED", repr(speed))))
+    found = frequencies(*(matrices(model)[key] for key in "MCK"))
+    long, EI, m, J_x, J_y = 0.5, 200e9 * math.pi * 0.02**4 / 64, 5.0, 0.09, 0.05
+    K = EI * np.array([[12 / long**3, -6 / long**2], [-6 / long**2, 4 / long]])
+    M, G = np.diag([m, J_y]), np.diag([0.0, J_x * speed])
+    none, one = np.zeros((2, 2)), np.eye(2)
+    whirls = eig(np.block([[none, one], [np.linalg.solve(M, K), np.linalg.solve(M, G)]]), right=False).real
+    torsion = math.sqrt(200e9 / 2.6 * math.pi * 0.02**4 / 32 / (long * J_x))
+    axial = math.sqrt(200e9 * math.pi * 0.02**2 / 4 / (long * m))
+    for wanted in (*abs(whirls - speed), torsion, axial):
+        assert abs(found / wanted - 1).min() < 2e-6, (wanted, found[:10])
+
+
+def test_a_rigid_body_is_the_same_from_any_of_its_points():
+    """Its matrices of the small motion, the start moved by p: M and the gyroscopic terms are congruent, and its load is
+    what Newton and Euler ask for."""
+    rng = np.random.default_rng(3)
+    a = rng.normal(size=(3, 3))
+    tensor = a @ a.T
+    inertia = 0.5 * (np.trace(tensor) * np.eye(3) - tensor) * 2  # of a body that has those second moments
+    six = np.array([*np.diag(inertia), inertia[0, 1], inertia[1, 2], inertia[2, 0]])
+    p, c = rng.normal(size=3), rng.normal(size=3)
+    here, there = (
+        rigid_part("b", SpatialBody(2.0, centre, six, np.eye(3))).matrices for centre in (c, c - p)
+    )
+    w, e, f = rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
+    moved = f + np.cross(e, p) + np.cross(w, np.cross(w, p))
+
+    def scalars(acceleration):
+        named = {"omega": w, "epsilon": e, "a": acceleration}
+        found = {f"b.link.{kind}_{axis}": v for kind, vs in named.items() for axis, v in zip("xyz", vs, strict=True)}
+        return found | {f"b.link.arms_{pair}": 0.0 for pair in ("xx", "xy", "xz", "yy", "yz", "zz")}
+
+    shift = at_point(p)
+    for key in ("M", "C_d"):
+        mine, other = here[key].value(scalars(f)), there[key].value(scalars(moved))
+        assert mine == pytest.approx(shift.T @ other @ shift, abs=1e-12)
+    assert here["F"].value(scalars(f)) == pytest.approx(shift.T @ there["F"].value(scalars(moved)), abs=1e-12)
+    asked = np.zeros(6)
+    spatial.demand(np.array([2.0, *c, *six]), 0, np.concatenate([w, f, e]), 0, asked, 0)
+    assert here["F"].value(scalars(f))[:, 0] == pytest.approx(-asked, abs=1e-12)
+
+
+# ---- blades -----------------------------------------------------------------------------------------------------
+
+
+def test_lag_is_flap_less_the_speed(tmp_path):
+    """lag^2 = flap^2 - omega^2 of every pair, of a square blade on a hub, its tension by the rigid stage."""
+    text = (Path(kaneflex.scenes.__path__[0]) / "rotating-blade.toml").read_text()
+    text = text.replace('rectangle = ["60 mm", "10 mm"]', 'rectangle = ["10 mm", "10 mm"]').replace(
+        'theory = "timoshenko", ', ""
+    )
+    model = load(written(tmp_path, text))
+    found = matrices(model)
+    speed = 300 * math.pi / 30
+    pairs = []
+    for across in (".v", ".w"):
+        # bending in one plane apart from all else, as they have nothing in common but the gyroscopic terms
+        turned = {".v": ".theta_z", ".w": ".theta_y"}[across]
+        own = [k for k, name in enumerate(model.coordinates) if name.endswith((across, turned))]
+        pairs.append(eigh(found["K"][np.ix_(own, own)], found["M"][np.ix_(own, own)])[0][:6])
+    lag, flap = pairs
+    assert lag == pytest.approx(flap - speed**2, rel=1e-10)
+
+
+@cache
+def swept_scene(degrees, rpm):
+    path = Path(kaneflex.scenes.__path__[0]) / "swept-blade.toml"
+    raw = tomlkit.parse(path.read_text()).unwrap()
+    raw["bodies"]["tip"]["rotation"]["angle"] = f"-{degrees} deg"
+    raw["drives"]["shaft"]["speed"] = f"{rpm} rpm"
+    del raw["damping"]
+    return tomlkit.dumps(raw)
+
+
+@pytest.mark.parametrize(("degrees", "rpm"), [(0, 500), (15, 750)])
+def test_the_swept_blade_has_the_frequencies_of_its_links(tmp_path, degrees, rpm):
+    """As welded by hand of two links (``test_spatial_links``, beside the experiment there)."""
+    model = load(written(tmp_path, swept_scene(degrees, rpm)))
+    found = frequencies(*(matrices(model)[key] for key in "MCK")) / (2 * math.pi)
+    assert found[:9] == pytest.approx(swept(float(degrees), rpm)[:9], rel=1e-5)
+
+
+# ---- what joints exert ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["spatial-slider-crank-elastic", "four-bar-misaligned", "crankshaft-torsion"])
+def test_elastic_bodies_are_in_balance(name):
+    """Of ten thousand times the stiffness, forces and moments of joints and drives are those of the rigid mechanism, by
+    the engine of that."""
+    scene = read_scene(name)
+    stiff = {
+        key: body if body.beam is None else body.model_copy(
+            update={"beam": body.beam.model_copy(update={"E": 1e4 * body.beam.E, "G": 1e4 * made_of.G})}
+        )
+        for key, body in scene.bodies.items() for made_of in [None if body.beam is None else body.beam.constants()]
+    }  # fmt: skip
+    solve = scene.solve.model_copy(update={"preset": "quasistatic", "start": "zero"})
+    solution = simulate(load(scene.seen(bodies=stiff, solve=solve, damping=None)))
+    motion = solution.motion
+    rigid = motion.rigid
+    lost = solution.model.module.open_reactions
+    largest = max(abs(rigid[f"{each}.force_{axis}"]).max() for each in scene.joints for axis in "xyz"
+                  if f"{each}.force_{axis}" not in lost)  # fmt: skip
+    for joint in scene.joints:
+        for part in ("force", "moment"):
+            names = [f"{joint}.{part}_{axis}" for axis in "xyz"]
+            if lost & set(names):
+                continue
+            wanted = np.array([rigid[each] for each in names])
+            found = np.array([motion.reaction(each) for each in names])
+            assert abs(found - wanted).max() < 2e-4 * (largest if part == "force" else 0.1 * largest), (joint, part)
+    for drive in scene.drives:
+        wanted = rigid[f"{drive}.drive"]
+        assert abs(motion.reaction(f"{drive}.drive") - wanted).max() < 2e-4 * abs(wanted).max()
+
+
+# ---- what is refused --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('section = {circle = "20 mm"}, elements = 3', 'A = "100 mm^2", I = "800 mm^4"',
+         r"bodies.arm.beam.I = .*bends across two axes and twists.*I_y, I_z and J"),
+        ('section = {circle = "20 mm"}, elements = 3', 'A = "100 mm^2", I_y = "800 mm^4", I_z = "800 mm^4"',
+         r"bodies.arm.beam.J.*missing"),
+        ("nu = 0.3, ", "", r"bodies.(arm|leg).beam.*needs a shear modulus"),
+        ("elements = 3", "axially_rigid = true", r"axially_rigid.*only planar beams"),
+        ('component = "y"}\nshear', "component = \"x\"}\nshear", r"sensors.bending.component = 'x'.*its y or its z"),
+        ('corner = {weld = ["arm.end", "leg.start"]}',
+         'corner = {weld = ["arm.end", "leg.start"]}\n[springs]\ns = {between = ["ground", "leg.end"], '
+         'stiffness = "1 N/m", length = "1 m"}', r"springs.s.*don't act so far on elastic bodies, like leg"),
+        ('preset = "quasistatic"', 'preset = "coupled"', r"solve.preset = 'coupled': only planar scenes"),
+        ('"leg.end", direction', '"leg.tip", direction', r"loads.push.force_on"),
+    ],
+)  # fmt: skip
+def test_what_elastic_bodies_cannot_have_in_space_is_named(tmp_path, old, new, said):
+    text = BENT
+    assert old in text
+    with pytest.raises(SceneError, match=said):
+        load(written(tmp_path, text.replace(old, new, 1)))
+
+
+def test_a_joint_beside_the_axis_of_a_link_is_named(tmp_path):
+    text = BENT.replace(
+        '[joints]', '[bodies.arm.points]\nside = ["1 m", "10 mm", 0]\n[joints]'
+    ).replace('["arm.end", "leg', '["arm.side", "leg')
+    with pytest.raises(SceneError, match="a joint on an elastic body must lie on its axis"):
+        load(written(tmp_path, text))
+
+
+def test_stiffness_by_forces_that_rigid_bodies_share_anyhow_is_named(tmp_path):
+    """A shaft that two bearings hold along it: what pulls at it no rigid body says; without that stiffness it runs."""
+    second = 'second = {revolute = ["ground.far", "shaft.end"], axis = [1, 0, 0]}\n[ground]\nfar = ["0.5 m", 0, 0]\n'
+    text = ROTOR.replace("SPEED", "50.0").replace("[drives]", f"{second}[drives]")
+    with pytest.raises(SceneError, match=r"bodies.shaft: more constraints hold the motion.*Take preset linear"):
+        load(written(tmp_path, text))
+    assert load(written(tmp_path, text.replace("stiffened", "linear"))).degrees_of_freedom == 7
