@@ -66,6 +66,7 @@ SCENES = {
     "pulsating-strut": "pulsating_strut",
     "quick-return": "quick_return",
     "robot-arm": "robot_arm",
+    "robot-arm-elastic": "robot_arm",
     "rotating-blade": "rotating_blade",
     "rotating-cantilever": "rotating_cantilever",
     "six-bar": "six_bar",

@@ -19,6 +19,7 @@ from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.spatial import SpatialBody
 from kaneflex.multibody.model import keep_terms
+from kaneflex.plots.sensors import grouped
 
 STEEL = 'E = "200 GPa", nu = 0.3, rho = "7850 kg/m^3"'
 
@@ -240,7 +241,8 @@ def test_the_swept_blade_has_the_frequencies_of_its_links(tmp_path, degrees, rpm
 # ---- what joints exert ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["spatial-slider-crank-elastic", "four-bar-misaligned", "crankshaft-torsion"])
+@pytest.mark.parametrize("name", ["spatial-slider-crank-elastic", "four-bar-misaligned", "crankshaft-torsion",
+                                  "robot-arm-elastic"])
 def test_elastic_bodies_are_in_balance(name):
     """Of ten thousand times the stiffness, forces and moments of joints and drives are those of the rigid mechanism, by
     the engine of that."""
@@ -313,3 +315,10 @@ def test_stiffness_by_forces_that_rigid_bodies_share_anyhow_is_named(tmp_path):
     with pytest.raises(SceneError, match=r"bodies.shaft: more constraints hold the motion.*Take preset linear"):
         load(written(tmp_path, text))
     assert load(written(tmp_path, text.replace("stiffened", "linear"))).degrees_of_freedom == 7
+
+
+@pytest.mark.parametrize("name", ["rotating-blade", "robot-arm-elastic"])
+def test_sensors_share_a_panel_with_those_of_their_unit(name):
+    scene = read_scene(name)
+    for title, names in grouped(scene, scene.sensors).items():
+        assert len({scene.sensors[each].unit for each in names}) == 1, title

@@ -31,9 +31,10 @@ from kaneflex.support.errors import SceneError
 _ZERO = 1e-10
 """Coefficient, in rad or sizes of the mechanism, that counts as none."""
 _NEAR = 0.9
-"""Share of the largest pivot from which the first in order is taken: the same choice on every machine."""
+"""Share of the largest from which one is as good: the same choice on every machine."""
 _LEAST = 1e-4
-"""Least pivot at any instant of the run: beyond, the dependent coordinates grow past all measure."""
+"""Least of a coordinate's column, at any instant, beside those of the dependent ones: these would grow past all
+measure."""
 _VARY = 1e-9
 """Change of an entry of L over the run, in its own measure, that counts as none."""
 
@@ -199,35 +200,22 @@ class Joined:
         J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
         if still is not None:
             J[:, :, still] = 0.0
-        rows, columns = list[int](), list[int]()
-        while True:
-            open_rows = np.setdiff1d(np.arange(J.shape[1]), rows)
-            if not len(open_rows):
-                break
-            largest, least = abs(J[:, open_rows]).max(axis=0), abs(J[:, open_rows]).min(axis=0)
-            if largest.max() < _ZERO:  # what is left follows from the others
-                break
-            best = least.max()
-            if best < _LEAST:
-                joints = self._named(open_rows[largest.max(axis=1) >= _ZERO])
-                raise SceneError(
-                    "joints", ", ".join(joints), "with elastic bodies between them they don't hold the mechanism in "
-                    "one way over the whole run: it passes a dead centre there",
-                    "Limit the drives' range, or hold it otherwise",
-                )  # fmt: skip
-            row, column = np.argwhere(least >= _NEAR * best)[0]
-            # of coordinates that serve as well the last one: bodies are given from the ground outwards
-            column = np.flatnonzero(least[row] >= _NEAR * best)[-1]
-            row = open_rows[row]
-            rows.append(int(row))
-            columns.append(int(column))
-            pivot = J[:, row] / J[:, row, column][:, None]
-            J = J - J[:, :, column][:, :, None] * pivot[:, None, :]
-            J[:, row] = 0.0
-        order = np.argsort(rows)
-        dependent = np.array(columns, int)[order]
-        left = np.setdiff1d(np.arange(self.size), dependent)
-        return Choice(np.array(rows, int)[order], dependent, left if still is None else left[~still[left]])
+        used = np.flatnonzero(abs(J).max(axis=(0, 2)) > _ZERO)
+        dependent, left = _apart_at_all(J[:, used])
+        if left.any():
+            raise SceneError(
+                "joints", ", ".join(self._named(used[left])), "with elastic bodies between them they don't hold the "
+                "mechanism in one way over the whole run: it passes a dead centre there",
+                "Limit the drives' range, or hold it otherwise",
+            )  # fmt: skip
+        independent = np.setdiff1d(np.arange(self.size), dependent)
+        return Choice(used, np.sort(dependent), independent if still is None else independent[~still[independent]])
+
+    def independent_rows(self, motion: RigidMotion) -> np.ndarray:
+        """Rows from which all others follow, as many at all instants of a motion."""
+        J = self.rows(motion)[0][0] * self.measure
+        J = J / np.maximum(abs(J).max(axis=(0, 2)), 1e-300)[:, None]
+        return np.sort(_apart_at_all(J.transpose(0, 2, 1))[0])
 
     def _named(self, rows: np.ndarray) -> list[str]:
         """The joints that have some rows."""
@@ -241,9 +229,11 @@ class Joined:
         L[0][:, choice.independent, np.arange(len(choice.independent))] = 1.0
         if len(choice.dependent):
             held, given = J[..., choice.dependent], J[..., choice.independent]
-            L_0 = -np.linalg.solve(held[0], given[0])
-            L_1 = -np.linalg.solve(held[0], given[1] + held[1] @ L_0)
-            L_2 = -np.linalg.solve(held[0], given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1)
+            Q, R = np.linalg.qr(held[0])  # there may be more rows than they need
+            back = Q.transpose(0, 2, 1)
+            L_0 = -np.linalg.solve(R, back @ given[0])
+            L_1 = -np.linalg.solve(R, back @ (given[1] + held[1] @ L_0))
+            L_2 = -np.linalg.solve(R, back @ (given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1))
             L[:, :, choice.dependent] = np.stack([L_0, L_1, L_2])
         return L * (self.measure[:, None] / self.measure[choice.independent])
 
@@ -340,7 +330,6 @@ def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:
     What drives alone hold does not move: its coordinates and the rows that hold them are left out then.
     """
     choice = joined.choose(motion)
-    rows = choice.rows
     scaled = joined.maps(motion, choice)[0] * joined.measure[choice.independent] / joined.measure[:, None]
     still = ~(abs(scaled) > _ZERO).any(axis=(0, 2))
     choice = joined.choose(motion, still)
@@ -350,7 +339,29 @@ def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:
     varying = np.argwhere(apart > _VARY)
     constant = L[0, 0] * (apart <= _VARY)
     constant[abs(constant) < _ZERO * measure] = 0.0
-    return SpatialMap(joined, choice, constant, varying, rows)
+    return SpatialMap(joined, choice, constant, varying, joined.independent_rows(motion))
+
+
+def _apart_at_all(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of the matrices A (n_times, m, n) that are furthest apart at all instants, as many as there are; and
+    which rows, (m,), they leave unexplained.
+
+    Gram and Schmidt's process, which takes what is largest at its least; of nearly as large ones the last, as bodies
+    are given from the ground outwards.
+    """
+    A, found = A.copy(), list[int]()
+    while len(found) < A.shape[1]:
+        size = np.linalg.norm(A, axis=1)
+        least = size.min(axis=0)
+        if least.max(initial=0.0) < _LEAST:
+            break
+        column = int(np.flatnonzero(least >= _NEAR * least.max())[-1])
+        found.append(column)
+        along = A[:, :, column] / size[:, column, None]
+        for _ in range(2):  # the second time for what rounding left of it
+            A -= along[:, :, None] * np.einsum("ti,tij->tj", along, A)[:, None, :]
+        A[:, :, found] = 0.0
+    return np.array(found, int), abs(A).max(axis=(0, 2), initial=0.0) > _ZERO
 
 
 def _unit(label: str, size: float) -> float:

@@ -49,7 +49,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
 
 
 def _is_acceleration(sensor: Sensor) -> bool:
-    return sensor.kind == "acceleration" and sensor.component != "angle"
+    return sensor.kind == "acceleration" and not sensor.component.startswith("angle")
 
 
 def impact_zones(solution: Solution) -> list[tuple[float, float]]:

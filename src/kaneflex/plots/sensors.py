@@ -78,7 +78,7 @@ def in_clearance(scene: Scene, sensor: Sensor) -> bool:
 
 def _title(sensor: Sensor) -> str:
     what = sensor.kind.replace("_", " ").capitalize()
-    if sensor.component == "angle":
+    if sensor.component.startswith("angle"):
         return f"{what}, rotation"
     if sensor.kind not in ("displacement", "velocity", "acceleration"):
         return what + (", tension positive" if sensor.kind == "axial_force" else "")
