@@ -15,7 +15,8 @@ from kaneflex.scene.read import shipped_scenes
 from kaneflex.scene.sensors import Sensor
 
 ALL = {name: read_scene(name) for name in shipped_scenes()}
-SCENES = sorted(name for name, scene in ALL.items() if not (scene.contacts or scene.frictions))  # others: coupled alone
+SCENES = sorted(n for n, scene in ALL.items() if not (scene.contacts or scene.frictions or scene.is_spatial))
+"""The first two take preset coupled alone, those in space are in ``test_spatial_elastic``."""
 PRESETS = ("quasistatic", "linear", "stiffened", "coupled")
 COUPLED = {"elastic-double-pendulum", "elastic-pendulum", "four-bar-motor", "slider-crank-150", "spin-up-torque"}
 """Scenes whose coupled equations are shipped; more of them would take minutes to derive."""

@@ -99,7 +99,9 @@ def test_the_slider_cranks_bending_converges_with_its_modes(tmp_path):
 
 
 PRESETS = ("rigid", "quasistatic", "linear", "stiffened", "coupled")
-SCENES = sorted(name for name in shipped_scenes() if not read_scene(name).contacts)  # these take coupled alone
+ALL = {name: read_scene(name) for name in shipped_scenes()}
+SCENES = sorted(name for name, scene in ALL.items() if not (scene.contacts or scene.is_spatial))
+"""Those with contacts take preset coupled alone, those in space are in ``test_spatial_elastic``."""
 COUPLED = {"elastic-double-pendulum", "elastic-pendulum", "four-bar-motor", "slider-crank-150", "spin-up-torque"}
 """Scenes whose coupled equations are shipped; more of them would take minutes to derive."""
 

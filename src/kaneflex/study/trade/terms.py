@@ -114,7 +114,7 @@ def groups(scene: Scene) -> tuple[Group, ...]:
         for term in terms_of(scene, "dynamic")
     ]
     stretching = [name for name in elements_of(scene) if not scene.bodies[name].beam.axially_rigid]
-    if stretching:
+    if stretching and not scene.is_spatial:  # in space all beams stretch
         rigid = (f"bodies.{name}.beam.axially_rigid=true" for name in stretching)
         found.append(Group("axial", "stretch of the links", STIFFENED, without("axial", *rigid)))
     found += [
