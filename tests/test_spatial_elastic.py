@@ -18,7 +18,11 @@ from kaneflex.fem.spatial_bodies import at_point, rigid_part
 from kaneflex.generated import spatial
 from kaneflex.mechanism.affine import as_array
 from kaneflex.mechanism.spatial import SpatialBody, spatial_mechanism_of
+from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.model import keep_terms
+from kaneflex.multibody.spatial_start import start_of
+from kaneflex.multibody.spatial_system import build_spatial_system
+from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
 from kaneflex.plots.sensors import grouped
 from kaneflex.scene.read import shipped_scenes, with_settings
 
@@ -391,3 +395,63 @@ def test_sensors_share_a_panel_with_those_of_their_unit(name):
     scene = read_scene(name)
     for title, names in grouped(scene, scene.sensors).items():
         assert len({scene.sensors[each].unit for each in names}) == 1, title
+
+
+HINGED = """
+schema = 1
+gravity = ["1 m/s^2", "-2 m/s^2", "-9.81 m/s^2"]
+[bodies.hub]
+length = "0.3 m"
+mass = "1 kg"
+rotation = {x = [1, 0, 0]}
+[bodies.top]
+mass = "2 kg"
+centre = ["0.2 m", "0.05 m", "-0.08 m"]
+inertia = [0.03, 0.05, 0.04, 0.004, -0.003, 0.002]
+BODIES
+[joints]
+shaft = {revolute = ["ground", "hub.start"], axis = [0.6, 0, 0.8]}
+hinge = {revolute = ["CARRIER", "top.start"], axis = [0.48, -0.6, 0.64]}
+JOINTS
+[drives]
+shaft = {law = "2 * sin(3 * t)"}
+DRIVES
+[springs]
+s = {torsional_at = "hinge", stiffness = "900 N m/rad", angle = 0}
+[solve]
+duration = "1 s"
+SOLVE
+"""
+
+
+@pytest.mark.parametrize("t", [0.0, 0.37, 0.8])
+def test_a_rigid_body_on_a_hinge_has_the_stiffness_that_its_nonlinear_equations_have(tmp_path, t):
+    """Its small rotation about a skew axis, all forces at their arms included, held by a spring
+    on a hub that turns unevenly: its acceleration by the engine of rigid mechanisms, by finite differences."""
+    stiff = 'beam = {E = "2e5 GPa", nu = 0.3, rho = "1e-6 kg/m^3", section = {circle = "0.3 m"}, elements = 1}'
+    elastic = {
+        "BODIES": f'[bodies.stub]\nlength = "1 m"\nrotation = {{x = [1, 0, 0]}}\n{stiff}', "CARRIER": "stub.end",
+        "JOINTS": 'root = {weld = ["hub.end", "stub.start"]}', "DRIVES": 'hinge = {law = "0", rotation = "free"}',
+        "SOLVE": 'preset = "stiffened"\nstart = "zero"',
+    }  # fmt: skip
+    rigid = {"BODIES": "[bodies.hub.points]\nfar = [\"1.3 m\", 0, 0]", "CARRIER": "hub.far", "JOINTS": "",
+             "DRIVES": "hinge = {free = true}", "SOLVE": 'preset = "rigid"'}  # fmt: skip
+
+    def scene(changes, name):
+        text = HINGED
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        return written(tmp_path, text, name)
+
+    found = matrices(load(scene(elastic, "elastic.toml")), t)
+    lowest = eig(found["K"], found["M"], right=False).real.min()
+    free = scene(rigid, "rigid.toml")
+    system = build_spatial_system(free, find_spatial_module(free, lambda stage: None)[0])
+    start = start_of(system)
+    at, speed = (int(system.columns(["hinge"], what)[0]) for what in (COORDINATE, SPEED))
+    rates = []
+    for step in (1e-4, -1e-4):
+        q = start.q.copy()
+        q[at] = step
+        rates.append(system.settle(t, q, np.zeros(system.speeds), start.choice).du[speed])
+    assert lowest == pytest.approx(-(rates[0] - rates[1]) / 2e-4, rel=1e-6)
