@@ -220,7 +220,6 @@ LONG = {
     "integrate/steppers.py": {"_newmark_matrices", "_stage_matrices", "collocation", "exact_modal", "newmark"},
     "multibody/collocation.py": {"_iterate", "integrate"},
     "multibody/recursion.py": {"_condense", "solve"},
-    "multibody/spatial_dynamics.py": {"compute"},
     "multibody/unfolding.py": {"unfold"},
 }
 """Compiled functions of more than 60 lines or 8 parameters; a comment in their file says why. The list only falls.

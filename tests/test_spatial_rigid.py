@@ -11,10 +11,11 @@ from kaneflex import load, read_scene, simulate
 from kaneflex.generated import spatial as kernels
 from kaneflex.mechanism.position_analysis import place, with_branches
 from kaneflex.mechanism.spatial import spatial_mechanism_of
-from kaneflex.multibody.spatial_system import build_spatial_system
+from kaneflex.multibody.spatial_system import SpatialSystem, build_spatial_system
 from kaneflex.multibody.spatial_tables import ROWS, WHAT, build_tables
 from kaneflex.scene.rotation import about
 from kaneflex.solve.spatial_loading import find_spatial_module, spatial_start
+from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"
 SEED = 20261122
@@ -142,6 +143,46 @@ def test_the_slider_crank_stands_where_the_reference_says():
     for _, x_there, angle_there, _ in reference:
         assert np.interp(angle_there, angle, x) == pytest.approx(x_there, abs=1e-6)
     assert solution.model.energy.drift < 1e-7
+
+
+DEAD_CENTRE = """
+gravity = [0, -9.81, 0]
+[bodies]
+crank = {length = "1 m", mass = "2 kg", inertia = [0.01, 0.2, 0.2], rotation = {axis = [0, 0, 1], angle = 0.958}}
+rod = {length = "2 m", mass = "3 kg", inertia = [0.01, 1.0, 1.0], rotation = {axis = [0, 0, 1], angle = -0.421}}
+piston = {mass = "1 kg"}
+[joints]
+shaft = {revolute = ["ground", "crank.start"], axis = [0, 0, 1]}
+pin = {revolute = ["crank.end", "rod.start"], axis = [0, 0, 1]}
+wrist = {revolute = ["rod.end", "piston"], axis = [0, 0, 1]}
+slide = {prismatic = ["ground", "piston"], direction = [1, 0, 0]}
+[drives]
+slide = {law = "2.4 + 0.5985*sin(2*pi*t)"}
+[solve]
+duration = 1
+"""
+
+
+def test_a_loop_is_followed_close_to_where_its_speeds_grow(tmp_path, monkeypatch):
+    """A piston drives its crank to 0.05 rad from the dead centre: speeds are chosen anew there. Rows at instants in any
+    order, and one by one, are by the cosine law."""
+    anew, choose_anew = [], SpatialSystem.choose_anew
+    monkeypatch.setattr(SpatialSystem, "choose_anew", lambda *given: anew.append(given) or choose_anew(*given))
+    motion = load(scene_of(tmp_path, DEAD_CENTRE)).motion
+    times = np.random.default_rng(SEED).permutation(np.linspace(0.0, 1.0, 301))
+    together, alone = motion.at(times), np.vstack([motion.table(times[k : k + 1]) for k in range(40)])
+    x = 2.4 + 0.5985 * np.sin(2.0 * np.pi * times)
+    assert together["shaft.angle"] == pytest.approx(np.arccos((x**2 - 3.0) / (2.0 * x)) - 0.958, abs=1e-10)
+    assert len(anew) > 0
+    known = np.isfinite(alone).all(axis=0)
+    alone, together = alone[:, known], together.values[:, known]
+    assert abs((alone - together[:40]) / np.maximum(abs(together).max(axis=0), 1e-3)).max() < 1e-8
+
+
+def test_a_loop_that_does_not_close_is_named(tmp_path):
+    beyond = DEAD_CENTRE.replace("0.5985", "0.7")
+    with pytest.raises(SceneError, match=r"joints = 'slide': a loop does not close.*at t = 0\.1.*limit the drives"):
+        load(scene_of(tmp_path, beyond)).motion.at(np.linspace(0.0, 1.0, 11))
 
 
 def test_the_top_nutates_between_its_two_angles():

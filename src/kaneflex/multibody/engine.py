@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba.types import FunctionType
 
 from kaneflex.generated import body
 from kaneflex.mechanism.contacts import NEWTON
 from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.multibody import collocation, reduction, unfolding
 from kaneflex.multibody import tables as at
-from kaneflex.multibody.inner import compiling
+from kaneflex.multibody.addresses import kernel_address
 from kaneflex.multibody.library import library
 from kaneflex.multibody.tables import Handed, Handle
 from kaneflex.multibody.topology import Layout, build_tables
@@ -332,10 +331,10 @@ class Engine:
 
     @cached_property
     def _handle(self) -> Handle:
-        pointers = [*map(_kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())]
+        pointers = [*map(kernel_address, self.kernels, at.STRUCTURE_KERNELS.values())]
         for kind in self.kinds:
             own = body.kernels(*kind)
-            pointers += [_kernel_address(getattr(own, name), of) for name, of in at.BODY_KERNELS.items()]
+            pointers += [kernel_address(getattr(own, name), of) for name, of in at.BODY_KERNELS.items()]
         t = self.tables
         return Handle(
             t.plan, t.bodies, t.sections, t.acts, t.w, t.plan, np.array(pointers), self.p, self.real, self.pair
@@ -358,11 +357,3 @@ def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.nd
     tables, layout, (real, pair) = build_tables(mechanism, module.BODIES, kinds, blocks, mechanism.size, switches)
     kernels = tuple(getattr(module, name) for name in at.STRUCTURE_KERNELS)
     return Engine(tables, layout, kernels, kinds, p, np.zeros(real), np.zeros(pair, complex))
-
-
-@cache
-def _kernel_address(kernel: Any, of: FunctionType) -> int:
-    """Where compiled code finds a kernel, which is compiled here unless it is already."""
-    with compiling():
-        found = kernel.get_compile_result(of.signature)
-    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))

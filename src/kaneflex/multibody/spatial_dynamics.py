@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kaneflex.generated import spatial as laws
-from kaneflex.multibody import dense_lu, inner, spatial_forces, spatial_kinematics, spatial_tables, tables
+from kaneflex.multibody import dense_lu
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_forces import demand, push
 from kaneflex.multibody.spatial_kinematics import accelerate, add_cross, move, partials, place
@@ -32,8 +31,7 @@ from kaneflex.multibody.spatial_tables import (
     SPEED,
     WHAT,
 )  # fmt: skip
-from kaneflex.multibody.tables import OPTIONS, OUTER, apart, larger
-from kaneflex.support.fingerprint import made_of
+from kaneflex.multibody.tables import OPTIONS, apart, larger
 
 _MOST = 30
 """Newton steps to close a loop; from the last instant it takes two or three."""
@@ -42,21 +40,17 @@ _CLOSED = 1e-13
 _LARGEST = 0.3
 """Largest Newton step: beyond it the first derivatives say little."""
 
-_made_of_parts = made_of(
-    laws.__file__, dense_lu.__file__, inner.__file__, spatial_forces.__file__, spatial_kinematics.__file__,
-    spatial_tables.__file__, tables.__file__,
-)  # fmt: skip
-
 
 class Choice(NamedTuple):
     """Which rows of the cuts count, and which speeds are dependent, prescribed and independent, each by numbers; the
-    measure of speeds (1 rad, or the mechanism's size); room for factors, a step, the basis and pivots."""
+    measures of speeds and of rows (1 rad, or the mechanism's size); room for factors, a step, the basis and pivots."""
 
     rows: np.ndarray
     dependent: np.ndarray
     prescribed: np.ndarray
     independent: np.ndarray
     measure: np.ndarray
+    row_measure: np.ndarray
     room: np.ndarray
     step: np.ndarray
     basis: np.ndarray
@@ -205,8 +199,9 @@ def accelerations(m, k, choice, u, du, sizes):
     for n in range(len(choice.independent)):
         du[choice.independent[n]] = 0.0
     accelerate(m, u, du, k)
-    tie(k, choice, du, 2, True)
-    accelerate(m, u, du, k)
+    if len(choice.dependent):
+        tie(k, choice, du, 2, True)
+        accelerate(m, u, du, k)
     free, speeds = len(choice.independent), len(u)
     if free == 0:
         return True
@@ -287,33 +282,3 @@ def pass_on(m, k, multipliers, wrenches):
             for i in range(6):
                 wrenches[parent, i] += wrenches[n, i]
             add_cross(k.x, 0, wrenches[n], 0, wrenches[parent], 3)
-
-
-PLACE, CLOSE, TIE, ACCELERATE, EXERT, PASS_ON, BASIS, RATES, DEMAND = range(9)
-"""What :func:`compute` does."""
-
-
-@njit(cache=True, **OUTER)
-@_made_of_parts
-def compute(what, m, choice, k, q, u, du, sizes, multipliers, wrenches, along):
-    """What Python calls of these: one function, so that it is compiled once; False where something is singular."""
-    if what == PLACE:
-        place(m, q, k)
-        partials(m, k)
-    elif what == CLOSE:
-        return close(m, q, k, choice)
-    elif what == TIE:
-        tie(k, choice, u, -1, False)
-    elif what == ACCELERATE:
-        return accelerations(m, k, choice, u, du, sizes)
-    elif what == EXERT:
-        return exerted(m, k, choice, sizes, multipliers, wrenches, along)
-    elif what == PASS_ON:
-        pass_on(m, k, multipliers, wrenches)
-    elif what == BASIS:
-        basis(k, choice)
-    elif what == RATES:
-        coordinate_rates(m, q, u, along)
-    else:
-        demand(m, k, sizes, True)
-    return True

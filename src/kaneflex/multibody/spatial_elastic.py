@@ -225,7 +225,7 @@ def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.nda
             continue
         here = motion.at(float(t))
         for multipliers in without_work(system, motion.curve(float(t))):
-            wrenches = joint_wrenches(system, system.passed_on(multipliers), multipliers)
+            wrenches = {name: own for name, (own,) in joint_wrenches(system, system.passed_on(multipliers)).items()}
             tables = []
             for sign in (1.0, -1.0):
                 values = here.values.copy()

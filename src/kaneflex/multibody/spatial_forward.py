@@ -7,12 +7,12 @@ independent ones, as near a dead centre, the next step begins with another choic
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Callable
 
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
+from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.spatial_system import SpatialSystem, State
@@ -39,11 +39,11 @@ def integrate(
     """
     run = _Run(system, options)
     run.go(start)
-    motion = SpatialKinematics(module, system.parameters, run.state)
+    motion = SpatialKinematics(module, system.parameters, run)
     return motion, run.energy(motion)
 
 
-class _Run:
+class _Run(Curve):
     """Steps of one integration and the curves between them."""
 
     def __init__(self, system: SpatialSystem, options: Options) -> None:
@@ -126,8 +126,7 @@ class _Run:
         for first, second, axis, load in tables.torques.tolist():
             given += found.sizes[load] * (k.axes[axis] @ (k.sections[second, 9:12] - k.sections[first, 9:12]))
         if len(found.choice.prescribed):
-            _, _, along = system.exerted(found)
-            given += along[found.choice.prescribed] @ found.u[found.choice.prescribed]
+            given += system.exerted(found)[found.choice.prescribed] @ found.u[found.choice.prescribed]
         return lost, given
 
     def _settle(self, t: float, y: np.ndarray, like: State) -> State:
@@ -142,11 +141,30 @@ class _Run:
         except ArithmeticError as reason:
             raise self._stopped(t, str(reason)) from None
 
-    def state(self, t: float) -> State:
-        """The state at a time of the run [s]."""
-        k = min(bisect.bisect_left(self.ends, t), len(self.ends) - 1)
+    def __call__(self, t: float) -> State:
+        k = self._steps_of(np.array([t]))[0]
         curve, like = self.curves[k]
         return self._at(t, curve(t), like)
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        system, n = self.system, self.system.coordinates
+        out, given = np.zeros((len(times), len(system.work.kept))), np.zeros((len(times), n + system.speeds))
+        steps = self._steps_of(times)
+        begins = np.flatnonzero(np.diff(steps, prepend=-1))
+        for first, last in zip(begins, [*begins[1:], len(times)], strict=True):
+            curve, like = self.curves[steps[first]]
+            y = curve(times[first:last])
+            given[first:last, :n] = y[:n].T
+            given[first:last, n + like.choice.independent] = y[n:-2].T
+            try:
+                system.near(like.choice, times[first:last], given[first:last], out[first:last])
+            except ArithmeticError as reason:
+                raise self._stopped(reason.args[1], reason.args[0]) from None
+        return out
+
+    def _steps_of(self, times: np.ndarray) -> np.ndarray:
+        """Numbers of the steps in which times of the run [s] are."""
+        return np.minimum(np.searchsorted(self.ends, times), len(self.ends) - 1)
 
     def energy(self, motion: SpatialKinematics) -> Energy:
         """At the ends of the steps."""

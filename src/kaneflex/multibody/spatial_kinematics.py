@@ -48,18 +48,33 @@ class Work(NamedTuple):
 
     Attributes
     ----------
-    R, r, P : ndarray (n, 3, 3), (n, 3), (n, 3)
-        Axes, origins, and where the joint's point is.
+    kept : ndarray
+        One after the other, all that an instant keeps: the following ones, up to ``twists``.
+    q, u, du : ndarray
+        Coordinates, speeds, and rates of these.
+    sizes : ndarray (n_loads,)
+    R, r : ndarray (n, 3, 3), (n, 3)
+        Axes and origins.
     v, w, a, e : ndarray (n, 3)
         Velocity of the origin, angular velocity, acceleration of the origin, angular acceleration.
+    wrenches : ndarray (n, 6)
+        Force and moment about its origin that a node's joint exerts on it.
+    multipliers : ndarray (n_rows,)
+        Of the cuts' rows.
+    along : ndarray (s,)
+        What is exerted along every speed beyond loads, springs and cuts.
+    rows : ndarray (n_rows, 15)
+        Of the cuts, see ``kaneflex.generated.spatial``.
+    springs, twists : ndarray (n_springs, 7), (n_twists, 4)
+        Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
+    P : ndarray (n, 3)
+        Where the joint's point is.
     Jv, Jw : ndarray (n, s, 3)
         Partial velocities of the origin, partial angular velocities.
     sections : ndarray (n_sections, 15)
     axes : ndarray (n_axes, 3)
-    rows : ndarray (n_rows, 15)
-        Of the cuts, see ``kaneflex.generated.spatial``.
     J : ndarray (n_rows, s)
-        Their rates by the speeds.
+        Rates of the rows by the speeds.
     M, h : ndarray (s, s), (s,)
     F : ndarray (n, 6)
         Force and moment about its origin that a node's body asks for beyond what acts on it.
@@ -67,39 +82,82 @@ class Work(NamedTuple):
         Partial velocities of one body in its own axes.
     x : ndarray (108,)
         Vectors and matrices at hand.
-    springs, twists : ndarray (n_springs, 7), (n_twists, 4)
-        Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
     """
 
+    kept: np.ndarray
+    q: np.ndarray
+    u: np.ndarray
+    du: np.ndarray
+    sizes: np.ndarray
     R: np.ndarray
     r: np.ndarray
-    P: np.ndarray
     v: np.ndarray
     w: np.ndarray
     a: np.ndarray
     e: np.ndarray
+    wrenches: np.ndarray
+    multipliers: np.ndarray
+    along: np.ndarray
+    rows: np.ndarray
+    springs: np.ndarray
+    twists: np.ndarray
+    P: np.ndarray
     Jv: np.ndarray
     Jw: np.ndarray
     sections: np.ndarray
     axes: np.ndarray
-    rows: np.ndarray
     J: np.ndarray
     M: np.ndarray
     h: np.ndarray
     F: np.ndarray
     B: np.ndarray
     x: np.ndarray
+
+
+class Instants(NamedTuple):
+    """What is kept of instants, as :class:`Work` has it of one, each with the instants for its first axis."""
+
+    q: np.ndarray
+    u: np.ndarray
+    du: np.ndarray
+    sizes: np.ndarray
+    R: np.ndarray
+    r: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
+    a: np.ndarray
+    e: np.ndarray
+    wrenches: np.ndarray
+    multipliers: np.ndarray
+    along: np.ndarray
+    rows: np.ndarray
     springs: np.ndarray
     twists: np.ndarray
 
+    @classmethod
+    def of(cls, rows: np.ndarray, work: Work) -> Instants:
+        """Views of rows that are each like the ``kept`` of a work."""
+        parts, first = list[np.ndarray](), 0
+        for name in cls._fields:
+            one = getattr(work, name)
+            parts.append(rows[:, first : first + one.size].reshape(len(rows), *one.shape))
+            first += one.size
+        return cls(*parts)
 
-def work_of(tables: Tables, speeds: int, rows: int) -> Work:
+
+def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int) -> Work:
     """Room for a mechanism."""
     n, sections, axes = len(tables.nodes), len(tables.on), len(tables.axis_on)
-    sizes = ((n, 3, 3), *((n, 3),) * 6, (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3),
-             (rows, SECTION), (rows, speeds), (speeds, speeds), (speeds,), (n, 6), (6, speeds), (108,),
-             (len(tables.springs), 7), (len(tables.twists), 4))  # fmt: skip
-    return Work(*(np.zeros(size) for size in sizes))
+    kept = ((coordinates,), (speeds,), (speeds,), (loads,), (n, 3, 3), *((n, 3),) * 5, (n, 6), (rows,), (speeds,),
+            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4))  # fmt: skip
+    rest = ((n, 3), (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3), (rows, speeds), (speeds, speeds),
+            (speeds,), (n, 6), (6, speeds), (108,))  # fmt: skip
+    row, first = np.zeros(sum(map(math.prod, kept))), 0
+    parts = list[np.ndarray]()
+    for shape in kept:
+        parts.append(row[first : first + math.prod(shape)].reshape(shape))
+        first += math.prod(shape)
+    return Work(row, *parts, *(np.zeros(shape) for shape in rest))
 
 
 @once

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,11 +10,11 @@ import numpy as np
 
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
-from kaneflex.multibody.spatial_reactions import COMPONENTS, joint_wrenches
-from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.multibody.spatial_curves import Curve
+from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
+from kaneflex.multibody.spatial_system import SpatialSystem
 from kaneflex.multibody.spatial_tables import COORDINATE
 from kaneflex.multibody.spatial_turns import Count
-from kaneflex.support.errors import SceneError
 
 _XYZ = "xyz"
 _BODY = (
@@ -30,10 +29,8 @@ _JOINT = tuple((name, "N" if name.startswith("force") else "N m", f"{name[:-2]} 
                for name in COMPONENTS)  # fmt: skip
 _STEPS = 500
 """Steps of a run, at least, in which turns are counted: also what stands still at both ends may have turned between."""
-_FAR = 0.05
-"""Largest step of a prescribed drive [rad or sizes of the mechanism] from place to place where loops are followed."""
-_GROWTH = 30.0
-"""How many times faster than the drives the other speeds may be before dependent speeds are chosen anew."""
+_AT_ONCE = 1024
+"""Instants of which what is found lies in memory before it is tabulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,40 +112,45 @@ class SpatialModule:
 
 @dataclass(frozen=True, eq=False)
 class SpatialKinematics(RigidKinematics):
-    """The rigid motion of a mechanism in space: ``curve`` gives its state at an instant [s], like which the system's
-    ``work`` then stands and moves."""
+    """The rigid motion of a mechanism in space: ``curve`` knows where it is."""
 
     module: SpatialModule  # type: ignore[assignment]
     parameters: np.ndarray
-    curve: Callable[[float], State]
+    curve: Curve
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """All scalars at ``times`` [s]: shape (n_times, n_scalars), in the order of the module's SCALARS."""
+        times = np.ascontiguousarray(times, dtype=float)
         out = np.zeros((len(times), len(self.column) - len(self.module.more)))
-        for k in np.argsort(times, kind="stable"):
-            out[k] = self._row(self.curve(float(times[k])))
+        order = np.argsort(times, kind="stable")
+        for first in range(0, len(times), _AT_ONCE):
+            part = order[first : first + _AT_ONCE]
+            out[part] = self._scalars(times[part])
         for name in self.module.closing:
             out[:, self.column[f"{name}.angle"]] = self._closing(name, SpatialMotion(self, times, out))
         lost = [self.column[name] for name in self.module.open_reactions if name in self.column]
         out[:, lost] = np.nan
         return out
 
-    def _row(self, state: State) -> np.ndarray:
-        system, module = self.module.system, self.module
-        k, tables, mechanism = system.work, system.tables, system.mechanism
-        kinetic = 0.5 * state.u @ system.mass(state.sizes) @ state.u
-        multipliers, wrenches, along = system.exerted(state)
-        parts = [np.array([self._coordinate(name, state.q) for name in module.coordinates]), state.sizes]
-        heavy = 0.0
-        for name, body in mechanism.bodies.items():
-            n = system.layout.node_of[name]
-            parts += [k.r[n], k.R[n].ravel(), k.v[n], k.w[n], k.a[n], k.e[n]]
-            heavy -= body.mass * (tables.gravity @ (k.r[n] + k.R[n] @ body.centre))
-        parts += [*joint_wrenches(system, wrenches, multipliers).values(), along[system.driven_speeds]]
-        between, twists = iter(k.springs), iter(k.twists)
-        parts.append(np.array([next(between if s.joint is None else twists)[1] for s in mechanism.springs.values()]))
-        strain = k.springs[:, 5].sum() + k.twists[:, 2].sum()
-        return np.concatenate([*parts, [kinetic, strain, heavy]])
+    def _scalars(self, times: np.ndarray) -> np.ndarray:
+        """Those at ``times`` [s] that are in their order; coordinates of joints that close loops are left out."""
+        system, module, count = self.module.system, self.module, len(times)
+        found, mechanism = system.instants(self.curve.rows(times)), system.mechanism
+        nodes = [system.layout.node_of[name] for name in mechanism.bodies]
+        R = found.R[:, nodes]
+        bodies = (found.r[:, nodes], R.reshape(count, len(nodes), 9),
+                  *(part[:, nodes] for part in (found.v, found.w, found.a, found.e)))  # fmt: skip
+        columns = [self._coordinate(name, found.q) for name in module.coordinates]
+        wrenches = joint_wrenches(system, found).values()
+        between, twists = (iter(each[:, :, 1].T) for each in (found.springs, found.twists))
+        pulls = [next(between if spring.joint is None else twists) for spring in mechanism.springs.values()]
+        strain = found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
+        return np.hstack([
+            _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
+            found.along[:, system.driven_speeds], _side_by_side(pulls, count),
+            *(each[:, None] for each in (self._kinetic(R, found.v[:, nodes], found.w[:, nodes]), strain,
+                                         self._heavy(R, found.r[:, nodes]))),
+        ])  # fmt: skip
 
     def _closing(self, name: str, motion: SpatialMotion) -> np.ndarray:
         """Coordinate of a joint that closes a loop, turns counted from the start on."""
@@ -166,8 +168,8 @@ class SpatialKinematics(RigidKinematics):
 
         def stands(name: str) -> Callable[[float], tuple[float, float]]:
             def at(t: float) -> tuple[float, float]:
-                row = self._row(self.curve(t))[None]
-                coordinate, rate = self._stands(name, SpatialMotion(self, np.array([t]), row))
+                here = np.array([t])
+                coordinate, rate = self._stands(name, SpatialMotion(self, here, self._scalars(here)))
                 return float(coordinate[0]), float(rate[0])
 
             return at
@@ -183,13 +185,33 @@ class SpatialKinematics(RigidKinematics):
             return slide_of(joint, first, second)[:2]
         return turn_of(joint, first, second, mechanism.relative(joint))[:2]
 
-    def _coordinate(self, joint: str, q: np.ndarray) -> float:
+    def _coordinate(self, joint: str, q: np.ndarray) -> np.ndarray:
         if joint in self.module.closing:
-            return 0.0  # known when the bodies' rows are
+            return np.zeros(len(q))  # known when the bodies' rows are
         first = int(self.module.system.columns([joint], COORDINATE)[0])
         if self.module.system.mechanism.joints[joint].kind != "spherical":
-            return float(q[first])
-        return float(2.0 * np.arctan2(np.linalg.norm(q[first + 1 : first + 4]), abs(q[first])))
+            return q[:, first]
+        return 2.0 * np.arctan2(np.linalg.norm(q[:, first + 1 : first + 4], axis=1), abs(q[:, first]))
+
+    @cached_property
+    def _inertias(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Masses, centres, and inertias about these of all bodies, in their axes."""
+        bodies = self.module.system.mechanism.bodies.values()
+        of = [np.array([[x, xy, zx], [xy, y, yz], [zx, yz, z]]) for x, y, z, xy, yz, zx in (b.inertia for b in bodies)]
+        return np.array([b.mass for b in bodies]), np.array([b.centre for b in bodies]), np.array(of).reshape(-1, 3, 3)
+
+    def _kinetic(self, R: np.ndarray, v: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Kinetic energy [J] by the bodies' axes, velocities and angular velocities."""
+        masses, centres, inertias = self._inertias
+        v = v + cross(w, (R @ centres[:, :, None])[..., 0])
+        own = (w[:, :, None] @ R)[:, :, 0]
+        turning = ((own[:, :, None] @ inertias)[:, :, 0] * own).sum(axis=(1, 2))
+        return 0.5 * ((v * v).sum(axis=2) @ masses + turning)
+
+    def _heavy(self, R: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Potential energy of the weights [J]."""
+        masses, centres, _ = self._inertias
+        return -((r + (R @ centres[:, :, None])[..., 0]) @ self.module.system.tables.gravity) @ masses
 
     def acting(self, times: np.ndarray, seen: RigidMotion) -> SpatialMotion:
         """Sizes of the loads alone, by laws at ``times`` [s] of joints that stand on curves through what was seen: to
@@ -223,41 +245,6 @@ class SpatialMotion(RigidMotion):
         return SpatialFrame(self, body)
 
 
-def follow(system: SpatialSystem, start: State) -> Callable[[float], State]:
-    """States of a mechanism whose drives say where it is, loops followed from place to place."""
-    track = [start]
-
-    def ahead(t: float, last: State) -> State:
-        try:
-            found = system.settle(t, last.q, last.u, last.choice)
-            if _growth(system, found.u) <= _GROWTH:
-                return found
-            return system.settle(t, found.q, found.u, system.choose_anew(found.q, found.choice))
-        except ArithmeticError as reason:
-            raise SceneError(
-                "joints", ", ".join(system.driven) or "joints", f"{reason}, at t = {t:.6g} s",
-                "Change the lengths, or limit the drives' range",
-            ) from None  # fmt: skip
-
-    def state(t: float) -> State:
-        last = track[max(0, bisect.bisect_right(track, t, key=lambda known: known.t) - 1)]
-        while True:
-            moved = abs(system.courses(t)[:, 0] - system.courses(last.t)[:, 0]) / system.measure[system.driven_speeds]
-            steps = int(np.ceil(moved.max(initial=0.0) / _FAR))
-            found = ahead(last.t + (t - last.t) / max(1, steps), last)
-            if steps <= 1:
-                return found
-            last = found
-            if last.t > track[-1].t:
-                track.append(last)
-
-    return state
-
-
-def _growth(system: SpatialSystem, u: np.ndarray) -> float:
-    """How fast the dependent speeds are beside the prescribed ones."""
-    if not len(u):  # nothing moves
-        return 0.0
-    speeds = abs(u) * system.measure / system.measure.max()
-    driven = speeds[system.driven_speeds].max(initial=0.0)
-    return float(speeds.max() / driven) if driven else 0.0
+def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:
+    """Series as columns, (count, n)."""
+    return np.array(columns).reshape(-1, count).T

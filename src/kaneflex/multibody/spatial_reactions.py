@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaneflex.multibody.spatial_kinematics import Instants
 from kaneflex.multibody.spatial_system import SpatialSystem, State
 from kaneflex.support.kept import Kept
 
@@ -40,22 +41,27 @@ def _tree_joints(system: SpatialSystem) -> _TreeJoints:
     )
 
 
-def joint_wrenches(system: SpatialSystem, wrenches: np.ndarray, multipliers: np.ndarray) -> dict[str, np.ndarray]:
-    """Force and moment, global, of every joint on its second body at its second point, (6,), where ``work`` stands.
-
-    ``wrenches`` (n_nodes, 6) and ``multipliers`` (n_rows,) as :meth:`SpatialSystem.exerted` gives them.
-    """
-    k, layout = system.work, system.layout
+def joint_wrenches(system: SpatialSystem, found: Instants) -> dict[str, np.ndarray]:
+    """Force and moment, global, of every joint on its second body at its second point, (n_instants, 6)."""
     of = _TREE.of(system, lambda: _tree_joints(system))
-    wrench = of.signs[:, None] * wrenches[of.nodes]
-    standing = of.on >= 0
-    point = of.at.copy()
-    point[standing] = k.r[of.on[standing]] + np.einsum("nij,nj->ni", k.R[of.on[standing]], of.at[standing])
-    (x, y, z), (f_x, f_y, f_z) = (k.r[of.nodes] - point).T, wrench[:, :3].T
-    wrench[:, 3:] += np.stack([y * f_z - z * f_y, z * f_x - x * f_z, x * f_y - y * f_x], axis=1)
-    found = dict(zip(layout.tree, wrench, strict=True))
-    found |= {name: multipliers[rows] @ k.rows[rows, 9:15] for name, rows in layout.cuts.items()}
-    return {name: found[name] for name in system.mechanism.joints}
+    wrenches = of.signs[:, None] * found.wrenches[:, of.nodes]
+    arms = found.r[:, of.nodes] - of.at
+    held = of.on >= 0
+    on = of.on[held]
+    arms[:, held] = found.r[:, of.nodes[held]] - found.r[:, on] - (found.R[:, on] @ of.at[held][:, :, None])[..., 0]
+    wrenches[..., 3:] += cross(arms, wrenches[..., :3])
+    by_name = {name: wrenches[:, k] for k, name in enumerate(system.layout.tree)}
+    for name, rows in system.layout.cuts.items():
+        by_name[name] = (found.multipliers[:, None, rows] @ found.rows[:, rows, 9:15])[:, 0]
+    return {name: by_name[name] for name in system.mechanism.joints}
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b along the last axis: NumPy's own takes several times as long."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
 
 
 def open_reactions(system: SpatialSystem, states: Iterable[State]) -> frozenset[str]:
@@ -83,10 +89,10 @@ def without_work(system: SpatialSystem, state: State) -> Iterator[np.ndarray]:
 
 def _exerted_by(system: SpatialSystem, multipliers: np.ndarray) -> set[str]:
     """Names of what multipliers exert, where ``work`` stands."""
-    wrenches = system.passed_on(multipliers)
-    least = _NONE * max(abs(wrenches).max(), abs(multipliers).max())
+    alone = system.passed_on(multipliers)
+    least = _NONE * max(abs(alone.wrenches).max(), abs(multipliers).max())
     found: set[str] = set()
-    for joint, values in joint_wrenches(system, wrenches, multipliers).items():
+    for joint, (values,) in joint_wrenches(system, alone).items():
         for part, own in (("force", values[:3]), ("moment", values[3:])):
             if abs(own).max() > least:
                 found |= {f"{joint}.{name}" for name in COMPONENTS if name.startswith(part)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -11,21 +11,30 @@ import numpy as np
 
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import SpatialJoint, SpatialMechanism, spatial_mechanism_of
+from kaneflex.multibody.addresses import kernel_address, kernel_of_c
 from kaneflex.multibody.binding import bind_parameters
-from kaneflex.multibody.spatial_dynamics import (
-    ACCELERATE,
+from kaneflex.multibody.inner import compiling
+from kaneflex.multibody.spatial_dynamics import Choice
+from kaneflex.multibody.spatial_kinematics import Instants, Work, work_of
+from kaneflex.multibody.spatial_rows import (
+    APART,
     BASIS,
     CLOSE,
     DEMAND,
+    DONE,
     EXERT,
+    FOLLOW,
+    INFINITE,
+    MASSLESS,
+    NEAR,
+    OPEN,
     PASS_ON,
     PLACE,
     RATES,
-    TIE,
-    Choice,
+    SETTLE,
+    Laws,
     compute,
 )  # fmt: skip
-from kaneflex.multibody.spatial_kinematics import Work, work_of
 from kaneflex.multibody.spatial_tables import (
     BALL,
     COORDINATE,
@@ -40,12 +49,18 @@ from kaneflex.multibody.spatial_tables import (
     Tables,
     build_tables,
 )  # fmt: skip
+from kaneflex.multibody.tables import STRUCTURE_KERNELS
 from kaneflex.scene import Scene
 
 _RANK = 1e-9
 """Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
-_CLOSED = 1e-7
-"""How far off rows may be that follow from others, in rad or sizes of the mechanism."""
+_NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
+_REASONS = {
+    OPEN: "a loop does not close, or leaves open how it goes on",
+    APART: "the loops close where they stand at the start, and not there",
+    MASSLESS: "something without inertia could move anyhow",
+    INFINITE: "the accelerations are not finite",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,17 +100,20 @@ class SpatialSystem:
 
     def compile(self) -> None:
         """Compile all that computes, so that it is seen and timed apart from computing."""
-        self.place(self.at_zero)
-        self.courses(0.0)
-        self.sizes(0.0, self.at_zero, np.zeros(self.speeds))
+        with compiling():
+            self.place(self.at_zero)
 
     def place(self, q: np.ndarray) -> None:
         """Places, axes and partial velocities in ``work``."""
-        self._compute(PLACE, q=q)
+        self.work.q[:] = q
+        self._compute(PLACE)
 
     def close(self, q: np.ndarray, choice: Choice) -> bool:
         """Close the loops by the dependent coordinates, in place; whether they close."""
-        return self._compute(CLOSE, choice, q)
+        self.work.q[:] = q
+        closes = self._compute(CLOSE, choice) == DONE
+        q[:] = self.work.q
+        return closes
 
     def settle(self, t: float, q: np.ndarray, u: np.ndarray, choice: Choice) -> State:
         """The state at t [s] near q with the independent ones of the speeds u; ``work`` stands and moves like that.
@@ -108,64 +126,96 @@ class SpatialSystem:
         ArithmeticError
             If a loop does not close, or the rates are not determined; it says which.
         """
-        q, u, du = q.copy(), u.copy(), np.zeros(self.speeds)
-        course = self.courses(t)
-        q[self.driven_coordinates], u[self.driven_speeds], du[self.driven_speeds] = course.T
-        if not self.close(q, choice):
-            raise ArithmeticError("a loop does not close, or leaves open how it goes on")
-        if len(choice.rows) < self.row_count and self.gaps().max() > _CLOSED:
-            raise ArithmeticError("the loops close where they stand at the start, and not there")
-        self._compute(TIE, choice, u=u)
-        sizes = self.sizes(t, q, u)
-        if not self._compute(ACCELERATE, choice, u=u, du=du, sizes=sizes):
-            raise ArithmeticError("something without inertia could move anyhow")
-        if not np.isfinite(du).all():
-            raise ArithmeticError("the accelerations are not finite")
-        return State(t, q, u, du, sizes, choice)
+        self.work.q[:], self.work.u[:] = q, u
+        check(self._compute(SETTLE, choice, np.array([t])))
+        return self.state(t, choice)
+
+    def state(self, t: float, choice: Choice) -> State:
+        """Where ``work`` stands after it settled at t [s]."""
+        k = self.work
+        return State(t, k.q.copy(), k.u.copy(), k.du.copy(), k.sizes.copy(), choice)
+
+    def follow(self, begin: float, choice: Choice, times: np.ndarray, out: np.ndarray) -> tuple[int, float, int]:
+        """Rows of :class:`Instants` at ``times`` [s], in their order, from where ``work`` stands at ``begin`` [s], by
+        :func:`kaneflex.multibody.spatial_rows.followed`: how many there are, when ``work`` stands then, and what came
+        of that."""
+        self._laws.now[:] = begin, DONE
+        count = self._compute(FOLLOW, choice, times, out=out)
+        t, outcome = self._laws.now.tolist()
+        return count, t, int(outcome)
+
+    def near(self, choice: Choice, times: np.ndarray, given: np.ndarray, out: np.ndarray) -> None:
+        """Rows of :class:`Instants` at ``times`` [s] near ``given`` q and u, (n_times, coordinates + speeds).
+
+        Raises
+        ------
+        ArithmeticError
+            As :meth:`settle` does; it has the time for a second argument.
+        """
+        if self._compute(NEAR, choice, times, given, out) < len(times):
+            t, outcome = self._laws.now.tolist()
+            check(int(outcome), t)
+
+    def row(self, state: State) -> np.ndarray:
+        """What is kept of an instant where ``work`` is as :meth:`settle` left it, (n,)."""
+        self._compute(EXERT, state.choice)
+        return self.work.kept.copy()
+
+    def instants(self, rows: np.ndarray) -> Instants:
+        """What rows have, by names."""
+        return Instants.of(rows, self.work)
 
     def gaps(self) -> np.ndarray:
         """How far off every row is where ``work`` stands, in rad or sizes of the mechanism."""
         return abs(self.work.rows[:, 0]) / self.row_measure
 
-    def exerted(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Multipliers of the rows, wrenches of the nodes' joints, and what is exerted along every speed, where
-        ``work`` is as :meth:`settle` left it."""
-        found = np.zeros(self.row_count), np.zeros((len(self.tables.nodes), 6)), np.zeros(self.speeds)
-        self._compute(EXERT, state.choice, sizes=state.sizes, exerts=found)
-        return found
+    def exerted(self, state: State) -> np.ndarray:
+        """What is exerted along every speed beyond loads, springs and cuts, where ``work`` is as :meth:`settle` left
+        it."""
+        self._compute(EXERT, state.choice)
+        return self.work.along
 
-    def passed_on(self, multipliers: np.ndarray) -> np.ndarray:
-        """Wrenches of the nodes' joints by multipliers of the rows alone, where ``work`` stands."""
-        wrenches = np.zeros((len(self.tables.nodes), 6))
+    def passed_on(self, multipliers: np.ndarray) -> Instants:
+        """What multipliers of the rows alone exert by joints, where ``work`` stands."""
         self.work.F[:] = 0.0  # no body asks for anything
-        self._compute(PASS_ON, exerts=(multipliers, wrenches, self._none))
-        return wrenches
+        self.work.multipliers[:] = multipliers
+        self._compute(PASS_ON)
+        return self.instants(self.work.kept[None])
 
     def mass(self, sizes: np.ndarray) -> np.ndarray:
         """Mass matrix of all speeds where ``work`` stands, (speeds, speeds); loads are of these sizes."""
-        self._compute(DEMAND, sizes=sizes)
+        self.work.sizes[:] = sizes
+        self._compute(DEMAND)
         return self.work.M
 
     def coordinate_rates(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         """q' of speeds."""
-        out = np.zeros(self.coordinates)
-        self._compute(RATES, q=q, u=u, exerts=(self._none, np.zeros((0, 6)), out))
-        return out
+        out = np.zeros((1, self.coordinates))
+        self.work.q[:], self.work.u[:] = q, u
+        self._compute(RATES, out=out)
+        return out[0]
 
     def basis(self, choice: Choice) -> np.ndarray:
         """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
         self._compute(BASIS, choice)
         return choice.basis
 
-    def _compute(self, what, choice=None, q=None, u=None, du=None, sizes=None, exerts=None) -> bool:
-        none = self._none
-        given = (none if each is None else each for each in (q, u, du, sizes))
-        exerts = (none, np.zeros((0, 6)), none) if exerts is None else exerts
-        return compute(what, self.tables, choice or self._no_choice, self.work, *given, *exerts)
+    def _compute(self, what: int, choice: Choice | None = None, times=_NONE, given=_NO_ROWS, out=_NO_ROWS) -> int:
+        return compute(what, self.tables, choice or self._no_choice, self.work, self._laws, times, given, out)
 
     @cached_property
-    def _none(self) -> np.ndarray:
-        return np.zeros(0)
+    def _laws(self) -> Laws:
+        """The module's kernels, with what they read; addresses are of this process alone."""
+        reads = 3 * len(self.known_joints)  # coordinates and speeds, then accelerations
+        kernels = [kernel_address(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()]
+        where: list[list[int]] = []
+        for name in self.told_joints:
+            at = 2 * self.known_joints.index(name)
+            where.append([at, *(int(self.columns([name], what)[0]) for what in (COORDINATE, SPEED))])
+        return Laws(
+            np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
+            np.array(where, int).reshape(-1, 3), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
+        )  # fmt: skip
 
     @cached_property
     def _no_choice(self) -> Choice:
@@ -177,7 +227,8 @@ class SpatialSystem:
         rows, dependent, independent = (np.ascontiguousarray(part, np.int64) for part in (rows, dependent, independent))
         room = np.zeros(d * d + d + f * f + f), np.zeros(self.speeds), np.zeros((f, self.speeds))
         pivots = np.zeros(d + f, np.int64)
-        return Choice(rows, dependent, self.driven_speeds, independent, self.measure, *room, pivots)
+        measures = self.measure, self.row_measure
+        return Choice(rows, dependent, self.driven_speeds, independent, *measures, *room, pivots)
 
     @property
     def speeds(self) -> int:
@@ -195,7 +246,7 @@ class SpatialSystem:
     @cached_property
     def work(self) -> Work:
         """Room in which this system computes."""
-        return work_of(self.tables, self.speeds, self.row_count)
+        return work_of(self.tables, self.coordinates, self.speeds, self.row_count, len(self.mechanism.loads))
 
     @cached_property
     def driven(self) -> tuple[str, ...]:
@@ -241,33 +292,26 @@ class SpatialSystem:
     def courses(self, t: float) -> np.ndarray:
         """Coordinate, speed and acceleration of every prescribed drive, (drives, 3)."""
         out = np.zeros(3 * len(self.driven))
-        self.module.courses(t, self.parameters, out, 0)
+        self._kernels["courses"](t, self._laws.p.ctypes.data, out.ctypes.data, 0)
         return out.reshape(-1, 3)
-
-    def sizes(self, t: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Sizes of all loads [N or N m]."""
-        if not self.mechanism.loads:
-            return np.zeros(0)
-        coordinates, speeds = self._known
-        return self.magnitudes(t, q[coordinates], u[speeds])
 
     def magnitudes(self, t: float, coordinates: np.ndarray, speeds: np.ndarray) -> np.ndarray:
         """Sizes of all loads [N or N m] by the coordinates and speeds of ``told_joints``."""
-        x, out = np.zeros(3 * len(self.known_joints)), np.zeros(len(self.mechanism.loads))
-        where = 2 * np.array([self.known_joints.index(name) for name in self.told_joints], int)
+        x, out = np.zeros(len(self._laws.x)), np.zeros(len(self.mechanism.loads))
+        where = self._laws.told[:, 0]
         x[where], x[where + 1] = coordinates, speeds
-        self.module.magnitudes(t, x, 0, self.parameters, out, 0)
+        self._kernels["magnitudes"](t, x.ctypes.data, 0, self._laws.p.ctypes.data, out.ctypes.data, 0)
         return out
+
+    @cached_property
+    def _kernels(self) -> dict[str, Callable[..., None]]:
+        """The module's as Python calls them."""
+        return {name: kernel_of_c(getattr(self.module, name), of) for name, of in STRUCTURE_KERNELS.items()}
 
     @cached_property
     def told_joints(self) -> tuple[str, ...]:
         """Those of the known joints that have one coordinate."""
         return tuple(name for name in self.known_joints if self.mechanism.joints[name].freedoms == 1)
-
-    @cached_property
-    def _known(self) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and speeds that laws read."""
-        return self.columns(self.told_joints, COORDINATE), self.columns(self.told_joints, SPEED)
 
     @cached_property
     def driven_coordinates(self) -> np.ndarray:
@@ -360,6 +404,12 @@ class SpatialSystem:
         singular place, where rows fall together, fewer would let it go."""
         other = self.choose(q)
         return other if len(other.rows) == len(choice.rows) else choice
+
+
+def check(outcome: int, *at: float) -> None:
+    """Raise ArithmeticError for what came of an instant, unless it is done."""
+    if outcome != DONE:
+        raise ArithmeticError(_REASONS[outcome], *at)
 
 
 def _rank(r: np.ndarray) -> int:

@@ -12,9 +12,10 @@ import numpy as np
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_curves import Followed, Standing
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.spatial_forward import integrate
-from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion, follow
+from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.multibody.spatial_reactions import open_reactions
 from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
@@ -76,7 +77,7 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate(system, start, module, options)
     else:
-        motion = SpatialKinematics(module, system.parameters, follow(system, start))
+        motion = SpatialKinematics(module, system.parameters, Followed(system, start))
     # a number that is determined where the mechanism starts need not be elsewhere
     lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
     if rigid:
@@ -94,9 +95,7 @@ def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tupl
 def _standing(module: SpatialModule, start: State) -> SpatialKinematics:
     """A mechanism in space that stays where it starts."""
     system = module.system
-    return SpatialKinematics(
-        module, system.parameters, lambda t: system.settle(start.t, start.q, start.u, start.choice)
-    )
+    return SpatialKinematics(module, system.parameters, Standing(system, start))
 
 
 def check_spatial_sensors(scene: Scene, open_reactions: Collection[str]) -> None:

@@ -1,0 +1,33 @@
+"""Kernels of a structure and of its kinds of bodies by their addresses, compiled where they are not yet."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from numba.types import FunctionType, float64
+
+from kaneflex.multibody.inner import compiling
+
+
+@cache
+def kernel_address(kernel: Any, of: FunctionType) -> int:
+    """Where compiled code finds a kernel."""
+    found = _compiled(kernel, of)
+    return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
+
+
+@cache
+def kernel_of_c(kernel: Any, of: FunctionType) -> Callable[..., None]:
+    """The same machine code as Python calls it, which returns nothing and takes arrays by their addresses."""
+    found = _compiled(kernel, of)
+    address = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+    kinds = [ctypes.c_double if kind == float64 else ctypes.c_int64 for kind in of.signature.args]
+    return ctypes.CFUNCTYPE(None, *kinds)(address)
+
+
+def _compiled(kernel: Any, of: FunctionType) -> Any:
+    with compiling():
+        return kernel.get_compile_result(of.signature)

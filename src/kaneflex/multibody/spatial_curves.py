@@ -1,0 +1,82 @@
+"""Where a mechanism in space is at any instants: what its motion is read from."""
+
+from __future__ import annotations
+
+import bisect
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from kaneflex.multibody.spatial_rows import GROWN
+from kaneflex.multibody.spatial_system import SpatialSystem, State, check
+from kaneflex.support.errors import SceneError
+
+
+class Curve(ABC):
+    """States of a mechanism by the time [s]; the system's ``work`` then stands and moves like the last one."""
+
+    system: SpatialSystem
+
+    @abstractmethod
+    def __call__(self, t: float) -> State:
+        """The state at t [s]."""
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        """Rows of :class:`kaneflex.multibody.spatial_kinematics.Instants` at ``times`` [s], which are in their order.
+        """
+        return np.array([self.system.row(self(t)) for t in times.tolist()])
+
+
+class Standing(Curve):
+    """Of a mechanism that stays where it starts."""
+
+    def __init__(self, system: SpatialSystem, start: State) -> None:
+        self.system, self.start = system, start
+
+    def __call__(self, t: float) -> State:
+        start = self.start
+        return self.system.settle(start.t, start.q, start.u, start.choice)
+
+
+class Followed(Curve):
+    """Of one whose drives say where it is: loops are followed from place to place.
+
+    Raises SceneError where they do not close; it names the time.
+    """
+
+    def __init__(self, system: SpatialSystem, start: State) -> None:
+        self.system, self.track, self.last = system, [start], start
+
+    def __call__(self, t: float) -> State:
+        self.rows(np.array([float(t)]))
+        return self.last
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        out, done = np.zeros((len(times), len(self.system.work.kept))), 0
+        state = self._before(times[0])
+        self.system.settle(state.t, state.q, state.u, state.choice)
+        t, choice = state.t, state.choice
+        while done < len(times):
+            count, t, outcome = self.system.follow(t, choice, times[done:], out[done:])
+            done += count
+            try:
+                if outcome == GROWN:
+                    here = self.system.state(t, choice)
+                    choice = self.system.choose_anew(here.q, choice)
+                    self.system.settle(t, here.q, here.u, choice)
+                else:
+                    check(outcome)
+            except ArithmeticError as reason:
+                raise SceneError(
+                    "joints", ", ".join(self.system.driven) or "joints", f"{reason}, at t = {t:.6g} s",
+                    "Change the lengths, or limit the drives' range",
+                ) from None  # fmt: skip
+            self.last = self.system.state(t, choice)
+            if done < len(times):
+                bisect.insort(self.track, self.last, key=lambda known: known.t)
+        return out
+
+    def _before(self, t: float) -> State:
+        """The last known state before t, or the start."""
+        found = self.track[max(0, bisect.bisect_right(self.track, t, key=lambda known: known.t) - 1)]
+        return self.last if found.t < self.last.t <= t else found
