@@ -1,11 +1,13 @@
-"""Rigid mechanisms in space built in Exudyn: Euler parameters and multipliers, beside Kane's independent speeds."""
+"""Mechanisms in space built in Exudyn: Euler parameters, multipliers and geometrically exact beams, beside ours."""
 
 import numpy as np
 import pytest
 
-from kaneflex.scene import read_scene
+from kaneflex.peers.buildable import check_buildable
+from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.curves import Resolution
 from kaneflex.study.comparison import compare
+from kaneflex.support.errors import SceneError
 
 TURNING = """
 gravity = [0, 0, -9.81]
@@ -191,3 +193,108 @@ def test_a_drive_along_a_guide_that_moves(peer, tmp_path):
     coarse, fine = shares(scene, 1000), shares(scene, 4000)
     assert fine["out"] < 1e-9 and all(fine[name] < 2e-3 for name in scene.sensors)
     assert all(fine[name] < 2e-4 and 3 * fine[name] < coarse[name] for name in ("angle", "bead_x"))
+
+
+def elastic_shares(scene, elements, steps):
+    """Largest difference of each sensor over one cycle as a share of Exudyn's peak."""
+    found = compare(scene, peer="exudyn", resolution=Resolution(elements, steps))
+    assert not found.curves["exudyn"].missing
+    return {each.sensor: each.peak_difference / each.reference_peak for each in found.differences}
+
+
+def test_an_elastic_rod_in_space(peer):
+    """It bends both ways by some 3e-4 of its length; what is left in the displacements falls with the square of
+    Exudyn's elements' size, and is none of the forces'."""
+    peer("exudyn")
+    scene = with_settings(read_scene("spatial-slider-crank-elastic"), ["drives.shaft.speed=300 rpm"])
+    coarse, fine = elastic_shares(scene, 6, 180), elastic_shares(scene, 12, 180)
+    assert set(fine) == set(scene.sensors)
+    assert fine["slider_x"] < 1e-7 and fine["rod_force"] < 4e-3
+    assert fine["side_force"] < 1e-3 and fine["crank_torque"] < 1e-3
+    for sensor in ("mid_y", "mid_z", "rod_moment"):
+        assert fine[sensor] < 0.02 and fine[sensor] < 0.3 * coarse[sensor], sensor
+
+
+def test_links_that_bend_more_are_further_apart(peer):
+    """The follower of the four-bar bends by 1 % of its length at 300 rpm and by 0.1 % at 100 rpm, where what is left in
+    displacements is the size of Exudyn's elements."""
+    peer("exudyn")
+    scene = read_scene("four-bar-misaligned")
+    fast = elastic_shares(scene, 8, 180)
+    slow = elastic_shares(with_settings(scene, ["drives.main.speed=100 rpm"]), 8, 180)
+    assert all(slow[sensor] < 0.03 and fast[sensor] < 0.05 for sensor in ("coupler_mid", "follower_mid"))
+    assert slow["out_of_plane"] < 5e-5 and slow["follower_moment"] < 0.01 and slow["crank_torque"] < 5e-3
+    assert all(2 * slow[each] < fast[each] for each in ("out_of_plane", "follower_moment", "crank_torque"))
+
+
+CANTILEVER = """
+gravity = [0, 0, -9.81]
+[bodies.arm]
+length = "0.4 m"
+rotation = {x = [1, 2, 2], y = [2, 1, -2]}
+[bodies.arm.beam]
+E = "70 GPa"
+nu = 0.33
+rho = "2700 kg/m^3"
+section = {rectangle = ["12 mm", "8 mm"]}
+theory = "timoshenko"
+elements = 4
+[bodies.fork]
+length = "0.2 m"
+mass = "0.3 kg"
+centre = [0.1, 0.02, 0]
+inertia = [1e-4, 1e-3, 1e-3]
+rotation = {x = [2, 1, -2], y = [-2, 2, -1]}
+[joints]
+turn = {revolute = ["ground", "arm.start"], axis = [0, 0, 1]}
+root = {weld = ["arm.end", "fork.start"]}
+[drives]
+turn = {speed = "60 rpm", cycle = "360 deg"}
+[loads]
+push = {force_on = "fork.end", direction = [0, 1, 1], value = "1 N"}
+[damping]
+rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}
+[sensors]
+lag = {displacement = "arm.end", component = "y"}
+flap = {displacement = "arm.end", component = "z"}
+tip = {displacement = "fork.end", component = "z"}
+twist = {displacement = "arm.end", component = "angle_x"}
+slope = {displacement = "arm.mid", component = "angle_y", relative_to = "chord"}
+torsion = {torsional_moment = "arm.mid"}
+shear = {shear_force = "arm.mid", component = "z"}
+pull = {axial_force = "arm.start"}
+bent = {bending_moment = "arm.start", component = "y"}
+place = {position = "fork.end", component = "x"}
+speed = {velocity = "arm.end", component = "z"}
+accel = {acceleration = "arm.end", component = "x", axes = "body"}
+moment = {joint_force = "root", component = "angle_x", axes = "body"}
+motor = {drive_torque = "turn"}
+[solve]
+preset = "stiffened"
+start = "periodic"
+"""
+
+
+def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path):
+    """A heavy fork across the tip of an arm that turns bends it both ways and twists it. The moments that
+    displaced forces have, which one-way coupling leaves out, fall with the displacements of an arm eight times stiffer.
+    """
+    peer("exudyn")
+    soft = elastic_shares(scene_of(tmp_path, CANTILEVER), 16, 180)
+    stiff = elastic_shares(scene_of(tmp_path, CANTILEVER.replace("70 GPa", "560 GPa")), 16, 180)
+    assert len(stiff) == 14 and all(share < 0.02 for share in stiff.values())
+    assert all(4 * stiff[each] < soft[each] < 0.06 for each in ("motor", "moment", "shear", "place"))
+
+
+@pytest.mark.parametrize(
+    ("given", "instead", "names"),
+    [
+        ('rayleigh = {ratio = 0.2, at = ["15 Hz", "40 Hz"]}', "modal = {ratio = 0.02}", ["damping", "solve.start"]),
+        ('cycle = "360 deg"}', 'cycle = "360 deg", rotation = "free"}', ["drives.turn.rotation"]),
+    ],
+)
+def test_what_has_no_counterpart_in_space(tmp_path, given, instead, names):
+    scene = scene_of(tmp_path, CANTILEVER.replace(given, instead))
+    with pytest.raises(SceneError) as refused:
+        check_buildable(scene)
+    assert [problem.key for problem in refused.value.problems] == names

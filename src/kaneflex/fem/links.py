@@ -146,10 +146,11 @@ def forced_points(scene: Scene, link: str) -> dict[str, float]:
     return {point: scene.bodies[link].points_all[point][0] for point in inner}
 
 
-def mesh(scene: Scene, link: str, elements: int) -> np.ndarray:
-    """Nodes at the ends, at points with a force and between segments, ``elements`` of nearly equal length in all."""
+def mesh(scene: Scene, link: str, elements: int, also: Collection[float] = ()) -> np.ndarray:
+    """Nodes at the ends, at points with a force, between segments and at ``also`` [m], ``elements`` of nearly equal
+    length in all."""
     length, borders = scene.bodies[link].length, scene.bodies[link].profile.borders
-    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders}, length)
+    stops = _apart({0.0, length, *forced_points(scene, link).values(), *borders, *also}, length)
     counts = [max(1, round(elements * (b - a) / length)) for a, b in pairwise(stops)]
     spans = [np.linspace(a, b, n + 1)[:-1] for (a, b), n in zip(pairwise(stops), counts, strict=True)]
     return np.concatenate([*spans, [length]])

@@ -18,11 +18,19 @@ _MOST_CYCLES = 60
 
 
 def check_buildable(scene: Scene) -> None:
-    """Raise SceneError that names everything in a scene that has no counterpart in the peer; in space all has one."""
-    parts = () if scene.is_spatial else (_bodies, _joints, _forces, _solving)
+    """Raise SceneError that names everything in a scene that has no counterpart in the peer; in space all that is rigid
+    has one."""
+    planar = (_bodies, _joints, _drives, _forces, _damping, _solving)
+    elastic = (_held_drives, _moving_guides, _damping, _solving)
+    parts = planar if not scene.is_spatial else elastic if has_elastic(scene) else ()
     problems = [problem for part in parts for problem in part(scene)]
     if problems:
         raise SceneError.gather(problems)
+
+
+def has_elastic(scene: Scene) -> bool:
+    """Whether any of a scene's bodies deforms."""
+    return any(body.elastic for body in scene.bodies.values())
 
 
 def _problem(key: str, value: object, reason: str) -> Problem:
@@ -60,14 +68,30 @@ def _joints(scene: Scene) -> Iterator[Problem]:
             yield _problem(f"joints.{name}", "prismatic", "a guide on an elastic link")
         elif joint.rotation == "shared":
             yield _problem(f"joints.{name}.rotation", "shared", "a welded pin")
+
+
+def _drives(scene: Scene) -> Iterator[Problem]:
     for name, drive in scene.drives.items():
         joint = scene.joints[name]
         if drive.kind == "free":
             continue
         if joint.kind != "revolute" or "ground" not in [side.body for side in joint.addresses]:
             yield _problem(f"drives.{name}", drive.kind, "a drive other than a turn from the ground")
-        if drive.rotation == "free":
+    yield from _held_drives(scene)
+
+
+def _held_drives(scene: Scene) -> Iterator[Problem]:
+    for name, drive in scene.drives.items():
+        if drive.kind != "free" and drive.rotation == "free":
             yield _problem(f"drives.{name}.rotation", "free", "a drive that leaves the elastic rotation free")
+
+
+def _moving_guides(scene: Scene) -> Iterator[Problem]:
+    for name, drive in scene.drives.items():
+        joint = scene.joints[name]
+        carrier = joint.addresses[0].body
+        if drive.kind != "free" and joint.kind == "prismatic" and carrier != "ground" and scene.bodies[carrier].elastic:
+            yield _problem(f"drives.{name}", drive.kind, "a drive along a guide on an elastic link")
 
 
 def _forces(scene: Scene) -> Iterator[Problem]:
@@ -85,6 +109,9 @@ def _forces(scene: Scene) -> Iterator[Problem]:
         yield _problem(f"springs.{name}", None, "a spring")
     for name in scene.contacts:
         yield _problem(f"contacts.{name}", None, "a contact")
+
+
+def _damping(scene: Scene) -> Iterator[Problem]:
     if scene.damping is not None and scene.damping.kind != "rayleigh":
         yield _problem("damping", scene.damping.kind, "damping other than Rayleigh's")
 
@@ -117,6 +144,14 @@ def _solving(scene: Scene) -> Iterator[Problem]:
             "solve.start", "periodic", "the peer finds it by waiting, and without Rayleigh damping nothing settles",
             "Set solve.start=zero and a duration, or give damping",
         )  # fmt: skip
+
+
+def stiffness_damping(scene: Scene) -> float:
+    """beta [s] of a damping proportional to the stiffness alone, with the ratio at the lower of Rayleigh's frequencies.
+    """
+    # ratio = pi f beta where stiffness alone damps a vibration of frequency f
+    damping = scene.damping
+    return 0.0 if damping is None else damping.rayleigh.ratio / (math.pi * min(damping.rayleigh.at))
 
 
 def cycles_to_steady_state(scene: Scene, options: Options) -> int:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from kaneflex.peers.buildable import check_buildable, cycles_to_steady_state
+from kaneflex.peers.buildable import check_buildable, cycles_to_steady_state, has_elastic
 from kaneflex.solve.curves import FINE_ENOUGH, Curves, Resolution
 from kaneflex.support.errors import SceneError
 
@@ -51,11 +51,12 @@ def solve(
     from kaneflex.scene import with_settings
     from kaneflex.solve.loading import load
 
-    model = load(with_settings(scene, [f"solve.preset={'rigid' if scene.is_spatial else 'stiffened'}"]), progress)
+    preset = "stiffened" if not scene.is_spatial else scene.solve.preset if has_elastic(scene) else "rigid"
+    model = load(with_settings(scene, [f"solve.preset={preset}"]), progress)
     progress("building the scene in Exudyn")
     steps = resolution.steps or 4 * model.options.steps
     if scene.is_spatial:
-        return _solve_in_space(exudyn, model, steps, progress)
+        return _solve_in_space(exudyn, model, resolution, steps, progress)
     from kaneflex.peers.exudyn_system import build
     from kaneflex.peers.readings import Recorder
 
@@ -68,18 +69,25 @@ def solve(
     return Curves(recorder.times, values, missing, _notes(model, built, cycles), seconds)
 
 
-def _solve_in_space(exudyn: ModuleType, model: Model, steps: int, progress: Callable[[str], None]) -> Curves:
-    """:func:`solve` of a rigid mechanism in space."""
+def _solve_in_space(
+    exudyn: ModuleType, model: Model, resolution: Resolution, steps: int, progress: Callable[[str], None]
+) -> Curves:
+    """:func:`solve` of a mechanism in space."""
     from kaneflex.peers.exudyn_spatial import build
     from kaneflex.peers.spatial_readings import SpatialRecorder
 
-    built = build(exudyn, model)
+    built = build(exudyn, model, resolution)
     recorder = SpatialRecorder(model, built)
+    cycles = cycles_to_steady_state(model.scene, model.options) if built.links else 1
     progress("solving in Exudyn")
-    seconds = _run(built, model, steps, 1)
-    values, missing = recorder.read()
-    notes = ("rigid bodies with Euler parameters, joints by multipliers at index 3, generalised-alpha",)
-    return Curves(recorder.times, values, missing, notes, seconds)
+    seconds = _run(built, model, steps, cycles)
+    values, missing = recorder.read((cycles - 1) * model.step * model.options.steps)
+    notes = ["rigid bodies with Euler parameters, joints by multipliers at index 3, generalised-alpha"]
+    if built.links:
+        count = max(len(chain.elements) for chain in built.links.values())
+        notes += [f"{count} geometrically exact beam elements a link, which know shear and rotary inertia"]
+        notes += _run_notes(model, cycles)
+    return Curves(recorder.times, values, missing, tuple(notes), seconds)
 
 
 def check(scene: Scene) -> ModuleType:
@@ -97,15 +105,19 @@ def check(scene: Scene) -> ModuleType:
 
 def _notes(model: Model, built: Built, cycles: int) -> tuple[str, ...]:
     count = max(map(len, built.elements.values()), default=0)
-    notes = [f"{count} ANCF cable elements a link, nonlinear, joints at index 3, generalised-alpha"]
-    damping = model.scene.damping
-    if damping is not None:
+    elements = f"{count} ANCF cable elements a link, nonlinear, joints at index 3, generalised-alpha"
+    return (elements, *_run_notes(model, cycles))
+
+
+def _run_notes(model: Model, cycles: int) -> list[str]:
+    notes = []
+    if model.scene.damping is not None:
         notes.append(
             "damping proportional to the stiffness alone, with the scene's ratio at the lower of its two frequencies"
         )
     if cycles > 1:
         notes.append(f"from the undeformed state; cycle {cycles} is taken for the periodic state")
-    return tuple(notes)
+    return notes
 
 
 def _run(built: Built | SpatialBuilt, model: Model, steps: int, cycles: int) -> float:
@@ -120,7 +132,8 @@ def _run(built: Built | SpatialBuilt, model: Model, steps: int, cycles: int) -> 
     settings.timeIntegration.newton.absoluteTolerance = _NEWTON_TOLERANCE
     settings.solution.file.write = False
     if model.scene.is_spatial:
-        settings.timeIntegration.newton.absoluteTolerance = 0.01 * _NEWTON_TOLERANCE  # for the sake of the multipliers
+        if not has_elastic(model.scene):  # beams' forces are rounded to more than that
+            settings.timeIntegration.newton.absoluteTolerance = 0.01 * _NEWTON_TOLERANCE  # for the sake of multipliers
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
         if model.motion.module.open_reactions:  # as many multipliers too many
             settings.linearSolver.solverType = built.exudyn.LinearSolverType.EigenDense

@@ -1,21 +1,30 @@
-"""A scene in space as items of an Exudyn system: rigid bodies with Euler parameters, joints by multipliers."""
+"""A scene in space as items of an Exudyn system: bodies and beams with Euler parameters, joints by multipliers.
+
+Beams: geometrically exact, with displacements and rotations interpolated together on SE(3), as in Sonneville, Cardona &
+Bruls (2014), Computer Methods in Applied Mechanics and Engineering 268.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kaneflex.fem.links import mesh
+from kaneflex.fem.spatial_links import spatial_properties
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialBody, SpatialJoint, across, spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
+from kaneflex.peers.buildable import stiffness_damping
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.multibody.spatial_system import SpatialSystem
+    from kaneflex.solve.curves import Resolution
 
 _HELD = {
     "revolute": (1, 1, 1, 0, 1, 1),
@@ -36,6 +45,19 @@ OF_BODIES = {
 
 
 @dataclass(frozen=True, eq=False)
+class Chain:
+    """Beam elements of an elastic link: ``places`` [m] of its nodes along it, (elements + 1,)."""
+
+    places: np.ndarray
+    nodes: list[int]
+    elements: list[int]
+
+    def node_at(self, x: float) -> int:
+        """Which node stands at x [m]; one does at every named point."""
+        return int(np.argmin(abs(self.places - x)))
+
+
+@dataclass(frozen=True, eq=False)
 class Built:
     """A scene's items in an Exudyn system.
 
@@ -44,6 +66,8 @@ class Built:
     exudyn : module
     system : MainSystem
     bodies, joints, springs : mapping of str to int
+        Rigid bodies, the ground among them.
+    links : mapping of str to Chain
     held : mapping of str to tuple of int
         Which translations and rotations of a joint's frame are held, drives' among them.
     frames : mapping of str to ndarray
@@ -57,16 +81,25 @@ class Built:
     springs: dict[str, int]
     held: dict[str, tuple[int, ...]]
     frames: dict[str, np.ndarray]
+    links: dict[str, Chain]
+
+    def carrier(self, body: str, at: Sequence[float]) -> str:
+        """What carries a point, as :class:`Bodies` call it: a rigid body, or an elastic link's node there."""
+        return f"{body}@{self.links[body].node_at(at[0])}" if body in self.links else body
 
 
-def build(exudyn: ModuleType, model: Model) -> Built:
-    """All of a scene in space in a system of its own, at its places and speeds at t = 0."""
+def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
+    """All of a scene in space in a system of its own, at the places and speeds of the rigid mechanism at t = 0."""
     import exudyn.utilities  # whose functions become methods of a system
 
-    built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {}, {})
+    built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {}, {}, {})
     builder = _Builder(built, model)
     for name, body in builder.mechanism.bodies.items():
-        builder.body(name, body)
+        beam = model.scene.bodies[name].beam
+        if beam is None:
+            builder.body(name, body)
+        else:
+            builder.link(name, resolution.elements or max(8, 2 * beam.elements))
     for joint in builder.mechanism.joints.values():
         builder.joint(joint)
     for name in builder.mechanism.loads:
@@ -111,17 +144,82 @@ class _Builder:
             ),
         )  # fmt: skip
 
+    def link(self, name: str, count: int) -> None:
+        utilities = self.built.exudyn.utilities
+        body = self.scene.bodies[name]
+        places = mesh(self.scene, name, count, [at[0] for at in body.points_all.values()])
+        stands, turning = self._stands(name), self._vector(name, "omega")
+        turned = utilities.RotationMatrix2EulerParameters(stands)
+        turns = utilities.AngularVelocity2EulerParameters_t(turning, turned)
+        nodes = []
+        for x in places:
+            velocity = self._vector(name, "v") + np.cross(turning, x * stands[:, 0])
+            nodes.append(self.system.AddNode(self.items.NodeRigidBodyEP(
+                referenceCoordinates=[*self._place(Side(name, (x, 0.0, 0.0))), *turned],
+                initialVelocities=[*velocity, *turns],
+            )))  # fmt: skip
+        elements = []
+        for pair, (start, stop) in zip(pairwise(nodes), pairwise(places), strict=True):
+            section, length = self._section(name, 0.5 * (start + stop)), stop - start
+            elements.append(self.system.AddObject(self.items.ObjectBeamGeometricallyExact(
+                nodeNumbers=list(pair), length=length, sectionData=section
+            )))  # fmt: skip
+            if stiffness_damping(self.scene):
+                self._damp(length, pair, np.array(section.stiffnessMatrix))
+        self.built.links[name] = Chain(places, nodes, elements)
+        if self.mechanism.gravity.any():
+            for element in elements:
+                marker = self.system.AddMarker(self.items.MarkerBodyMass(bodyNumber=element))
+                self.system.AddLoad(self.items.LoadMassProportional(
+                    markerNumber=marker, loadVector=[*self.mechanism.gravity]
+                ))  # fmt: skip
+
+    def _section(self, name: str, x: float) -> Any:
+        """The section at x [m] as Exudyn's beams have it, which know shear and rotary inertia in any case."""
+        section, (E, rho, G, _) = self.scene.bodies[name].spatial_profile.at(x)
+        assert E is not None and rho is not None and G is not None  # checked with the scene
+        known = section._replace(k_y=section.k_y or 1.0, k_z=section.k_z or 1.0)
+        p = spatial_properties(known, E, G, rho, shear=True)
+        found = self.built.exudyn.BeamSection()
+        found.massPerLength = p.rho_A
+        found.inertia = np.diag([p.rho_I_y + p.rho_I_z, p.rho_I_y, p.rho_I_z])
+        found.stiffnessMatrix = np.diag([p.E_A, p.G_A_y, p.G_A_z, p.G_J, p.E_I_y, p.E_I_z])
+        return found
+
+    def _damp(self, length: float, nodes: tuple[int, int], stiffness: np.ndarray) -> None:
+        """Damping of an element's stretch, twist and bending, which Exudyn's beams have none of themselves: by the
+        speeds at which its two nodes part and turn against each other."""
+        beta = stiffness_damping(self.scene) / length
+        markers = [self.system.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node)) for node in nodes]
+        self.system.AddObject(self.items.ObjectConnectorSpringDamper(
+            markerNumbers=markers, stiffness=0.0, damping=beta * stiffness[0, 0], referenceLength=length
+        ))  # fmt: skip
+        turning = np.diag([0.0, 0.0, 0.0, *np.diag(stiffness)[3:]])
+        self.system.AddObject(self.items.ObjectConnectorRigidBodySpringDamper(
+            markerNumbers=markers, stiffness=np.zeros((6, 6)), damping=beta * turning
+        ))  # fmt: skip
+
     def _marker(self, side: Side, axes: np.ndarray | None = None) -> int:
         """A marker at a point of a body; ``axes``: its own in the body's, (3, 3)."""
         stands = self._transform(side, np.eye(3) if axes is None else axes)
+        if side.body in self.built.links:
+            chain = self.built.links[side.body]
+            node = chain.nodes[chain.node_at(side.at[0])]
+            return self.system.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node, localHT=stands))
         return self.system.AddMarker(
             self.items.MarkerBodyRigid(bodyNumber=self.built.bodies[side.body], localHT=stands)
         )
 
-    def _transform(self, side: Side, axes: np.ndarray) -> np.ndarray:
-        """Axes and a place on a body as Exudyn has them, whose bodies begin at their centres of mass."""
-        centre = np.zeros(3) if side.body == GROUND else self.mechanism.bodies[side.body].centre
-        return self.built.exudyn.HT(axes, np.array(side.at) - centre)
+    def _transform(self, side: Side, axes: np.ndarray, on: Side | None = None) -> np.ndarray:
+        """Axes and a place on a body as Exudyn has them: from its centre of mass, on a link from the node at ``on``, by
+        default at the place itself."""
+        begins = np.zeros(3)
+        if side.body in self.built.links:
+            chain = self.built.links[side.body]
+            begins[0] = chain.places[chain.node_at((on or side).at[0])]
+        elif side.body != GROUND:
+            begins = self.mechanism.bodies[side.body].centre
+        return self.built.exudyn.HT(axes, np.array(side.at) - begins)
 
     def joint(self, joint: SpatialJoint) -> None:
         """Frames of both sides stand as one at the start; a prescribed freedom is held where its drive has it."""
@@ -165,7 +263,7 @@ class _Builder:
         def slid(there: Any, t: float, item: int, parameters: object) -> list[float]:
             moved = Side(first.body, tuple(first.at + float(system.courses(t)[drive, 0]) * joint.axes[0]))
             marker = there.GetObjectParameter(item, "markerNumbers")[0]
-            there.SetMarkerParameter(marker, "localHT", self._transform(moved, stands))
+            there.SetMarkerParameter(marker, "localHT", self._transform(moved, stands, first))
             return [0.0] * 6
 
         return turned if moving == 3 else slid
@@ -201,15 +299,19 @@ class _Builder:
             ))  # fmt: skip
             return
         joint = self.mechanism.joints[spring.joint]
-        self.built.springs[name] = self.system.CreateTorsionalSpringDamper(
-            itemNumbers=[self.built.bodies[side.body] for side in joint.sides], position=self._place(joint.sides[0]),
-            axis=self._stands(joint.sides[0].body) @ joint.axes[0], stiffness=stiffness, damping=damping,
-            offset=free - float(self.start[f"{spring.joint}.angle"][0]),
-        )  # fmt: skip
+        axis = self._stands(joint.sides[0].body) @ joint.axes[0]
+        axes = np.column_stack([*across(axis), axis])  # a spring's turns are about its markers' z
+        self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorTorsionalSpringDamper(
+            markerNumbers=[self._marker(side, self._stands(side.body).T @ axes) for side in joint.sides],
+            stiffness=stiffness, damping=damping, offset=free - float(self.start[f"{spring.joint}.angle"][0]),
+        ))  # fmt: skip
 
 
 class Bodies:
-    """Motions of Exudyn's bodies by the names that a rigid motion has for them; ``times`` [s]."""
+    """Motions of Exudyn's bodies by the names that a rigid motion has for them; ``times`` [s].
+
+    A node of an elastic link goes as a body of its own, whose start is where the link's would be were it straight.
+    """
 
     def __init__(self, times: np.ndarray):
         self.times, self.values = times, dict[str, np.ndarray]()
@@ -217,11 +319,16 @@ class Bodies:
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[name]
 
-    def put(self, body: str, found: Callable[[str], np.ndarray]) -> None:
-        """What Exudyn has of a body at its start, by the names of Exudyn's variables, (3 or 9, n_times)."""
+    def put(self, body: str, found: Callable[[str], np.ndarray], at: float = 0.0) -> None:
+        """What Exudyn has of a body at x = ``at`` [m], by the names of Exudyn's variables, (3 or 9, n_times)."""
         for head, variable in OF_BODIES.items():
             names = AXES if variable == "RotationMatrix" else "xyz"
             self.values |= {f"{body}.{head}{name}": row for name, row in zip(names, found(variable), strict=True)}
+        if at:
+            frame, start = SpatialFrame(self, body), (-at, 0.0, 0.0)
+            moved = {"": frame.place(start), "v_": frame.velocity(start), "a_": frame.acceleration(start)}
+            for head, rows in moved.items():
+                self.values |= {f"{body}.{head}{axis}": row for axis, row in zip("xyz", rows, strict=True)}
 
 
 class _State(Bodies):
@@ -241,7 +348,7 @@ class _State(Bodies):
     def _coordinate(self, name: str) -> tuple[float, float]:
         """Coordinate of a joint, turns counted from call to call, and its rate."""
         joint = self.mechanism.joints[name]
-        first, second = (self._frame(side.body) for side in joint.sides)
+        first, second = (self._frame(side) for side in joint.sides)
         if joint.kind == "prismatic":
             slide, speed, _ = slide_of(joint, first, second)
             return float(slide[0]), float(speed[0])
@@ -250,16 +357,25 @@ class _State(Bodies):
         self.angles[name] = float(angle) + 2.0 * np.pi * turns
         return self.angles[name], float(rate)
 
-    def _frame(self, body: str) -> SpatialFrame:
-        if body != GROUND:
-            kinds, number = self.built.exudyn.OutputVariableType, self.built.bodies[body]
-            start = -self.mechanism.bodies[body].centre
+    def _frame(self, side: Side) -> SpatialFrame:
+        body, kinds, system = side.body, self.built.exudyn.OutputVariableType, self.built.system
+        carrier = self.built.carrier(body, side.at)
 
-            def found(variable: str) -> np.ndarray:
-                if variable.endswith("Acceleration"):  # no law asks for it
-                    return np.zeros((3, 1))
-                output = self.built.system.GetObjectOutputBody(number, getattr(kinds, variable), localPosition=start)
-                return np.ravel(output)[:, None]
+        def found(variable: str) -> np.ndarray:
+            if variable.endswith("Acceleration"):  # no law asks for it
+                return np.zeros((3, 1))
+            if body in self.built.links:
+                chain = self.built.links[body]
+                output = system.GetNodeOutput(chain.nodes[chain.node_at(side.at[0])], getattr(kinds, variable))
+            else:
+                start = -self.mechanism.bodies[body].centre
+                number = self.built.bodies[body]
+                output = system.GetObjectOutputBody(number, getattr(kinds, variable), localPosition=start)
+            return np.ravel(output)[:, None]
 
-            self.put(body, found)
-        return SpatialFrame(self, body)
+        if body in self.built.links:
+            chain = self.built.links[body]
+            self.put(carrier, found, chain.places[chain.node_at(side.at[0])])
+        elif body != GROUND:
+            self.put(carrier, found)
+        return SpatialFrame(self, carrier)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaneflex.mechanism.body_frame import normal, rotate
-from kaneflex.peers.buildable import lumped, torque_by_speed
+from kaneflex.peers.buildable import lumped, stiffness_damping, torque_by_speed
 from kaneflex.scene.quantities import Address
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class _Builder:
             nodes.append(self.system.AddNode(self.items.NodePoint2DSlope1(
                 referenceCoordinates=[*place, c, s], initialVelocities=[*velocity, -omega * s, omega * c]
             )))  # fmt: skip
-        beta = self._beta()
+        beta = stiffness_damping(self.scene)
         elements = [
             self.system.AddObject(self.items.ObjectANCFCable2D(
                 length=body.length / count, massPerLength=body.rho_A, nodeNumbers=list(pair),
@@ -123,11 +123,6 @@ class _Builder:
         for mass in self.scene.masses.values():
             if mass.at.body == name:
                 self._point_mass(mass.at, mass.mass)
-
-    def _beta(self) -> float:
-        # ratio = pi f beta where stiffness alone damps a vibration of frequency f
-        damping = self.scene.damping
-        return 0.0 if damping is None else damping.rayleigh.ratio / (math.pi * min(damping.rayleigh.at))
 
     def _weigh(self, body: int) -> None:
         if any(self.scene.gravity):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
@@ -13,7 +15,9 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
 from kaneflex.peers.readings import NO_COUNTERPART, address_of
-from kaneflex.scene.sensors import Sensor
+from kaneflex.response.spatial_sensors import displacement_of
+from kaneflex.scene.quantities import Address
+from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
@@ -27,11 +31,23 @@ class SpatialRecorder:
 
         self.model, self.scene, self.built, self.items = model, model.scene, built, items
         self.mechanism, self.start = spatial_mechanism_of(model.scene), model.motion.at(0.0)
+        self.free = bool(self.scene.floating) or any(drive.kind == "free" for drive in self.scene.drives.values())
         self.bodies = {
             (name, variable): self._record(
                 items.SensorBody, variable, bodyNumber=number, localPosition=-self.mechanism.bodies[name].centre
             )
             for name, number in built.bodies.items() if name != GROUND for variable in OF_BODIES.values()
+        }  # fmt: skip
+        points = {(link, chain.node_at(at[0])) for link, chain in built.links.items()
+                  for at in self.scene.bodies[link].points_all.values()}  # fmt: skip
+        self.nodes = {
+            (link, node, variable): self._record(items.SensorNode, variable, nodeNumber=built.links[link].nodes[node])
+            for link, node in sorted(points) for variable in OF_BODIES.values()
+        }  # fmt: skip
+        self.sections = {
+            (element, kind): self._record(items.SensorBody, kind, bodyNumber=element, localPosition=[0.0, 0.0, 0.0])
+            for link in {address_of(each).body for each in self.scene.sensors.values() if each.kind in SECTION_KINDS}
+            for element in built.links[link].elements for kind in ("ForceLocal", "TorqueLocal")
         }  # fmt: skip
         self.joints = {
             (name, quantity): self._record(items.SensorObject, quantity, objectNumber=number)
@@ -43,45 +59,72 @@ class SpatialRecorder:
             name: self._record(items.SensorObject, exerted[name], objectNumber=number)
             for name, number in built.springs.items()
         }
-        self.moved = Bodies(np.zeros(0))
+        self.moved, self.window = Bodies(np.zeros(0)), slice(None)
 
     def _record(self, kind: type, variable: str, **where: object) -> int:
         quantity = getattr(self.built.exudyn.OutputVariableType, variable)
         item = kind(outputVariableType=quantity, storeInternal=True, writeToFile=False, **where)
         return self.built.system.AddSensor(item)
 
-    def read(self) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-        """Values of the sensors, and what can't be read and why."""
-        self.moved = Bodies(self.built.system.GetSensorStoredData(next(iter(self.bodies.values())))[:, 0])
-        for body in self.mechanism.bodies:
-            self.moved.put(body, partial(self._of_body, body))
+    def read(self, since: float) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+        """Values of the sensors from the time ``since`` [s] on, which becomes 0, and what can't be read and why."""
+        first = next(iter((self.bodies | self.nodes).values()))
+        times = self.built.system.GetSensorStoredData(first)[:, 0]
+        self.window = times >= since - 0.5 * self.model.step
+        self.moved = Bodies(times[self.window] - since)
+        self.rigid = self.model.motion.at(self.moved.times)
+        for body in self.built.bodies:
+            if body != GROUND:
+                self.moved.put(body, partial(self._of_body, body))
+        for link, node in {key[:2] for key in self.nodes}:
+            self.moved.put(f"{link}@{node}", partial(self._of_node, link, node), self.built.links[link].places[node])
         values, missing = {}, {}
         for name, sensor in self.scene.sensors.items():
-            method = getattr(self, f"_{sensor.kind}", None)
-            found = NO_COUNTERPART if method is None else method(sensor)
+            found = self._read(sensor)
             if isinstance(found, str):
                 missing[name] = found
             else:
                 values[name] = found
         return values, missing
 
+    def _read(self, sensor: Sensor) -> np.ndarray | str:
+        method = getattr(self, f"_{sensor.kind}", None)
+        if method is None:
+            return NO_COUNTERPART
+        if self.free and (sensor.kind == "displacement" or self._axes_of(sensor) in self.built.links):
+            return "there is no rigid motion that both share"
+        return cast(np.ndarray, method(sensor))
+
+    def _axes_of(self, sensor: Sensor) -> str | None:
+        """The body whose axes a vector is read in."""
+        if sensor.axes != "body" or sensor.kind in SECTION_KINDS:
+            return None
+        if sensor.kind == "joint_force":
+            return sensor.body or self.scene.joints[str(sensor.target)].addresses[1].body
+        return sensor.target.body if isinstance(sensor.target, Address) else None
+
     def _of_body(self, body: str, variable: str) -> np.ndarray:
         return self._stored(self.bodies[body, variable])
 
+    def _of_node(self, link: str, node: int, variable: str) -> np.ndarray:
+        return self._stored(self.nodes[link, node, variable])
+
     def _stored(self, number: int) -> np.ndarray:
-        return self.built.system.GetSensorStoredData(number)[:, 1:].T
+        return self.built.system.GetSensorStoredData(number)[self.window, 1:].T
 
     @property
     def times(self) -> np.ndarray:
         """Instants [s], (n_times,)."""
         return self.moved.times
 
-    def _frame(self, body: str) -> SpatialFrame:
-        return SpatialFrame(self.moved, body)
+    def _frame(self, body: str, at: Sequence[float]) -> SpatialFrame:
+        """The axes that carry a point of a body."""
+        return SpatialFrame(self.moved, self.built.carrier(body, at))
 
     def _component(self, sensor: Sensor, vector: np.ndarray, body: str) -> np.ndarray:
+        """In a body's axes; of an elastic one those of the rigid mechanism's link, as its displacements have them."""
         if sensor.axes == "body":
-            vector = self._frame(body).to_body(vector)
+            vector = SpatialFrame(self.rigid if body in self.built.links else self.moved, body).to_body(vector)
         return vector["xyz".index(sensor.component[-1])]
 
     def _point(self, sensor: Sensor, order: int) -> np.ndarray:
@@ -89,7 +132,8 @@ class SpatialRecorder:
         address = address_of(sensor)
         if address.body in self.scene.joints:
             return self._coordinate(address.body, sensor.component == "angle")[order]
-        frame, at = self._frame(address.body), self.scene.point(address)
+        at = self.scene.point(address)
+        frame = self._frame(address.body, at)
         if sensor.component.startswith("angle"):
             return self._component(sensor, (frame.omega, frame.epsilon)[order - 1], address.body)
         vector = (frame.place, frame.velocity, frame.acceleration)[order](at)
@@ -97,10 +141,49 @@ class SpatialRecorder:
             vector = vector - self.mechanism.gravity[:, None]
         return self._component(sensor, vector, address.body)
 
+    def _displacement(self, sensor: Sensor) -> np.ndarray:
+        rigid = SpatialFrame(self.rigid, address_of(sensor).body)
+        return displacement_of(self.scene, sensor, rigid, self._moved)
+
+    def _moved(self, address: Address) -> np.ndarray:
+        """How far a point is from where the rigid mechanism has it, and the turn from there, in the rigid link's axes,
+        (6, n_times)."""
+        at, rigid = self.scene.point(address), SpatialFrame(self.rigid, address.body)
+        frame = self._frame(address.body, at)
+        turned = np.einsum("jit,jkt->tik", rigid.axes, frame.axes)
+        away = rigid.to_body(frame.place(at) - rigid.place(at))
+        return np.vstack([away, Rotation.from_matrix(turned).as_rotvec().T])
+
+    def _section(self, sensor: Sensor, kind: str) -> np.ndarray:
+        """N, V_y, V_z or T, M_y, M_z at a node, (3, n_times): constant within an element, and so linear through the
+        middles of the two that are nearest, the mean of both sides, as a joint there makes a jump or a kink."""
+        address = address_of(sensor)
+        chain, x = self.built.links[address.body], self.scene.point(address)[0]
+        values = np.array([self._stored(self.sections[element, kind]) for element in chain.elements])
+        middles, node = 0.5 * (chain.places[1:] + chain.places[:-1]), chain.node_at(x)
+        pairs = [(k, beyond) for k, beyond in ((node - 1, node - 2), (node, node + 1)) if 0 <= beyond < len(values)]
+        if not pairs:
+            return values.mean(axis=0)
+        slopes = [(values[m] - values[k]) / (middles[m] - middles[k]) for k, m in pairs]
+        sides = [values[k] + (x - middles[k]) * slope for (k, _), slope in zip(pairs, slopes, strict=True)]
+        return cast(np.ndarray, np.mean(sides, axis=0))
+
+    def _axial_force(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor, "ForceLocal")[0]
+
+    def _shear_force(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor, "ForceLocal")["xyz".index(sensor.component)]
+
+    def _torsional_moment(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor, "TorqueLocal")[0]
+
+    def _bending_moment(self, sensor: Sensor) -> np.ndarray:
+        return self._section(sensor, "TorqueLocal")["xyz".index(sensor.component)]
+
     def _coordinate(self, name: str, turns: bool) -> Rates:
         """Angle of a joint, counted on from where it starts, or its slide, and its rates."""
         joint = self.mechanism.joints[name]
-        first, second = (self._frame(side.body) for side in joint.sides)
+        first, second = (self._frame(side.body, side.at) for side in joint.sides)
         if not turns:
             return slide_of(joint, first, second)
         angle, rate, accel = turn_of(joint, first, second, self.mechanism.relative(joint))
@@ -119,9 +202,9 @@ class SpatialRecorder:
 
     def _joint_axes(self, name: str) -> list[np.ndarray]:
         """Axes of a joint's frame as its first and its second body carry them, columns of (3, 3, n_times)."""
-        bodies = [side.body for side in self.scene.joints[name].addresses]
-        return [np.einsum("ijt,jk->ikt", self._frame(body).axes, self._begins(body).T @ self.built.frames[name])
-                for body in bodies]  # fmt: skip
+        sides = self.mechanism.joints[name].sides
+        return [np.einsum("ijt,jk->ikt", self._frame(side.body, side.at).axes,
+                          self._begins(side.body).T @ self.built.frames[name]) for side in sides]  # fmt: skip
 
     def _begins(self, body: str) -> np.ndarray:
         frame = self.start.frame(body)

@@ -12,8 +12,33 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.response.sensors import Reader, address_of
 from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
+from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
+
+
+def displacement_of(
+    scene: Scene, sensor: Sensor, frame: SpatialFrame, moved: Callable[[Address], np.ndarray]
+) -> np.ndarray:
+    """What a sensor reads of displacements and rotations of a link's points, (n_times,).
+
+    ``frame``: the rigid body's; ``moved``: a point's u, v, w and rotations in its axes, (6, n_times).
+    """
+    address = address_of(sensor)
+    d = moved(address).copy()
+    if sensor.relative_to != "frame":
+        start = moved(Address(address.body, "start"))
+        if sensor.relative_to == "start":
+            d -= start
+        else:
+            end, length = moved(Address(address.body, "end")), scene.bodies[address.body].length
+            assert length is not None
+            chord = start + scene.point(address)[0] / length * (end - start)
+            chord[3:] = start[3], (start[2] - end[2]) / length, (end[1] - start[1]) / length
+            d -= chord
+    if sensor.axes != "body":
+        d = np.vstack([frame.to_global(d[:3]), frame.to_global(d[3:])])
+    return d[3 * sensor.component.startswith("angle") + "xyz".index(sensor.component[-1])]
 
 
 class SpatialReader(Reader):
@@ -36,22 +61,8 @@ class SpatialReader(Reader):
         return vector["xyz".index(sensor.component[-1])]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        address = address_of(sensor)
-        d = self._elastic(address)[0].copy()
-        if sensor.relative_to != "frame":
-            start = self._elastic(Address(address.body, "start"))[0]
-            if sensor.relative_to == "start":
-                d -= start
-            else:
-                end = self._elastic(Address(address.body, "end"))[0]
-                length = self.scene.bodies[address.body].length
-                chord = start + self.scene.point(address)[0] / length * (end - start)
-                chord[3:] = start[3], (start[2] - end[2]) / length, (end[1] - start[1]) / length
-                d -= chord
-        if sensor.axes != "body":
-            frame = self.rigid.frame(address.body)
-            d = np.vstack([frame.to_global(d[:3]), frame.to_global(d[3:])])
-        return d[3 * sensor.component.startswith("angle") + "xyz".index(sensor.component[-1])]
+        frame = SpatialFrame(self.rigid, address_of(sensor).body)
+        return displacement_of(self.scene, sensor, frame, lambda address: self._elastic(address)[0])
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
         """Not where more constraints hold the motion than it needs."""
