@@ -133,7 +133,9 @@ def _reunit(raw, path, pick, others):
         scaled = f"{number}e{pick.randint(-70, 70)} {unit}"
         owner[key] = pick.choice((f"{number} {pick.choice(UNITS)}", scaled, f"-{value}"))
     elif isinstance(value, int | float):
-        owner[key] = pick.choice((-value, value * 10.0 ** pick.randint(-70, 70), f"{value} {pick.choice(UNITS)}"))
+        factor = 10.0 ** pick.randint(-70, 70)
+        scaled = value if abs(value) > sys.float_info.max else value * factor  # whole numbers may be larger
+        owner[key] = pick.choice((-value, scaled, f"{value} {pick.choice(UNITS)}"))
     else:
         owner[key] = _anything(pick)
 

@@ -66,8 +66,8 @@ def test_tables_of_free_joints_are_bounded(monkeypatch):
 
 @pytest.mark.parametrize("steps", [1, 100])
 def test_a_coupled_run_is_interrupted_at_once(steps):
-    """Some ten thousand steps from one stored instant to the next, or a million to the only one."""
-    settings = ("solve.tolerance=1e-13", "solve.duration=10 s", f"solve.steps={steps}")
+    """Some ten thousand steps from one stored instant to the next, or four million to the only one."""
+    settings = ("solve.tolerance=1e-13", "solve.duration=100 s", f"solve.steps={steps}")
     slow = model("elastic-pendulum", *settings)
     timer = threading.Timer(1.5, _thread.interrupt_main)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # processes that run tests may ignore Ctrl-C
