@@ -131,6 +131,27 @@ def test_a_bent_frame_bends_and_twists(tmp_path):
         assert solution[sensor].values == pytest.approx(signs.get(sensor, 1.0) * value, rel=1e-9), sensor
 
 
+def test_moments_between_nodes_under_weight(tmp_path):
+    """A cantilever's E I v'' = q (l - x)^2/2 in both planes, where no node is: the weight's share within elements."""
+    text = BENT.replace("gravity = [0, 0, 0]", "gravity = [0, -3, -9.81]").replace("[loads]", "[loads_]")
+    text = text[: text.index("[bodies.leg]")] + text[text.index("[joints]") : text.index("corner =")] + """
+[drives]
+root = {speed = "0 rpm"}
+[solve]
+preset = "quasistatic"
+duration = "1 s"
+steps = 4
+"""
+    motion = simulate(load(written(tmp_path, text))).motion
+    q = 7850 * math.pi * 0.02**2 / 4
+    for x in (0.05, 0.21, 0.62, 0.95):
+        _, V_y, V_z, _, M_y, M_z = (part[0] for part in motion.section("arm", x))
+        rest = 1.0 - x
+        assert M_z == pytest.approx(-3 * q * rest**2 / 2, rel=1e-9)
+        assert M_y == pytest.approx(9.81 * q * rest**2 / 2, rel=1e-9)
+        assert (V_y, V_z) == pytest.approx((-3 * q * rest, -9.81 * q * rest), rel=1e-9)
+
+
 # ---- rotors -----------------------------------------------------------------------------------------------------
 
 ROTOR = """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import fill
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
@@ -37,6 +38,8 @@ _GHOSTS = 9
 """Instants at which the mechanism is drawn pale beside its first."""
 _AXIS = 0.09
 """Half the length of a joint's axis as drawn, in sizes of the mechanism."""
+_WIDEST = 85
+"""Letters of a line above all four views."""
 _LARGEST = 0.1
 """Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
@@ -95,7 +98,7 @@ def modes(solution: Solution) -> dict[str, Figure]:
 
 def scheme_picture(scene: Scene, motion: RigidMotion, kind: str) -> bytes:
     """The drawing of a scene as it starts as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
-    title = f"{scene.name}: {scene.description}" if scene.description else scene.name
+    title = fill(f"{scene.name}: {scene.description}" if scene.description else scene.name, _WIDEST)
     with styled():
         return as_file(_drawn(scene, motion, _bodies(scene, motion), title, {}), kind)
 
