@@ -132,7 +132,7 @@ BAD = {
     ("modes", "engine", "--at", "main=inf"): ("--at = 'main=inf'", "finite"),
     ("modes", "engine", "--at", "main=5 mm"): ("--at = 'main=5 mm'", "angle"),
     ("modes", "engine", "--preset", "rigid"): ("nothing is elastic",),
-    ("modes", "engine", "--count", "99"): ("--count = 99", "12 degrees of freedom"),
+    ("modes", "engine", "--count", "99"): ("count = 99", "12 degrees of freedom"),
     ("derive", "engin", "-o", "module.py"): ("scene = 'engin'",),
 }
 

@@ -15,7 +15,7 @@ FLOORS = (
     ("multibody",),
     ("response",),
     ("solve",),
-    ("study", "stability", "peers"),
+    ("study", "peers"),
     ("report", "plots"),
     ("cli",),
 )

@@ -15,8 +15,8 @@ from kaneflex.integrate.run import Run, cycle_map, integrate
 from kaneflex.response.frozen import buckling, freeze, lost_stiffness
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.validity import doubts
-from kaneflex.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
-from kaneflex.stability.sweep import sweep
+from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
+from kaneflex.study.stability.sweep import sweep
 from kaneflex.support.errors import SceneError
 
 DATA = Path(__file__).parent / "data"

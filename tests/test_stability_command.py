@@ -10,7 +10,7 @@ from command_line import cli
 
 from kaneflex.cli.stability import speed_range
 from kaneflex.scene import read_scene
-from kaneflex.stability.sweep import Sweep
+from kaneflex.study.stability.sweep import Sweep
 from kaneflex.support.errors import SceneError
 
 

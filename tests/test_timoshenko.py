@@ -10,7 +10,6 @@ from runs import derived_on_the_fly
 from scipy.linalg import eigh
 from sympy import Matrix, diff
 
-from kaneflex.cli.commands import mesh_hint
 from kaneflex.derive.beam import Element, beam_element
 from kaneflex.derive.shapes import (
     E_I,
@@ -26,6 +25,7 @@ from kaneflex.derive.shapes import (
 )
 from kaneflex.fem.shape_functions import shape_functions
 from kaneflex.multibody.building import reference_modes
+from kaneflex.solve.modes import mesh_hint, modes
 
 
 def terms(element: Element) -> dict[str, Matrix]:
@@ -263,12 +263,12 @@ def test_deep_simply_supported_beam(folder, theory):
 def test_a_mesh_too_coarse_for_a_mode_is_named(folder):
     """FV5 with the default of 4 elements: the third flexural frequency, after the axial one the fourth of all."""
     coarse = derived_on_the_fly(DEEP.replace("elements = 16\n", ""), folder)
-    omega = reference_modes(coarse, 6)[0]
-    assert omega[3] / (2 * np.pi * DEEP_HZ["timoshenko"][2]) - 1 == pytest.approx(-0.018, abs=0.001)
-    said = mesh_hint(coarse, omega)
+    found = modes(coarse.scene, 6)
+    assert found.frequencies[3] / DEEP_HZ["timoshenko"][2] - 1 == pytest.approx(-0.018, abs=0.001)
+    said = mesh_hint(found)
     assert re.fullmatch(r"mode 4 is 1\.\d% off that with beam\.elements = 8: give the links more elements", said)
     fine = derived_on_the_fly(DEEP, folder)
-    assert mesh_hint(fine, reference_modes(fine, 4)[0]) == ""
+    assert mesh_hint(modes(fine.scene, 4)) == ""
 
 
 def test_the_shapes_own_shear_coefficient_is_that_of_the_published_values(folder):

@@ -16,21 +16,35 @@ ensure_cache_folder()  # before any jitted module can be imported
 
 if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run time
     from kaneflex.multibody.model import Model as Model
+    from kaneflex.plots import draw_all as draw_all
+    from kaneflex.plots import figures as figures
+    from kaneflex.plots import show as show
     from kaneflex.scene import Scene as Scene
     from kaneflex.scene import read_scene as read_scene
+    from kaneflex.scene import scene_of as scene_of
+    from kaneflex.scene import shipped_scenes as shipped_scenes
     from kaneflex.scene import with_settings as with_settings
     from kaneflex.solve.coupled_state import read_state as read_state
     from kaneflex.solve.loading import load as load
+    from kaneflex.solve.modes import Modes as Modes
+    from kaneflex.solve.modes import modes as modes
     from kaneflex.solve.simulation import simulate as simulate
     from kaneflex.solve.solution import Solution as Solution
     from kaneflex.solve.statespace import StateSpace as StateSpace
     from kaneflex.solve.statespace import linearise as linearise
-    from kaneflex.stability.report import Stability as Stability
-    from kaneflex.stability.report import judge as judge
+    from kaneflex.study.cluster import on_cluster as on_cluster
     from kaneflex.study.comparison import Comparison as Comparison
     from kaneflex.study.comparison import compare as compare
     from kaneflex.study.sensitivity.report import Sensitivities as Sensitivities
     from kaneflex.study.sensitivity.report import sensitivities as sensitivities
+    from kaneflex.study.stability.report import Stability as Stability
+    from kaneflex.study.stability.report import stability as stability
+    from kaneflex.study.sweep import sweep as sweep
+    from kaneflex.study.trade.ranking import Trade as Trade
+    from kaneflex.study.trade.ranking import trade as trade
+    from kaneflex.study.trade.terms import Terms as Terms
+    from kaneflex.study.trade.terms import terms as terms
+    from kaneflex.study.workers import in_processes as in_processes
     from kaneflex.support.checking import checked as checked
     from kaneflex.support.errors import OutputError as OutputError
     from kaneflex.support.errors import SceneError as SceneError
@@ -40,24 +54,38 @@ if TYPE_CHECKING:  # for checkers and editors, what __getattr__ brings at run ti
 _HOMES = {
     "Comparison": "kaneflex.study.comparison",
     "Model": "kaneflex.multibody.model",
+    "Modes": "kaneflex.solve.modes",
     "OutputError": "kaneflex.support.errors",
     "Scene": "kaneflex.scene",
     "SceneError": "kaneflex.support.errors",
     "Sensitivities": "kaneflex.study.sensitivity.report",
     "Solution": "kaneflex.solve.solution",
-    "Stability": "kaneflex.stability.report",
+    "Stability": "kaneflex.study.stability.report",
     "StateSpace": "kaneflex.solve.statespace",
+    "Terms": "kaneflex.study.trade.terms",
+    "Trade": "kaneflex.study.trade.ranking",
     "UserError": "kaneflex.support.errors",
     "ValidityWarning": "kaneflex.support.errors",
     "checked": "kaneflex.support.checking",
     "compare": "kaneflex.study.comparison",
-    "judge": "kaneflex.stability.report",
+    "draw_all": "kaneflex.plots",
+    "figures": "kaneflex.plots",
+    "in_processes": "kaneflex.study.workers",
     "linearise": "kaneflex.solve.statespace",
     "load": "kaneflex.solve.loading",
+    "modes": "kaneflex.solve.modes",
+    "on_cluster": "kaneflex.study.cluster",
     "read_scene": "kaneflex.scene",
     "read_state": "kaneflex.solve.coupled_state",
+    "scene_of": "kaneflex.scene",
     "sensitivities": "kaneflex.study.sensitivity.report",
+    "shipped_scenes": "kaneflex.scene",
+    "show": "kaneflex.plots",
     "simulate": "kaneflex.solve.simulation",
+    "stability": "kaneflex.study.stability.report",
+    "sweep": "kaneflex.study.sweep",
+    "terms": "kaneflex.study.trade.terms",
+    "trade": "kaneflex.study.trade.ranking",
     "with_settings": "kaneflex.scene",
 }
 __all__ = sorted(_HOMES)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import json
-import math
+import logging
+import os
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,11 +33,9 @@ from kaneflex.cli.stability import stability
 from kaneflex.cli.sweep import sweep
 from kaneflex.cli.trade import chosen_lines, demand_tolerance, refuse_with_tolerance, terms, tolerance_of, trade
 from kaneflex.support.errors import SceneError, UserError
+from kaneflex.support.terminal import LOG
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from kaneflex.multibody.model import Model
     from kaneflex.report.summary import Summary
     from kaneflex.scene import Scene
 
@@ -261,7 +261,8 @@ def modes(
     Shapes are mass-normalised, one column of mode_shapes a mode, one row a coordinate (m or rad). Preset paper adds
     K_d, as the paper's eq. (99) does.
     """
-    from kaneflex.solve.loading import load
+    from kaneflex.solve.modes import mesh_hint
+    from kaneflex.solve.modes import modes as found_modes
     from kaneflex.support.terminal import Waiting
 
     if export is not None:
@@ -269,57 +270,16 @@ def modes(
         return
     scene = asked.read_at(at)
     with Waiting() as waiting:
-        model = load(scene, waiting.stage)
-        names, omega, shapes = _modes_of(model, count)
-        too_few = mesh_hint(model, omega)
-    hertz = omega / (2.0 * math.pi)
+        found = found_modes(scene, count, waiting.stage)
+        too_few = mesh_hint(found)
     if too_few:
         click.echo(f"Warning: {too_few}", err=True)
     if as_json:
-        click.echo(json.dumps(_modes_as_data(model, names, hertz, shapes), indent=2, ensure_ascii=False))
+        click.echo(json.dumps(found.as_data(), indent=2, ensure_ascii=False))
         return
     from kaneflex.report.tables import modes_table
 
-    click.echo(modes_table(model, names, hertz, shapes))
-
-
-def _modes_of(model: Model, count: int | None) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Coordinates, angular frequencies and shapes; of a coupled model in modal coordinates, free joints with them."""
-    if model.coupled is None:
-        from kaneflex.multibody.building import reference_modes
-
-        return model.coordinates, *reference_modes(model, _mode_count(model.equations.size, model, count))
-    from kaneflex.solve.coupled_linearisation import modes_at_rest
-
-    names, omega, shapes = modes_at_rest(model)
-    count = _mode_count(len(names), model, count)
-    return names, omega[:count], shapes[:, :count]
-
-
-_LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
-"""Modes whose frequencies are compared with a mesh of twice the elements, the change that is said, and elements of a
-link beyond which none is looked for."""
-
-
-def mesh_hint(model: Model, omega: np.ndarray) -> str:
-    """Which of the lowest frequencies change by how much with twice the elements; empty where none does by 1 %."""
-    from kaneflex.multibody.building import reference_modes
-    from kaneflex.scene import with_settings
-    from kaneflex.solve.loading import load
-
-    scene = model.scene
-    finer = {name: 2 * body.beam.elements for name, body in scene.bodies.items() if body.elastic}
-    if model.coupled is not None or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
-        return ""
-    refined = load(with_settings(scene, [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]))
-    count = min(_LOOKED_AT, len(omega))
-    exact = reference_modes(refined, count)[0]
-    change = abs(omega[:count] - exact) / exact.clip(min=1e-6 * exact[-1])
-    if (change < _TOO_FAR).all():
-        return ""
-    mode = int((change > _TOO_FAR).argmax())
-    elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
-    return f"mode {mode + 1} is {change[mode]:.1%} off that with {elements}: give the links more elements"
+    click.echo(modes_table(found))
 
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:
@@ -336,32 +296,37 @@ def _export(scene: Scene, folder: Path, force: bool) -> None:
         click.echo(f"Written to {path}")
 
 
-def _mode_count(size: int, model: Model, count: int | None) -> int:
-    from kaneflex.solve.solution import MOST_FREQUENCIES
-
-    if size == 0:
-        cure = "Give a body a beam, or choose another preset"
-        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
-    if count is not None and count > size:
-        raise SceneError("--count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
-    return count or min(size, MOST_FREQUENCIES)
+def _tell(ctx: click.Context, level: int) -> None:
+    """Log from that level on, as long as the command lasts."""
+    ctx.call_on_close(partial(LOG.setLevel, LOG.level))
+    LOG.setLevel(level)
 
 
-def _modes_as_data(
-    model: Model, names: tuple[str, ...], hertz: np.ndarray, shapes: np.ndarray
-) -> dict[str, object]:
-    stands, slides = model.reference_coordinates, model.scene.slides
-    lengths = {drive: value for drive, value in stands.items() if slides(drive)}
-    angles = {drive: round(math.degrees(value), 12) for drive, value in stands.items() if not slides(drive)}
-    return {
-        "scene": model.scene.name,
-        **({"at_m": lengths} if lengths else {}),
-        **({"at_deg": angles} if angles or not lengths else {}),
-        "coordinates": list(names),
-        "frequencies_hz": hertz.tolist(),
-        "mode_shapes": shapes.tolist(),
-    }
+def _say_less(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        nowhere = ctx.with_resource(open(os.devnull, "w", encoding="utf-8"))
+        ctx.with_resource(redirect_stdout(nowhere))
+        _tell(ctx, logging.WARNING)
 
+
+def _say_more(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        logging.basicConfig(format="%(message)s")
+        _tell(ctx, logging.INFO)
+
+
+_LOUDNESS = (
+    click.Option(
+        ["-q", "--quiet"], is_flag=True, is_eager=True, expose_value=False, callback=_say_less,
+        help="Print only what is wrong: errors and warnings.",
+    ),
+    click.Option(
+        ["-v", "--verbose"], is_flag=True, is_eager=True, expose_value=False, callback=_say_more,
+        help="Say on stderr what each stage was and how long it took.",
+    ),
+)  # fmt: skip
 
 for command in (derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations):
     main.add_command(command)
+for command in main.commands.values():
+    command.params += _LOUDNESS

@@ -71,14 +71,11 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
 
 def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:
     """The picture of a mechanism in space as it starts; says how many freedoms it has."""
-    from kaneflex.plots.spatial import scheme_picture
+    from kaneflex.plots.spatial import refuse_places, scheme_picture
     from kaneflex.report.presentation import spatial_mobility_lines
     from kaneflex.solve.spatial_loading import spatial_start
 
-    if at:
-        name, place = next(iter(at.items()))
-        cure = "Leave it out, or set where the drive starts"
-        raise SceneError("--at", f"{name} = {place:.6g}", "a mechanism in space is drawn as it starts", cure)
+    refuse_places(at)
     system, start, motion = spatial_start(scene)
     click.echo(spatial_mobility_lines(system, start.choice))
     return scheme_picture(scene, motion, kind)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from kaneflex.scene import Scene
-    from kaneflex.stability.report import Stability
+    from kaneflex.study.stability.report import Stability
 
 STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds.csv"
 
@@ -39,15 +39,15 @@ def stability(asked: SceneArguments, target: Target, speed: str | None, points: 
     speeds.csv and a picture.
     """
     from kaneflex.report.presentation import block
-    from kaneflex.stability.report import judge
-    from kaneflex.stability.sweep import check_sweep, speeds_between
+    from kaneflex.study.stability.report import stability as judged
+    from kaneflex.study.stability.sweep import check_sweep, speeds_between
 
     scene = asked.read()
     speeds = None
     if speed is not None:
         speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points)
     target = target.named(scene, "stability")
-    found = into(target, STABILITY_FILE, lambda stage: judge(scene, speeds, stage), _write, "stability")
+    found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage), _write, "stability")
     click.echo(block("stability", found.findings))
     click.echo(f"Written to {target.folder}")
 

@@ -52,8 +52,10 @@ def build_model(
     """
     reference, warnings = _reference(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
-        mine = {"scene": scene, "options": options, "motion": motion, "reference_time": reference}
-        return replace(like, **mine, energy=None, warnings=(), seconds={})
+        return replace(
+            like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None, warnings=(),
+            seconds={},
+        )  # fmt: skip
     if options.dynamics == "rigid" or not any(body.elastic for body in scene.bodies.values()):
         return rigid_model(scene, options, motion, reference)
     if bare:

@@ -73,6 +73,8 @@ class Model:
         Of the rigid mechanism, where its free joints were integrated before anything deforms.
     seconds : mapping
         Wall time of the stages of loading.
+    given : Scene or None
+        What was loaded: ``scene`` lacks what the options have no use for.
     """
 
     scene: Scene
@@ -91,9 +93,22 @@ class Model:
     energy: Energy | None = None
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
+    given: Scene | None = None
 
     def __repr__(self) -> str:
         return f"Model({self.in_short})"
+
+    def _repr_html_(self) -> str:
+        """In a notebook: what is solved for."""
+        from kaneflex.support.html import shown
+
+        links = ", ".join(f"{name} ({len(link.part.coordinates)})" for name, link in self.links.items())
+        rows = [
+            ("preset", self.options.preset), ("integrator", self.options.integrator), ("links (coordinates)", links),
+            ("degrees of freedom", str(self.degrees_of_freedom)), ("solved for", str(self.solved_for)),
+            ("duration [s]", self.options.duration), ("steps", str(self.options.steps)),
+        ]  # fmt: skip
+        return shown(f"{self.scene.name}: {self.scene.description}", ("", ""), rows, self.warnings)
 
     @property
     def in_short(self) -> str:
@@ -128,7 +143,6 @@ class Model:
     def shapes_given(self) -> tuple[str, ...]:
         """Coordinates of the shapes of bodies with modal data, which preset coupled solves for as they are."""
         return () if self.coupled is None else shapes_given(self.scene)
-
 
     @property
     def reference_coordinates(self) -> dict[str, float]:

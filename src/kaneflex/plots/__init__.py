@@ -6,7 +6,7 @@ matplotlib is imported with the first picture, never with this package.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from kaneflex.scene import Scene
     from kaneflex.solve.solution import Solution
 
 Progress = Callable[[float], None]
@@ -79,13 +80,42 @@ def draw(kind: str, found: object, folder: Path) -> list[Path]:
         return save(import_module(f"kaneflex.plots.{kind}").figure(found), folder / kind)
 
 
-def figures(solution: Solution) -> Iterator[tuple[str, Figure]]:
-    """Name and matplotlib Figure of every still picture, for a notebook or another page."""
+def figures(solution: Solution) -> dict[str, Figure]:
+    """Every still picture of a solution as a matplotlib Figure, by name, for a notebook or another page."""
     from kaneflex.plots.style import styled
 
     with styled():
-        for pictures in _kinds(solution):
-            yield from pictures(solution).items()
+        return {name: figure for pictures in _kinds(solution) for name, figure in pictures(solution).items()}
+
+
+def show(scene: Scene, at: Mapping[str, float] | None = None) -> Figure:
+    """The drawing of a scene with its bodies, joints, drives, loads and sensors; nothing is solved for it.
+
+    Parameters
+    ----------
+    scene : Scene
+    at : mapping of str to float, optional
+        Drive -> coordinate [rad or m] at which it is drawn; by default as the run starts.
+
+    Raises
+    ------
+    SceneError
+        If the mechanism can't stand there; for a place of one in space, which is drawn as it starts.
+    """
+    from kaneflex.plots.style import styled
+
+    with styled():
+        if scene.is_spatial:
+            from kaneflex.plots import spatial
+            from kaneflex.solve.spatial_loading import spatial_start
+
+            spatial.refuse_places(at or {})
+            return spatial.scheme(scene, spatial_start(scene)[2])
+        from kaneflex.mechanism.position_analysis import place, with_branches
+        from kaneflex.plots.scheme import scheme
+
+        scene = with_branches(scene)
+        return scheme(scene, place(scene, at or {}))
 
 
 def _moves(solution: Solution) -> bool:

@@ -27,6 +27,7 @@ from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Vector
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
     from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -98,9 +99,21 @@ def modes(solution: Solution) -> dict[str, Figure]:
 
 def scheme_picture(scene: Scene, motion: RigidMotion, kind: str) -> bytes:
     """The drawing of a scene as it starts as a "png", "svg" or "pdf" file; the same scene, the same bytes."""
-    title = fill(f"{scene.name}: {scene.description}" if scene.description else scene.name, _WIDEST)
     with styled():
-        return as_file(_drawn(scene, motion, _bodies(scene, motion), title, {}), kind)
+        return as_file(scheme(scene, motion), kind)
+
+
+def scheme(scene: Scene, motion: RigidMotion) -> Figure:
+    """The drawing as a matplotlib Figure; ``motion`` is that of the instant at which it starts."""
+    title = fill(f"{scene.name}: {scene.description}" if scene.description else scene.name, _WIDEST)
+    return _drawn(scene, motion, _bodies(scene, motion), title, {})
+
+
+def refuse_places(at: Mapping[str, float]) -> None:
+    """Raise SceneError where a mechanism in space is to be drawn elsewhere than it starts."""
+    for name, place in at.items():
+        cure = "Leave it out, or set where the drive starts"
+        raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn as it starts", cure)
 
 
 def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:

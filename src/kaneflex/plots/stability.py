@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaneflex.plots.style import GREY, PALETTE, new_figure, readable
-from kaneflex.stability.report import Stability
-from kaneflex.stability.sweep import ORDERS, Sweep
+from kaneflex.study.stability.report import Stability
+from kaneflex.study.stability.sweep import ORDERS, Sweep
 
 _LEAST = 1e-3
 """Multiplier under which all disturbances are gone after a period."""

@@ -14,6 +14,7 @@ from kaneflex.report.presentation import at_drive
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.report.summary import Instant, SensorSummary, Summary
+    from kaneflex.solve.modes import Modes
     from kaneflex.solve.statespace import StateSpace
 
 _MOST_POLES = 8
@@ -135,9 +136,10 @@ def _reached(summary: Summary) -> str:
     return f"results over {summary.duration_s:.6g} s" if summary.stored else "none of them taken"
 
 
-def modes_table(model: Model, names: Sequence[str], hertz: np.ndarray, shapes: np.ndarray) -> str:
+def modes_table(found: Modes) -> str:
     """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode."""
-    names, moved = (list(names), shapes) if model.coupled is not None else _nodal(model, shapes)
+    model, coupled = found.model, found.model.coupled is not None
+    names, moved = (list(found.coordinates), found.shapes) if coupled else _nodal(model, found.shapes)
     last = {name: name.rpartition(".")[2] for name in names}
     turning = {name for name, what in last.items() if what in ("theta", "turn", "phi")}
     shifting = {name for name, what in last.items() if name not in turning and not what.startswith("mode_")}
@@ -150,7 +152,7 @@ def modes_table(model: Model, names: Sequence[str], hertz: np.ndarray, shapes: n
 
     rows = [
         (str(k + 1), f"{value:.3f}", largest(moved[:, k], shifting), largest(moved[:, k], turning))
-        for k, value in enumerate(hertz)
+        for k, value in enumerate(found.frequencies)
     ]
     head = ("mode", "Hz", "largest displacement", "largest rotation")
     where = at_drive(model)

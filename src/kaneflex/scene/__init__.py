@@ -1,6 +1,6 @@
 """Scenes: what a user writes, read and checked."""
 
-from kaneflex.scene.read import json_schema, read_scene, shipped_scenes, with_settings
+from kaneflex.scene.read import json_schema, read_scene, scene_of, shipped_scenes, with_settings
 from kaneflex.scene.scene import Scene
 
-__all__ = ["Scene", "json_schema", "read_scene", "shipped_scenes", "with_settings"]
+__all__ = ["Scene", "json_schema", "read_scene", "scene_of", "shipped_scenes", "with_settings"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,34 @@ def read_scene(name_or_path: str | Path) -> Scene:
     """The scene of a file, or the shipped one of that name. Raises SceneError with every problem found."""
     path = located(name_or_path, Path.cwd(), "scene")
     return _validated(_read_raw(path, ()), path.stem if path.parent == _SHIPPED else path.name)
+
+
+def scene_of(given: Mapping[str, Any] | str, folder: str | Path = ".") -> Scene:
+    """The scene of tables, or of a text in TOML: what a file would hold, with the same checks and the same errors.
+
+    Parameters
+    ----------
+    given : mapping or str
+        Tables within tables; numbers of NumPy's, arrays and paths stand for what a file could say of them.
+    folder : path
+        What the files that it names, and scenes that it is ``like``, stand relative to.
+
+    Raises
+    ------
+    SceneError
+        With every problem found.
+    TypeError
+        For what is neither tables nor a text.
+    """
+    if isinstance(given, str):
+        raw = _parsed(given, "text")
+    elif isinstance(given, Mapping):
+        raw = _plain(given)
+        _demand_shallow(raw, "tables")
+    else:
+        raise TypeError(f"scene_of takes tables or a text, not {type(given).__name__}")
+    raw = _whole(raw, "scene", Path(folder).resolve(), ())
+    return _validated(raw, str(raw["name"]))
 
 
 def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
@@ -100,44 +128,72 @@ def _read_raw(path: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
     if path in readers:
         chain = " -> ".join(reader.name for reader in (*readers, path))
         raise SceneError("like", path.stem, f"scenes start from each other: {chain}", "Break the circle")
-    raw = _toml(path)
-    raw.setdefault("name", path.stem)
+    return _whole(_toml(path), path.stem, path.parent, (*readers, path))
+
+
+def _whole(raw: dict[str, Any], name: str, folder: Path, readers: tuple[Path, ...]) -> dict[str, Any]:
+    """Tables as :func:`_read_raw` gives them, of what a file in that folder holds."""
+    raw.setdefault("name", name)
     for entry in (*_tables(raw.get("loads")), *_tables(raw.get("drives"))):
         if isinstance(entry.get("table"), str) and entry["table"] != "none":
-            entry["table"] = str(beside(path.parent, entry["table"]))
+            entry["table"] = str(beside(folder, entry["table"]))
     for entry in _tables(raw.get("bodies")):
         if isinstance(entry.get("modal_data"), str):
-            entry["modal_data"] = str(beside(path.parent, entry["modal_data"]))
+            entry["modal_data"] = str(beside(folder, entry["modal_data"]))
     for entry in _tables(raw.get("solve")):
         if isinstance(entry.get("file"), str):
-            entry["file"] = str(beside(path.parent, entry["file"]))
+            entry["file"] = str(beside(folder, entry["file"]))
     if isinstance(raw.get("like"), str):
-        raw = merged(_read_raw(located(raw["like"], path.parent, "like"), (*readers, path)), raw)
+        raw = merged(_read_raw(located(raw["like"], folder, "like"), readers), raw)
     return reuse_bodies(raw)
 
 
 def _toml(path: Path) -> dict[str, Any]:
     """A file's tables. Raises SceneError: unreadable, not TOML, numbers or tables beyond any scene's."""
     try:
-        raw = tomllib.loads(read_text(path))
-    except RecursionError:
-        raise SceneError("scene", path.name, "lists or tables stand too deep in each other", "Flatten them") from None
+        text = read_text(path)
     except Fault as fault:
         raise SceneError("scene", path.name, fault.reason, fault.cure) from None
     except FileNotFoundError:  # gone since it was looked for
         raise SceneError("scene", path.name, "no such file", "Give the path of a scene") from None
+    return _parsed(text, path.name)
+
+
+def _parsed(text: str, name: str) -> dict[str, Any]:
+    """The tables of a text in TOML. Raises SceneError: not TOML, numbers or tables beyond any scene's."""
+    try:
+        raw = tomllib.loads(text)
+    except RecursionError:
+        raise SceneError("scene", name, "lists or tables stand too deep in each other", "Flatten them") from None
     except tomllib.TOMLDecodeError as error:
-        raise SceneError("scene", path.name, f"not TOML: {error}", "Correct that line") from None
+        raise SceneError("scene", name, f"not TOML: {error}", "Correct that line") from None
     except ValueError:  # Python makes no whole number of more than 4300 digits, and names no line
-        line, digits = _longest_number(read_text(path))
+        line, digits = _longest_number(text)
         reason = f"line {line}: a whole number of {digits} digits"
-        raise SceneError("scene", path.name, reason, "Correct it, or write it like 1.5e9") from None
+        raise SceneError("scene", name, reason, "Correct it, or write it like 1.5e9") from None
+    _demand_shallow(raw, name)
+    return raw
+
+
+def _demand_shallow(raw: dict[str, Any], name: str) -> None:
     level = [raw]
     for _ in range(_DEEPEST):
         level = [inner for table in level for inner in table.values() if isinstance(inner, dict)]
     if level:
-        raise SceneError("scene", path.name, f"tables stand more than {_DEEPEST} deep in each other", "Flatten them")
-    return raw
+        raise SceneError("scene", name, f"tables stand more than {_DEEPEST} deep in each other", "Flatten them")
+
+
+def _plain(value: Any, depth: int = 0) -> Any:
+    """A value as TOML would give it: mappings, sequences, paths and NumPy's numbers become plain ones."""
+    if depth > _DEEPEST:  # which is refused, and may go on without end
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each, depth + 1) for key, each in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return [_plain(each, depth + 1) for each in value] if isinstance(value, (list, tuple)) else value
 
 
 def _longest_number(text: str) -> tuple[int, int]:

@@ -114,6 +114,24 @@ class Scene(SceneTable):
     _source: str = PrivateAttr("")
     _read: dict[str, Any] = PrivateAttr(default_factory=dict)
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{table} {len(entries)}" for table, entries in self._tables().items())
+        return f"Scene({self.name}, {self.solve.preset}: {counts})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """In a notebook: what it is, and the names of what it has."""
+        from kaneflex.support.html import shown
+
+        rows = [(table, ", ".join(entries)) for table, entries in self._tables().items()]
+        heading = f"{self.name}: {self.description}" if self.description else self.name
+        return shown(heading, ("", ""), [*rows, ("preset", self.solve.preset)])
+
+    def _tables(self) -> dict[str, dict[str, Any]]:
+        """Tables of named entries that have some."""
+        return {name: value for name, value in self if isinstance(value, dict) and value and name != "assumptions"}
+
     @property
     def raw(self) -> dict[str, Any]:
         """What the file says, after `like`, before units: where `with_settings` starts. Read only.

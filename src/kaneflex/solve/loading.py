@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -41,6 +42,14 @@ _MOST = 20_000
 """Instants at most at which laws must have values before anything is computed."""
 
 
+def _pickled(model: Model) -> tuple[Callable[[Scene], Model], tuple[Scene]]:
+    """A model is pickled as its scene, and loaded anew from it: kernels and addresses are a process's own."""
+    return load, (model.scene if model.given is None else model.given,)
+
+
+copyreg.pickle(Model, _pickled)
+
+
 def load(
     scene: Scene, progress: Progress = lambda stage: None, like: Model | None = None, pruned: bool = False
 ) -> Model:
@@ -67,7 +76,11 @@ def load(
         If the linkage can't close over the drives' range, or the scene asks for what is not available.
     """
     if not isinstance(scene, Scene):
-        raise TypeError(f"load takes a Scene, not {scene!r}: read_scene(...) makes one")
+        raise TypeError(f"load takes a Scene, not {type(scene).__name__}: read_scene(...) makes one")
+    return replace(_load(scene, progress, like, pruned), given=scene)
+
+
+def _load(scene: Scene, progress: Progress, like: Model | None, pruned: bool) -> Model:
     started = time.perf_counter()
     options = resolve_options(scene)
     if scene.is_spatial:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, KeysView, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,11 +17,13 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
 from kaneflex.response.time_statistics import Statistics, statistics_of_all
+from kaneflex.scene import Scene
 from kaneflex.solve.initial import STATE, start_coordinates
 from kaneflex.support.errors import SceneError
 from kaneflex.support.units import LARGEST
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
     from kaneflex.multibody.impacts import Impact
@@ -57,9 +59,31 @@ class Solution:
     def __repr__(self) -> str:
         return f"Solution({self.model.in_short}, {self.outcome.name.lower()}, {len(self.times)} instants)"
 
+    def _repr_html_(self) -> str:
+        """In a notebook: warnings, then every sensor's extremes in SI with what they may be off by."""
+        from kaneflex.support.html import shown
+
+        off, _ = self.errors
+        rows = []
+        for name, series in self.series.items():
+            found = self.statistics(name)
+            numbers = (found.min, found.max, found.mean, found.rms)
+            rows.append((name, series.unit, *map(float, numbers), float(off[name].total) if name in off else ""))
+        head = ("sensor", "unit", "min", "max", "mean", "rms", "+-")
+        stopped = () if self.outcome is Outcome.COMPLETED else (self.message,)
+        return shown(repr(self), head, rows, (*stopped, *self.warnings))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickled with its scene, of which the model is loaded anew."""
+        return _restored, (self.model.given, self.trajectory, self.seconds, self.whole)
+
     def __iter__(self) -> Iterator[str]:
         """The names of the sensors."""
         return iter(self.series)
+
+    def keys(self) -> KeysView[str]:
+        """The names of the sensors, those of ``NAME_rigid`` included, so that ``dict(solution)`` has their series."""
+        return self.series.keys()
 
     @property
     def times(self) -> np.ndarray:
@@ -240,6 +264,19 @@ class Solution:
         """All sensors as one labelled dataset; see :mod:`kaneflex.solve.results`."""
         return self.labelled.dataset()
 
+    def to_xarray(self) -> xarray.Dataset:
+        """:attr:`dataset`, by the name that pandas has for it."""
+        return self.dataset
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The sensors as columns over ``time`` [s]; ``attrs`` holds their units by name."""
+        values = {name: series.values for name, series in self.series.items()}
+        import pandas
+
+        frame = pandas.DataFrame(values, index=pandas.Index(self.times, name="time"))
+        frame.attrs["units"] = {name: series.unit for name, series in self.series.items()}
+        return frame
+
     def __getitem__(self, sensor: str) -> xarray.DataArray:
         """One sensor as a labelled array over ``time`` [s].
 
@@ -253,6 +290,20 @@ class Solution:
 
             raise KeyError(f"no sensor {sensor!r}. {nearest(sensor, self.series)}.")
         return self.dataset[sensor]
+
+
+def _restored(
+    scene: Scene, trajectory: Trajectory | CoupledTrajectory, seconds: float, whole: Solution | None
+) -> Solution:
+    """The solution that was pickled."""
+    from kaneflex.solve.loading import load
+
+    model = load(scene)
+    if isinstance(trajectory, Trajectory):
+        return Solution(model, trajectory, seconds, whole)
+    from kaneflex.solve.coupled import as_solution
+
+    return replace(as_solution(model, trajectory, seconds), whole=whole)
 
 
 def _between(trajectory: Trajectory, times: np.ndarray) -> Trajectory:

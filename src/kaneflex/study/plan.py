@@ -8,11 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from kaneflex.scene import Scene, read_scene, shipped_scenes, with_settings
 from kaneflex.scene.settings import nested, resolved
 from kaneflex.study.poincare import Poincare
-from kaneflex.study.study import Point, Study, Value, points_of, read_study
+from kaneflex.study.study import Point, Study, Value, points_of, read_study, study_of
 from kaneflex.support.errors import SceneError, nearest
 from kaneflex.support.module_cache import sources_digest
 
@@ -73,18 +74,27 @@ class Plan:
         return digest(self.scene, self.files, list(self.points.values()), kept)
 
 
-def make_plan(path: Path) -> Plan:
-    """The plan of a study file.
+def make_plan(given: Path | str | Mapping[str, Any]) -> Plan:
+    """The plan of a study's file, or of its tables, whose ``scene`` may also be a Scene.
+
+    Files that tables name stand relative to the current folder.
 
     Raises
     ------
     SceneError
-        For a file that is no study, a scene that can't be read, a path that leads nowhere, or names of sensors that
+        For what is no study, a scene that can't be read, a path that leads nowhere, or names of sensors that
         the dataset needs itself. Values that only some points have are not tried.
     """
-    study = read_study(path)
-    folder = path.resolve().parent
-    scene = _base(study, folder)
+    own = None
+    if isinstance(given, Mapping):
+        folder, tables = Path.cwd(), dict(given)
+        if isinstance(tables.get("scene"), Scene):
+            own = tables["scene"]
+            tables["scene"] = own.name
+        study = study_of(tables)
+    else:
+        study, folder = read_study(given), Path(given).resolve().parent
+    scene = _base(study, folder, own)
     points = [{key: _whole_path(key, value, folder) for key, value in point.items()} for point in points_of(study)]
     for key, value in points[0].items():
         nested(scene.raw, setting(key, value))
@@ -112,18 +122,22 @@ def setting(path: str, value: Value) -> str:
     return f"{path}={json.dumps(value, ensure_ascii=False)}"
 
 
-def _base(study: Study, folder: Path) -> Scene:
-    name = study.scene
-    if name not in shipped_scenes() and not (folder / name).is_file():
-        cure = nearest(name, [*shipped_scenes(), *(file.name for file in folder.glob("*.toml"))])
-        raise SceneError("scene", name, "no shipped scene and no file of that name beside the study", cure)
-    scene = read_scene(name if name in shipped_scenes() else folder / name)
+def _base(study: Study, folder: Path, own: Scene | None) -> Scene:
+    """The scene of a study with its settings; ``own`` where it is there already."""
+    scene = _named(study.scene, folder) if own is None else own
     settings = []
     for text in study.settings:
         key, equals, value = text.partition("=")
         whole = _whole_path(key.strip(), value.strip().strip("\"'"), folder)
         settings.append(setting(key, whole) if equals and names_file(key.strip()) else text)
     return with_settings(scene, settings) if settings else scene
+
+
+def _named(name: str, folder: Path) -> Scene:
+    if name not in shipped_scenes() and not (folder / name).is_file():
+        cure = nearest(name, [*shipped_scenes(), *(file.name for file in folder.glob("*.toml"))])
+        raise SceneError("scene", name, "no shipped scene and no file of that name beside the study", cure)
+    return read_scene(name if name in shipped_scenes() else folder / name)
 
 
 def _whole_path(key: str, value: Value, folder: Path) -> Value:

@@ -145,7 +145,7 @@ class Study(SceneTable):
         return self
 
 
-def read_study(path: Path) -> Study:
+def read_study(path: Path | str) -> Study:
     """The study of a TOML file.
 
     Raises
@@ -153,16 +153,22 @@ def read_study(path: Path) -> Study:
     SceneError
         For a file that is not a study; it names every problem.
     """
+    path = Path(path)
     try:
         raw: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise SceneError("study", path.name, f"not TOML: {error}", "Correct that line") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError("study", path.name, f"cannot be read: {error}", "Give a readable UTF-8 file") from None
+    return study_of(raw)
+
+
+def study_of(raw: dict[str, Any]) -> Study:
+    """The study of tables, as a file holds them. Raises SceneError, which names every problem."""
     try:
         return Study.model_validate(raw)
     except ValidationError as error:
-        raise SceneError.gather(problem_in(item, raw, Study) for item in error.errors()) from None
+        raise SceneError.gather(problem_in(dict(item), raw, Study) for item in error.errors()) from None
 
 
 Point = dict[str, Value]

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from kaneflex.study.dataset import demand_zarr, write_netcdf, write_zarr
-from kaneflex.study.plan import Plan
+from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import COMPLETED, Record, solve_points
 from kaneflex.study.store import RESULT_FILES, Store, alone, open_store
 from kaneflex.support.output_folders import writing
+
+if TYPE_CHECKING:
+    import xarray
 
 _RECENT = 200
 """Points whose rate is told: not the first ones, for which everything was compiled."""
@@ -58,6 +62,14 @@ class Finished:
     total: int
     failures: dict[int, str]
 
+    @property
+    def dataset(self) -> xarray.Dataset:
+        """The dataset, read from its file."""
+        import xarray
+
+        with xarray.open_dataset(self.path, engine="zarr" if self.path.suffix == ".zarr" else "scipy") as found:
+            return found.load()
+
 
 Solver = Callable[[Plan, Sequence[int]], Generator[Record, None, None]]
 """Solves the points of these numbers, in whatever order."""
@@ -69,8 +81,8 @@ def in_this_process(plan: Plan, points: Sequence[int]) -> Generator[Record, None
 
 
 def sweep(
-    plan: Plan,
-    folder: Path,
+    study: Plan | Path | str | Mapping[str, Any],
+    folder: Path | str,
     solver: Solver = in_this_process,
     progress: Callable[[Progress], None] = lambda now: None,
     force: bool = False,
@@ -82,11 +94,13 @@ def sweep(
 
     Parameters
     ----------
-    plan : Plan
-    folder : Path
+    study : Plan, path or mapping
+        A study's file, or its tables, of which :func:`kaneflex.study.plan.make_plan` makes the plan.
+    folder : path
         New, or that of the same sweep.
     solver : Solver
-        Where the points are solved. The results don't depend on it.
+        Where the points are solved: in this process; :func:`kaneflex.in_processes` and :func:`kaneflex.on_cluster`
+        make others. The results don't depend on it.
     progress : callable
         Called with a Progress at the start and after each point.
     force : bool
@@ -101,6 +115,7 @@ def sweep(
     OutputError
         If the folder holds other things, can't be written, or another sweep is writing into it.
     """
+    plan, folder = study if isinstance(study, Plan) else make_plan(study), Path(folder)
     if form == "zarr":
         demand_zarr()
     with alone(folder):

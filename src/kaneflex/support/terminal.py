@@ -5,12 +5,15 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+LOG = logging.getLogger("kaneflex")
 
 _PATIENCE = 1.0
 """Seconds that a stage may take before anything is shown of it."""
@@ -22,20 +25,21 @@ def log_warning(text: str) -> None:
     Python's `warnings` are for what the calling code can change, and would show a line of ours. Where nobody has
     configured logging, what stands on stderr is this line alone, as the commands' other warnings.
     """
-    logging.getLogger("kaneflex").warning("Warning: %s", text)
+    LOG.warning("Warning: %s", text)
 
 
 class Waiting:
     """Names the stage that is under way, once it has lasted a second.
 
     A terminal shows a bar that vanishes at the end; anything else gets one line a stage. rich is imported only when
-    something is shown. To be used in a ``with`` statement.
+    something is shown. Where the logger "kaneflex" is to tell (level INFO), it says of every finished stage how long
+    it took, and nothing else is shown; where its own level is higher, nothing is. To be used in a ``with`` statement.
     """
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
         self._timer: threading.Timer | None = None
-        self._name = ""
+        self._name, self._began = "", 0.0
         self._bar: Progress | None = None
         self._task: TaskID | None = None
 
@@ -54,7 +58,9 @@ class Waiting:
     def stage(self, name: str) -> None:
         """The stage before, if any, is over; ``name`` begins."""
         self._finish_stage()
-        self._name = name
+        self._name, self._began = name, time.perf_counter()
+        if LOG.level:
+            return
         self._timer = threading.Timer(_PATIENCE, self._show)
         self._timer.daemon = True
         self._timer.start()
@@ -74,6 +80,9 @@ class Waiting:
     def _finish_stage(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
+        if self._name:
+            LOG.info("%s: %.3f s", self._name, time.perf_counter() - self._began)
+            self._name = ""
         with self._lock:
             self._timer = None
             if self._task is not None:

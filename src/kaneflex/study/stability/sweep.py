@@ -12,7 +12,7 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import FEW_INSTANTS, freeze
 from kaneflex.scene import Scene
 from kaneflex.solve.variants import Variants
-from kaneflex.stability.floquet import Multipliers, floquet_multipliers
+from kaneflex.study.stability.floquet import Multipliers, floquet_multipliers
 from kaneflex.support.errors import SceneError
 
 _EDGE = 2e-5

@@ -12,8 +12,8 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freeze
 from kaneflex.scene import Scene
 from kaneflex.solve.loading import load
-from kaneflex.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
-from kaneflex.stability.sweep import Sweep, check_sweep, sweep
+from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
+from kaneflex.study.stability.sweep import Sweep, check_sweep, sweep
 
 FREQUENCIES = 6
 """Lowest frequencies that are followed."""
@@ -21,7 +21,7 @@ FREQUENCIES = 6
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """What :func:`judge` found; SI.
+    """What :func:`stability` found; SI.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Stability:
         return _plain(data)
 
 
-def judge(
+def stability(
     scene: Scene, speeds: np.ndarray | None = None, stage: Callable[[str], None] = lambda name: None
 ) -> Stability:
     """Judge the stability of a scene's periodic equations.

@@ -1,0 +1,117 @@
+"""Natural frequencies and mode shapes of a mechanism where it stands, and whether its mesh is fine enough for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model import Model
+from kaneflex.scene import Scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.solution import MOST_FREQUENCIES
+from kaneflex.support.errors import SceneError
+
+_LOOKED_AT, _TOO_FAR, _FEW = 6, 0.01, 32
+"""Modes whose frequencies are compared with a mesh of twice the elements, the change that is said, and elements of a
+link beyond which none is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Undamped modes, the lowest first.
+
+    Attributes
+    ----------
+    model : Model
+    coordinates : tuple of str
+        What the rows of ``shapes`` are: coordinates of the mechanism; under preset ``coupled`` its modal ones, free
+        joints with them.
+    frequencies : ndarray (n_modes,)
+        Natural frequencies [Hz].
+    shapes : ndarray (n, n_modes)
+        Mass-normalised, one mode a column [m or rad].
+    """
+
+    model: Model
+    coordinates: tuple[str, ...]
+    frequencies: np.ndarray
+    shapes: np.ndarray
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{value:.6g}" for value in self.frequencies[:_LOOKED_AT])
+        more = ", ..." if len(self.frequencies) > _LOOKED_AT else ""
+        return f"Modes({self.model.in_short}: {shown}{more} Hz)"
+
+    def as_data(self) -> dict[str, object]:
+        """Plain numbers and texts, as ``kaneflex modes --json`` prints them."""
+        stands, slides = self.model.reference_coordinates, self.model.scene.slides
+        lengths = {drive: value for drive, value in stands.items() if slides(drive)}
+        angles = {drive: round(math.degrees(value), 12) for drive, value in stands.items() if not slides(drive)}
+        return {
+            "scene": self.model.scene.name,
+            **({"at_m": lengths} if lengths else {}),
+            **({"at_deg": angles} if angles or not lengths else {}),
+            "coordinates": list(self.coordinates),
+            "frequencies_hz": self.frequencies.tolist(),
+            "mode_shapes": self.shapes.tolist(),
+        }
+
+
+def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] = lambda name: None) -> Modes:
+    """Undamped natural frequencies and mode shapes at ``solve.mode_angle``, from K_s and M alone.
+
+    Preset ``paper`` adds K_d, as the paper's eq. (99) does.
+
+    Parameters
+    ----------
+    scene : Scene
+    count : int, optional
+        How many of the lowest; by default all, MOST_FREQUENCIES at most.
+    stage : callable
+        Called with the name of each stage that can take longer than a moment.
+
+    Raises
+    ------
+    SceneError
+        If the scene can't be loaded, nothing is elastic, or it has fewer modes.
+    """
+    model = load(scene, stage)
+    if model.coupled is None:
+        number = _count(model, model.equations.size, count)
+        omega, shapes = reference_modes(model, number)
+        return Modes(model, model.coordinates, omega / (2.0 * math.pi), shapes)
+    from kaneflex.solve.coupled_linearisation import modes_at_rest
+
+    names, omega, shapes = modes_at_rest(model)
+    number = _count(model, len(names), count)
+    return Modes(model, names, omega[:number] / (2.0 * math.pi), shapes[:, :number])
+
+
+def _count(model: Model, size: int, count: int | None) -> int:
+    if size == 0:
+        cure = "Give a body a beam, or choose another preset"
+        raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
+    if count is not None and count > size:
+        raise SceneError("count", count, f"the mechanism has {size} degrees of freedom", f"Ask for {size} at most")
+    return count or min(size, MOST_FREQUENCIES)
+
+
+def mesh_hint(found: Modes) -> str:
+    """Which of the lowest frequencies change by how much with twice the elements; empty where none does by 1 %."""
+    model = found.model
+    beams = {name: body.beam for name, body in model.scene.bodies.items() if body.elastic}
+    finer = {name: 2 * beam.elements for name, beam in beams.items() if beam is not None}
+    if model.coupled is not None or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
+        return ""
+    counts = [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
+    exact = modes(with_settings(model.scene, counts), min(_LOOKED_AT, len(found.frequencies))).frequencies
+    change = abs(found.frequencies[: len(exact)] - exact) / exact.clip(min=1e-6 * exact[-1])
+    if (change < _TOO_FAR).all():
+        return ""
+    mode = int((change > _TOO_FAR).argmax())
+    elements = " and ".join(f"{name}.elements = {count}" for name, count in finer.items())
+    return f"mode {mode + 1} is {change[mode]:.1%} off that with {elements}: give the links more elements"

@@ -1,0 +1,23 @@
+"""What a notebook shows of a value: a heading, notes and a table, as HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+
+def shown(heading: str, head: Sequence[str], rows: Iterable[Sequence[object]], notes: Iterable[str] = ()) -> str:
+    """A heading, notes below it, and a table; every text is escaped.
+
+    Numbers in the rows are written with five digits, to the right; texts to the left.
+    """
+    said = "".join(f"<div><b>Warning:</b> {escape(note)}</div>" for note in notes)
+    above = "".join(f"<th style='text-align:left'>{escape(text)}</th>" for text in head)
+    body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+    return f"<div><b>{escape(heading)}</b></div>{said}<table><tr>{above}</tr>{body}</table>"
+
+
+def _cell(value: object) -> str:
+    number = isinstance(value, float)
+    text = f"{value:.5g}" if number else str(value)
+    return f"<td style='text-align:{'right' if number else 'left'}'>{escape(text)}</td>"

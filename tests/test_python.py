@@ -1,0 +1,157 @@
+"""The package from Python: scenes from tables and text, what values offer, studies as functions, what is logged."""
+
+import logging
+import pickle
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kaneflex
+from kaneflex.cli import main
+from kaneflex.scene import shipped_scenes
+
+PENDULUM = {
+    "schema": 1,
+    "name": "mine",
+    "gravity": [0, -9.81],
+    "bodies": {"bar": {"length": "0.5 m", "mass": np.float64(2.0), "centre": np.array([0.25, 0.0]), "inertia": 0.05}},
+    "joints": {"pivot": {"revolute": ("ground", "bar.start")}},
+    "drives": {"pivot": {"law": "pi/2 + 0*t"}},
+    "sensors": {"weight": {"joint_force": "pivot", "component": "y", "body": "bar"}},
+    "solve": {"preset": "rigid", "duration": "1 s", "steps": 100},
+}
+
+
+@pytest.fixture(scope="module")
+def engine():
+    return kaneflex.simulate(kaneflex.load(kaneflex.read_scene("engine")))
+
+
+def test_a_scene_is_the_same_from_its_file_its_text_and_its_tables():
+    file = shipped_scenes()["engine"]
+    tables, read = tomllib.loads(file.read_text()), kaneflex.read_scene("engine")
+    for given in (tables, file.read_text()):
+        found = kaneflex.scene_of(given, file.parent)
+        assert found.structure_hash() == read.structure_hash()
+        assert found.loads == read.loads  # its table of pressures stands beside the file
+
+
+def test_tables_may_hold_numpys_numbers_and_start_from_another_scene():
+    longer = {"schema": 1, "like": "engine", "bodies": {"rod": {"length": np.float64(0.14)}}}
+    assert kaneflex.scene_of(longer).bodies["rod"].length == 0.14
+    assert tuple(kaneflex.scene_of(PENDULUM).bodies["bar"].centre) == (0.25, 0.0)
+
+
+@pytest.mark.parametrize("given, said", [
+    ({"schema": 1, "like": "engine", "bodies": {"rod": {"lenght": 1}}}, "nearest known one is 'length'"),
+    ("schema = 1\n[bodies.rod\n", "not TOML"),
+    ("schema = 1\nlike = 'engine'\nname = 3\n", "not a text"),
+])  # fmt: skip
+def test_what_is_wrong_is_said_as_of_a_file(given, said):
+    with pytest.raises(kaneflex.SceneError, match=said):
+        kaneflex.scene_of(given)
+
+
+def test_tables_without_end_and_other_things_are_refused():
+    endless: dict = {"schema": 1}
+    endless["bodies"] = endless
+    with pytest.raises(kaneflex.SceneError, match="deep in each other"):
+        kaneflex.scene_of(endless)
+    with pytest.raises(TypeError, match="tables or a text, not int"):
+        kaneflex.scene_of(1)
+
+
+@pytest.mark.parametrize("name", ["engine", "double-pendulum", "elastic-pendulum", "spatial-slider-crank"])
+def test_models_and_solutions_travel(name):
+    model = kaneflex.load(kaneflex.with_settings(kaneflex.read_scene(name), ["solve.steps=60"]))
+    solution = kaneflex.simulate(model)
+    there = pickle.loads(pickle.dumps(solution))
+    assert there.outcome == solution.outcome
+    for sensor in solution:
+        np.testing.assert_array_equal(there.series[sensor].values, solution.series[sensor].values)
+    again = kaneflex.simulate(pickle.loads(pickle.dumps(model)))
+    np.testing.assert_array_equal(again.times, solution.times)
+    assert again.model.warnings == model.warnings
+
+
+def test_a_solution_is_read_like_a_mapping_and_as_a_frame(engine):
+    assert "mid_transverse" in engine.keys() and set(engine) == set(engine.keys())
+    assert dict(engine)["mid_transverse"].equals(engine["mid_transverse"])
+    frame = engine.to_dataframe()
+    assert frame.index.name == "time" and frame.attrs["units"]["piston_side_force"] == "N"
+    np.testing.assert_array_equal(frame["mid_transverse"], engine.to_xarray()["mid_transverse"])
+
+
+def test_reprs_are_a_line_and_a_table_in_a_notebook(engine):
+    for value in (engine, engine.model, engine.model.scene):
+        assert len(repr(value)) < 160 and "engine" in repr(value)
+        assert "<table>" in value._repr_html_()
+    assert "mid_transverse" in engine._repr_html_()
+    odd = kaneflex.with_settings(engine.model.scene, ['description="<b> & co"'])
+    assert "&lt;b&gt; &amp; co" in odd._repr_html_()
+
+
+def test_modes_are_those_of_the_command():
+    found = kaneflex.modes(kaneflex.read_scene("engine"), 2)
+    assert found.frequencies == pytest.approx([3038.874, 4549.319], rel=1e-6)
+    assert found.shapes.shape == (len(found.coordinates), 2)
+    assert "3038.87" in repr(found)
+    with pytest.raises(kaneflex.SceneError, match="12 degrees of freedom"):
+        kaneflex.modes(kaneflex.read_scene("engine"), 13)
+
+
+def test_pictures_are_figures(engine):
+    assert "sensors" in kaneflex.figures(engine)
+    assert kaneflex.show(engine.model.scene, {"main": 1.0}).axes
+    assert len(kaneflex.show(kaneflex.read_scene("bricard")).axes) == 4
+    with pytest.raises(kaneflex.SceneError, match="drawn as it starts"):
+        kaneflex.show(kaneflex.read_scene("bricard"), {"first": 1.0})
+
+
+def test_a_sweep_takes_tables_and_a_scene(tmp_path):
+    study = {"scene": kaneflex.scene_of(PENDULUM), "parameters": {"bodies.bar.mass": [1.0, 2.0]}}
+    finished = kaneflex.sweep(study, tmp_path / "out")
+    assert finished.total == 2 and finished.dataset.sizes["point"] == 2
+    assert finished.dataset["weight"].sel(statistic="max").values == pytest.approx([9.81, 19.62], rel=1e-9)
+
+
+def test_quiet_and_verbose(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    quiet = CliRunner().invoke(main, ["modes", "engine", "--count", "1", "-q"])
+    assert quiet.exit_code == 0 and quiet.output == ""
+    assert CliRunner().invoke(main, ["modes", "engine", "--count", "99", "-q"]).stderr.startswith("Error: count = 99")
+    assert logging.getLogger("kaneflex").level == logging.NOTSET
+    said: list[str] = []
+    keep = logging.Handler()
+    keep.emit = lambda record: said.append(record.getMessage())  # type: ignore[method-assign]
+    logging.getLogger("kaneflex").addHandler(keep)
+    try:
+        loud = CliRunner().invoke(main, ["modes", "engine", "--count", "1", "-v"])
+    finally:
+        logging.getLogger("kaneflex").removeHandler(keep)
+    assert loud.exit_code == 0 and "3038.874" in loud.stdout
+    assert any(line.startswith("compiling") and line.endswith(" s") for line in said)
+
+
+def test_the_page_s_examples_run_and_print_what_they_say(tmp_path, monkeypatch, capsys):
+    text = (Path(__file__).parents[1] / "docs/python.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "python.md", "exec"), namespace)
+    promised = re.findall(r"^ *print\(.*\)  # (.*)$", "\n".join(blocks), flags=re.MULTILINE)
+    assert promised and capsys.readouterr().out.splitlines() == promised
+
+
+def test_the_page_names_what_there_is():
+    text = (Path(__file__).parents[1] / "docs/python.md").read_text(encoding="utf-8")
+    column = " ".join(re.findall(r"^\| (`.*?) \|", text, flags=re.MULTILINE))
+    verbs = set(re.findall(r"`(\w+)`", column))
+    functions = {name for name in kaneflex.__all__ if name[0].islower()}
+    assert verbs <= functions
+    assert functions - verbs == {"checked", "in_processes", "on_cluster", "read_state", "shipped_scenes"}
