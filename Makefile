@@ -1,11 +1,11 @@
 # `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice lint clean
+.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice docs lint clean
 
 PYTHON ?= python3
-# EXTRAS=test,peer,cluster,zarr,vtk,bench installs what is optional, too; without it the tests of it skip and say so, and
-# the benchmarks name what is missing.
+# EXTRAS=test,peer,cluster,zarr,vtk,docs,bench installs what is optional, too; without it the tests of it skip and say
+# so, and the benchmarks name what is missing.
 EXTRAS ?= test
 BUILD := .build
 BIN := $(BUILD)/venv/bin
@@ -70,6 +70,11 @@ bench-derive: $(READY)  ## time deriving and compiling of chains of links into d
 
 bench-choice: $(READY)  ## compare choices by tolerance with brute force into docs/choice-table.md
 	$(BIN)/python tests/bench_choice.py
+
+docs: $(READY)  ## build the site of docs/ into .build/site, its notebook run, its links checked
+	$(BIN)/python -c "import myst_nb" 2> /dev/null || $(BIN)/pip install --quiet --editable '.[docs]'
+	$(BIN)/sphinx-build --fail-on-warning --keep-going -q -b html -d $(BUILD)/site-made docs $(BUILD)/site
+	@echo "The site is in $(BUILD)/site/index.html"
 
 lint: $(READY)  ## check the style of the sources, and their types against a baseline that only falls
 	$(BIN)/ruff check .

@@ -66,9 +66,17 @@ def styled() -> AbstractContextManager[None]:
     return matplotlib.rc_context(_STYLE)
 
 
+class Picture(Figure):
+    """A figure that a notebook shows, which would show those of pyplot alone."""
+
+    def _repr_png_(self) -> bytes:
+        with styled():
+            return as_file(self, "png")
+
+
 def new_figure(width: float, height: float, title: str, layout: str = "constrained") -> Figure:
     """An empty figure [inches] with a canvas of its own, outside pyplot's global state."""
-    figure = Figure(figsize=(width, height), layout=layout)
+    figure = Picture(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     figure.suptitle(title)
     return figure

@@ -303,7 +303,7 @@ def _type_name(kind: Any) -> str:
         return str(get_args(kind)[0])
     if get_args(kind):
         return " or ".join(_type_name(option) for option in get_args(kind))
-    names = {float: "number", int: "integer", str: "text", type(None): "null", Any: "any"}
+    names = {float: "number", int: "integer", bool: "true or false", str: "text", type(None): "null", Any: "any"}
     return names[kind] if kind in names else f"[{kind.__name__}](#{kind.__name__.lower()})"
 
 

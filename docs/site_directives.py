@@ -1,0 +1,99 @@
+"""What the site has of the code itself: the equations that are compiled, and every refusal with its cure."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.util.docutils import SphinxDirective
+
+SOURCES = Path(__file__).parents[1] / "src/kaneflex"
+_WORDS = {"SceneError": 4, "Fault": 2}
+"""What is raised of a user's mistake -> how many words it takes: key, value, reason and cure; reason and cure."""
+
+
+class Equations(SphinxDirective):
+    """``{equations} SCENE``: what is compiled of a shipped scene, as `kaneflex equations` prints it."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        self.env.note_reread()
+        from kaneflex import read_scene
+        from kaneflex.derive.latex import latex
+
+        return self.parse_text_to_nodes(as_markdown(latex(read_scene(self.arguments[0]))), allow_section_headings=True)
+
+
+class Refusals(SphinxDirective):
+    """``{refusals}``: a table of what is refused, of which key, and what cures it."""
+
+    def run(self) -> list[nodes.Node]:
+        self.env.note_reread()  # the sources may have changed, where the page has not
+        lines = ["| of | what is said | cure |", "| --- | --- | --- |"]
+        lines += [f"| {' | '.join(map(_cell, row))} |" for row in sorted(set(refusals()))]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+def refusals() -> Iterator[tuple[str, str, str]]:
+    """Key, reason and cure of every refusal whose words stand where it is made; ``...`` for what a scene fills in."""
+    for path in sorted(SOURCES.rglob("*.py")):
+        for made in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(made, ast.FunctionDef):
+                yield from _refused_by(made)
+
+
+def _refused_by(made: ast.FunctionDef) -> Iterator[tuple[str, str, str]]:
+    """Those of one function, whose words may have a name in it."""
+    named = {
+        target.id: node.value
+        for node in ast.walk(made) if isinstance(node, ast.Assign)
+        for target in node.targets if isinstance(target, ast.Name)
+    }  # fmt: skip
+    for call in ast.walk(made):
+        kind = call.func.id if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) else ""
+        words = [_said(each, named) for each in call.args] if kind in _WORDS else []
+        said = words[_WORDS.get(kind, 2) - 2 :][:2]
+        if len(said) == 2 and all(each.strip(". ") for each in said):  # else its words are elsewhere
+            yield words[0] if kind == "SceneError" else "the entry", *said
+
+
+def _said(node: ast.expr, named: dict[str, ast.expr]) -> str:
+    """A text as a reader sees it, with ``...`` for what is computed."""
+    if isinstance(node, ast.Name) and node.id in named:
+        return _said(named[node.id], {})
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "..." for part in node.values)
+    return "..."
+
+
+def _cell(text: str) -> str:
+    return re.sub(r"([|*_`<$\\\[])", r"\\\1", " ".join(text.split()))
+
+
+def as_markdown(text: str) -> str:
+    """A document of :func:`kaneflex.derive.latex.latex` as MyST: its sections, tables and formulas."""
+    body = text[text.index(r"\maketitle") + len(r"\maketitle") : text.index(r"\end{document}")]
+    body = re.sub(r"\{\\small\\begin\{tabular\}\{l+\}\n(.*?)\\end\{tabular\}\}\\medskip", _table, body, flags=re.DOTALL)
+    body = re.sub(r"\\\[(.*?)\\\]", r"\n$$\1$$\n", body, flags=re.DOTALL)
+    body = re.sub(r"\\section\*\{(.*?)\}", r"\n### \1\n", body)
+    body = re.sub(r"\{\\raggedright (.*?)\\par\}", r"\1", body, flags=re.DOTALL)
+    body = re.sub(r"\\texttt\{(.*?)\}", lambda found: f"`{_plain(found[1])}`", body)
+    return re.sub(r"\\(?:medskip|allowbreak|clearpage)\b", "", body)
+
+
+def _table(found: re.Match[str]) -> str:
+    """A tabular as a table of Markdown."""
+    rows = found[1].replace(r"\hline\noalign{\smallskip}", "").split(r"\\")
+    head, *lines = [row.strip().replace("&", "|") for row in rows if row.strip()]
+    rule = "|".join([" --- "] * (head.count("|") + 1))
+    return "".join(f"| {line} |\n" for line in (head, rule, *lines))
+
+
+def _plain(text: str) -> str:
+    return text.replace(r"\_", "_").replace(r"\#", "#").replace(r"\%", "%")
