@@ -6,7 +6,7 @@ system, streams           what is integrated; its table, in pieces or in segment
 stepping, periodic        drive the loops over a run, and to the motion that repeats itself
 spectral, disturbances    that motion by its harmonics, without steps; whether it attracts its neighbours
 instants, corrections     the compiled parts of that
-fourier                   Fourier transforms of eight rows at once
+fourier                   Fourier transforms of a cycle that lies in lanes
 steppers                  the compiled loops for any matrices
 dense, banded             those of Newmark's family for few coordinates and for long chains
 lanes, matrices, inverse  eight numbers in a register, and the compiled parts made of them

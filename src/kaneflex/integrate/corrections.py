@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 from kaneflex.integrate import fourier, instants, lanes, matrices
-from kaneflex.integrate.fourier import fill_rates, filtered, transform
-from kaneflex.integrate.instants import multiply, solve_lower, solve_upper
+from kaneflex.integrate.fourier import HIGH, ODD, ONCE, ORDER, to_harmonics, to_instants
+from kaneflex.integrate.instants import multiply, multiply_upper, solve_lower, solve_upper
 from kaneflex.integrate.lanes import (
     FASTMATH,
     LANES,
@@ -18,14 +18,14 @@ from kaneflex.integrate.lanes import (
     root,
     stay_apart,
     store,
-    transpose,
-    transpose_back,
 )
 from kaneflex.integrate.matrices import compiled
 from kaneflex.support.fingerprint import made_of
 
 FOUND, NO_MOTION, TOO_SLOW = 0, 1, 2
 """How corrections ended."""
+VECTORS, SIGNALS = 4, 4
+"""Motions, and rows of signals, that a correction works with."""
 PATIENCE = 8
 """Corrections over which their contraction counts."""
 # Compiled loops that take the equations and their work arrays one by one, however many: numba hands over tuples of
@@ -33,35 +33,21 @@ PATIENCE = 8
 
 
 @compiled
-def _to_instants(x, square, signal):
-    """Eight rows of x as the transforms read them."""
-    for b in range(len(x)):
-        transpose(x, b * x.shape[1] + square * LANES, signal, b * LANES)
+def _fill_gains(modes, omega, circle, gains):
+    """What each mode answers to a unit load in every harmonic: real and imaginary part, (2 m, blocks, LANES)."""
+    count = LANES * gains.shape[1]
+    for k in range(modes.shape[1]):
+        mass, damping, stiffness = modes[0, k], modes[1, k], modes[2, k]
+        for b in range(gains.shape[1]):
+            rate = omega * load(circle, (ORDER, b))
+            still, moved = stiffness - mass * rate * rate, damping * omega * load(circle, (ODD, b))
+            size = 1.0 / (count * (still * still + moved * moved))
+            store(gains, (2 * k, b), still * size)
+            store(gains, (2 * k + 1, b), 0.0 - moved * size)
 
 
 @compiled
-def _from_instants(x, square, signal):
-    """The inverse of `_to_instants`."""
-    for b in range(len(x)):
-        transpose_back(x, b * x.shape[1] + square * LANES, signal, b * LANES)
-
-
-@compiled
-def _fill_gains(modes, square, omega, gains):
-    """What each of eight modes answers to a unit load in every harmonic: real and imaginary part, (2, N, LANES)."""
-    count = gains.shape[1]
-    for k in range(count):
-        rate = omega * (k if 2 * k <= count else k - count)
-        still = load(modes, (2, square)) - rate * rate * load(modes, (0, square))
-        # the highest harmonic of an even number has no derivative at the instants
-        moved = (rate if 2 * k != count else 0.0) * load(modes, (1, square))
-        size = 1.0 / (count * (still * still + moved * moved))
-        store(gains, (0, k), still * size)
-        store(gains, (1, k), 0.0 - moved * size)
-
-
-@compiled
-def _answer(n, w, factor, shapes, gains, cosine, sine, rest, taken, signals):
+def _answer(n, w, factor, shapes, gains, circle, eighths, rest, taken, signals):
     """What the mean equations answer to the loads `rest`, in y, in their place.
 
     Those modes of them that are not in `shapes`, (n, m), answer at once, as if they had no mass.
@@ -79,10 +65,13 @@ def _answer(n, w, factor, shapes, gains, cosine, sine, rest, taken, signals):
                 for i in range(n):
                     store(rest, (b, i), load(rest, (b, i)) - shapes[i, k] * total)
     re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
-    for square in range(taken.shape[1] // LANES):
-        _to_instants(taken, square, re)
-        filtered(re, im, spare_re, spare_im, cosine, sine, gains[square])
-        _from_instants(taken, square, re)
+    for k in range(m):
+        re, im, spare_re, spare_im = to_harmonics(taken, k, circle, eighths, re, im, spare_re, spare_im)
+        for b in range(len(rest)):
+            x, y, c, s = load(re, b), load(im, b), load(gains, (2 * k, b)), load(gains, (2 * k + 1, b))
+            store(re, b, c * x - s * y)
+            store(im, b, c * y + s * x)
+        to_instants(re, im, spare_re, spare_im, circle, eighths, k, taken, taken[:0])
     for b in range(len(rest)):
         for i in range(n):
             total = 0.0 * load(taken, (b, 0))
@@ -94,17 +83,23 @@ def _answer(n, w, factor, shapes, gains, cosine, sine, rest, taken, signals):
 
 
 @compiled
-def _forces(n, w, sums, cosine, sine, omega, rates, z, v, a, signals, out):
+def _forces(n, w, sums, circle, eighths, omega, z, v, a, signals, out):
     """M z'' + C z' + K z, at all instants."""
     stay_apart()
     re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
-    for square in range(z.shape[1] // LANES):
-        _to_instants(z, square, re)
-        filtered(re, im, spare_re, spare_im, cosine, sine, rates)
-        _from_instants(v, square, re)
-        _from_instants(a, square, im)
+    alike = omega * len(z)  # rates of about one size: what rounds the one would else spoil the other
+    for i in range(n):
+        re, im, spare_re, spare_im = to_harmonics(z, i, circle, eighths, re, im, spare_re, spare_im)
+        for b in range(len(z)):
+            order = load(circle, (ORDER, b))
+            # z' omega N / 8 is the real part, z'' the imaginary one
+            rate = (alike * omega * load(circle, (ODD, b)) - omega * omega * order * order) * (1.0 / (LANES * len(z)))
+            x, y = load(re, b), load(im, b)
+            store(re, b, 0.0 - rate * y)
+            store(im, b, rate * x)
+        to_instants(re, im, spare_re, spare_im, circle, eighths, i, v, a)
     width = 2 * w + 1
-    damping, stiffness, slower = n * width, 2 * n * width, 1.0 / (omega * len(z))
+    damping, stiffness, slower = n * width, 2 * n * width, 1.0 / alike
     for b in range(len(z)):
         for i in range(n):
             slot = i * width - i + w
@@ -129,47 +124,36 @@ def _strain(n, w, sums, z, product):
 
 
 @compiled
-def _tail(n, w, sums, cosine, sine, omega, z, signals, inert, strained):
-    """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out."""
+def _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, y, taken):
+    """Share of the motion's energy norm in the highest quarter of its harmonics: about what the grid leaves out.
+
+    The strain energy is the square of y, the kinetic energy that of the mean equations, in their modes.
+    """
     stay_apart()
-    count = LANES * len(z)
-    alike = (omega * len(z)) ** 2  # of about one size: the rounding of one would else spoil the other
-    for b in range(len(z)):
-        multiply(n, w, sums, 0, b, z, b, inert)
-        for i in range(n):
-            store(inert, (b, i), alike * load(inert, (b, i)))
-        multiply(n, w, sums, 2 * n * (2 * w + 1), b, z, b, strained)
+    blocks, m = len(z), shapes.shape[1]
+    for b in range(blocks):
+        multiply_upper(n, w, factor, b, z, y)
+        for k in range(m):
+            total = 0.0 * load(y, (b, 0))
+            for i in range(n):
+                total += shapes[i, k] * load(y, (b, i))
+            store(taken, (b, k), total)
+            if m < n:
+                for i in range(n):
+                    store(y, (b, i), load(y, (b, i)) - shapes[i, k] * total)
     re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
-    z_re, z_im, kinetic, strain = signals[4], signals[5], signals[6], signals[7]
-    for k in range(count):
-        store(kinetic, k, 0.0)
-        store(strain, k, 0.0)
-    for square in range(z.shape[1] // LANES):
-        for both in range(2):
-            if both == 0:
-                _to_instants(z, square, re)
-                for t in range(count):
-                    store(im, t, 0.0)
-            else:
-                _to_instants(inert, square, re)
-                _to_instants(strained, square, im)
-            re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, cosine, sine)
-            if both == 0:
-                re, im, z_re, z_im = z_re, z_im, re, im
-        for k in range(count // 2 + 1):
-            other = (count - k) % count
-            # two real signals in one: the even part of what comes of them is the first one's, the odd the other's
-            x, y, p, q = load(z_re, k), load(z_im, k), load(re, k), load(im, k)
-            u, v = load(re, other), load(im, other)
-            store(kinetic, k, load(kinetic, k) + x * (p + u) + y * (q - v))
-            store(strain, k, load(strain, k) + x * (q + v) + y * (u - p))
-    high = whole = 0.0
-    for k in range(count // 2 + 1):
-        moving, resting = absolute(lane_sum(load(kinetic, k))), absolute(lane_sum(load(strain, k)))
-        energy = (k / len(z)) ** 2 * moving + resting
-        whole += energy
-        high += energy if 8 * k >= 3 * count else 0.0
-    return root(high / (whole if whole > 0.0 else 1.0))
+    whole = high = 0.0 * load(z, (0, 0))
+    for row in range(m if m == n else m + n):
+        x, which = (taken, row) if row < m else (y, row - m)
+        mass = modes[0, row] * omega * omega if row < m else 0.0
+        re, im, spare_re, spare_im = to_harmonics(x, which, circle, eighths, re, im, spare_re, spare_im)
+        for b in range(blocks):
+            u, v, order = load(re, b), load(im, b), load(circle, (ORDER, b))
+            energy = (1.0 + mass * order * order) * (u * u + v * v)
+            whole += load(circle, (ONCE, b)) * energy
+            high += load(circle, (HIGH, b)) * energy
+    total = lane_sum(whole)
+    return root(lane_sum(high) / (total if total > 0.0 else 1.0))
 
 
 @compiled
@@ -207,24 +191,27 @@ def _conjugate(steps, changes, count, rest, z):
 @njit(cache=True, error_model="numpy", fastmath=FASTMATH, no_cfunc_wrapper=True, _nrt=False)
 @made_of(lanes.__file__, matrices.__file__, fourier.__file__, instants.__file__)
 def corrected(
-    n, w, sums, factor, shapes, modes, cosine, sine, omega, tolerance, share, over_tail, slowest, near, z,
-    rest, v, a, taken, steps, changes, signals, gains, rates, history,
+    n, w, sums, factor, shapes, modes, circle, eighths, omega, tolerance, share, over_tail, slowest, near,
+    vectors, taken, signals, history,
 ):
-    """The motion on one grid, in place of z, (blocks, rows, LANES), as far as this grid is worth it.
+    """The motion on one grid, as far as this grid is worth it, in place of vectors[0], (blocks, n, LANES).
 
-    shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, squares, LANES)
+    shapes: of the modes of the mean, (n, m); modes: their mass, damping and stiffness, (3, m)
+    circle, eighths: as `kaneflex.integrate.fourier.turns` has them
     share: of the first remainder, that is enough
     over_tail: of what the grid leaves out, that is worth no further correction
     slowest: what PATIENCE corrections may leave, or they are given up
-    near: whether z is a motion to start from; else it is zero, as are the padding of all that has its shape, and taken
+    near: whether vectors[0] is a motion to start from; else it is zero
+    vectors, taken, signals: work, of VECTORS and two for each correction, of (blocks, m, LANES), and of SIGNALS and two
+        for each mode, (blocks, LANES)
     history: filled with the remainder's size after each correction as a share of the motion's; as long as they may get
 
     Returns how it ended, the number of corrections and the tail.
     """
-    blocks, size, loads = len(sums), z.shape[0] * z.shape[1], 3 * n * (2 * w + 1)
-    fill_rates(omega, rates)
-    for square in range(modes.shape[1]):
-        _fill_gains(modes, square, omega, gains[square])
+    blocks, size, loads = len(sums), len(sums) * n, 3 * n * (2 * w + 1)
+    z, rest, v, a, gains = vectors[0], vectors[1], vectors[2], vectors[3], signals[SIGNALS:]
+    steps, changes = vectors[VECTORS : VECTORS + len(history) - 1], vectors[VECTORS + len(history) - 1 :]
+    _fill_gains(modes, omega, circle, gains)
     tail, ended, length, done = np.inf, TOO_SLOW, 0.0, 0
     if near:
         length = _strain(n, w, sums, z, v)
@@ -240,12 +227,12 @@ def corrected(
             for b in range(blocks):
                 solve_upper(n, w, factor, b, step)
         if done > 0 or near:
-            _forces(n, w, sums, cosine, sine, omega, rates, step, v, a, signals, change)
+            _forces(n, w, sums, circle, eighths, omega, step, v, a, signals, change)
         if done == 0:
             for b in range(blocks):
                 for i in range(n):
                     store(change, (b, i), load(sums, (b, loads + i)) - load(change, (b, i)))
-        _answer(n, w, factor, shapes, gains, cosine, sine, change, taken, signals)
+        _answer(n, w, factor, shapes, gains, circle, eighths, change, taken, signals)
         if done == 0:
             squares = 0.0 * load(z, (0, 0))
             for t in range(size):
@@ -262,7 +249,7 @@ def corrected(
         left = root(_conjugate(steps, changes, row, rest, z)) / length
         history[done] = left
         if left <= max(0.1 * history[0], tolerance):
-            tail = _tail(n, w, sums, cosine, sine, omega, z, signals, v, a)
+            tail = _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, v, taken)
             if left <= max(tolerance, share * history[0], over_tail * tail):
                 ended = FOUND
                 break

@@ -1,33 +1,74 @@
-"""Fourier transforms of eight rows at once: radix four, in Stockham's order, a row in each lane (Van Loan 1992, 1.7).
+"""Fourier transforms of a cycle that lies in lanes: one across the lanes, one along the blocks.
 
-Signals of N instants, a power of two from eight on, are arrays (LANES, N) in memory (N, LANES): number 8 t + r is row r
-at instant t. So `load(x, t)` reads an instant of all rows, and `transpose` fills them from arrays of lanes.
+Instant l B + b of N = 8 B is lane l of block b, harmonic 8 q + r lane r of block q. So the sum over the instants is one
+over l, of eight numbers that lie side by side, then one over b in all lanes at once (Gentleman and Sande 1966), in
+Stockham's order by radices three, four and two (Van Loan 1992, 1.7). B is a power of two, or three times one.
 """
 
 from functools import lru_cache
 
 import numpy as np
 
-from kaneflex.integrate.lanes import LANES, load, stay_apart, store
+from kaneflex.integrate.lanes import LANES, aligned, lane, load, stay_apart, store
 from kaneflex.integrate.matrices import compiled
+
+COS, SIN, ALONG_COS, ALONG_SIN, ORDER, ODD, ONCE, HIGH = range(8)
+"""Rows of `turns`."""
+_HALF_ROOT = 0.5 * np.sqrt(3.0)
 
 
 @lru_cache(maxsize=16)
-def circle(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine of 2 pi k / count, each of shape (count,)."""
-    angle = 2.0 * np.pi / count * np.arange(count)
-    return np.cos(angle), np.sin(angle)
+def turns(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """What transforms of so many instants read: shapes (8, N / LANES, LANES) and (2, LANES, LANES).
+
+    The rows: cosine and sine of 2 pi b r / N; of 2 pi b LANES / N; of each harmonic its order, from -N / 2 on; the same
+    with none of the highest, which has no derivative at the instants; and one for those that are not the conjugates of
+    others, and one for those of them in the highest quarter. Then cosine and sine of 2 pi l r / LANES.
+    """
+    blocks, side = count // LANES, np.arange(LANES)
+    along = np.arange(blocks)[:, None]
+    angle, angle_along = 2.0 * np.pi / count * along * side, 2.0 * np.pi / blocks * along + 0.0 * side
+    k = LANES * along + side
+    order = np.where(2 * k <= count, k, k - count)
+    once = 2 * k <= count
+    rows = (np.cos(angle), np.sin(angle), np.cos(angle_along), np.sin(angle_along),
+            order, np.where(2 * k == count, 0, order), once, once & (8 * k >= 3 * count))  # fmt: skip
+    found, eighths = aligned(len(rows), blocks, LANES), aligned(2, LANES, LANES)
+    found[...] = rows
+    across = 2.0 * np.pi / LANES * (np.outer(side, side) % LANES)
+    eighths[...] = np.cos(across), np.sin(across)
+    return found, eighths
 
 
 @compiled
-def transform(re, im, spare_re, spare_im, cosine, sine):
-    """Sum over t of (re + i im) exp(-2 pi i k t / N), in the order of k; the two arrays in which it lies.
+def _along(re, im, spare_re, spare_im, cosine, sine):
+    """Sum over b of (re + i im) exp(-2 pi i b q / B), in the order of q, in each lane; the two arrays in which it lies.
 
-    The inverse is N times that of (im, re). An even number of transforms ends in (re, im).
+    The inverse is B times that of (im, re).
     """
     stay_apart()
-    count = re.size // LANES
-    left, stride = count, 1
+    left, stride = len(re), 1
+    if left % 3 == 0:
+        third = left // 3
+        for p in range(third):
+            cos_1, sin_1, cos_2, sin_2 = load(cosine, p), load(sine, p), load(cosine, 2 * p), load(sine, 2 * p)
+            a_re, a_im = load(re, p), load(im, p)
+            b_re, b_im = load(re, p + third), load(im, p + third)
+            c_re, c_im = load(re, p + 2 * third), load(im, p + 2 * third)
+            both_re, both_im = b_re + c_re, b_im + c_im
+            turn_re, turn_im = _HALF_ROOT * (b_im - c_im), _HALF_ROOT * (c_re - b_re)
+            half_re, half_im = a_re - 0.5 * both_re, a_im - 0.5 * both_im
+            store(spare_re, 3 * p, a_re + both_re)
+            store(spare_im, 3 * p, a_im + both_im)
+            x, y = half_re + turn_re, half_im + turn_im
+            store(spare_re, 3 * p + 1, cos_1 * x + sin_1 * y)
+            store(spare_im, 3 * p + 1, cos_1 * y - sin_1 * x)
+            x, y = half_re - turn_re, half_im - turn_im
+            store(spare_re, 3 * p + 2, cos_2 * x + sin_2 * y)
+            store(spare_im, 3 * p + 2, cos_2 * y - sin_2 * x)
+        left, stride = third, 3
+        re, spare_re = spare_re, re
+        im, spare_im = spare_im, im
     while left > 2:
         quarter = left // 4
         for p in range(quarter):
@@ -71,32 +112,40 @@ def transform(re, im, spare_re, spare_im, cosine, sine):
 
 
 @compiled
-def filtered(re, im, spare_re, spare_im, cosine, sine, gains):
-    """Every harmonic of a real signal, in re, times its gain, in place.
-
-    gains: real and imaginary part, shape (2, N, LANES)
+def to_harmonics(x, row, circle, eighths, re, im, spare_re, spare_im):
+    """Sum over t of row `row` of x (blocks, rows, LANES) at t times exp(-2 pi i k t / N); where it lies, and the rest.
     """
-    for k in range(re.size // LANES):
-        store(im, k, 0.0)
-    for inverse in range(2):  # one place where transforms are called is compiled once
-        re, im, spare_re, spare_im = transform(re, im, spare_re, spare_im, cosine, sine)
-        if inverse == 0:
-            for k in range(re.size // LANES):
-                x, y, c, s = load(re, k), load(im, k), load(gains, (0, k)), load(gains, (1, k))
-                store(re, k, c * x - s * y)
-                store(im, k, c * y + s * x)
-        re, im, spare_re, spare_im = im, re, spare_im, spare_re
+    stay_apart()
+    cosine, sine = circle[COS], circle[SIN]
+    for b in range(len(x)):
+        u = v = 0.0 * load(x, (b, row))
+        for k in range(LANES):
+            number = lane(x, (b, row), k)
+            u += number * load(eighths, (0, k))
+            v -= number * load(eighths, (1, k))
+        c, s = load(cosine, b), load(sine, b)
+        store(re, b, c * u + s * v)
+        store(im, b, c * v - s * u)
+    return _along(re, im, spare_re, spare_im, circle[ALONG_COS], circle[ALONG_SIN])
 
 
 @compiled
-def fill_rates(omega, gains):
-    """Gains by which z becomes z' omega N / 8, and z'' stands in the imaginary part: one inverse finds both.
-
-    The highest harmonic has no first derivative at the instants.
-    """
-    count = gains.shape[1]
-    alike = omega * count / 8.0  # rates of about one size: what rounds the one would else spoil the other
-    for k in range(count):
-        rate = omega * (k if 2 * k <= count else k - count)
-        store(gains, (0, k), 0.0)
-        store(gains, (1, k), ((alike if 2 * k != count else 0.0) - rate) * rate / count)
+def to_instants(re, im, spare_re, spare_im, circle, eighths, row, x, y):
+    """N times the inverse of `to_harmonics`, real part to row `row` of x, imaginary part to that of y if it has any."""
+    stay_apart()
+    im, re, spare_im, spare_re = _along(im, re, spare_im, spare_re, circle[ALONG_COS], circle[ALONG_SIN])
+    cosine, sine = circle[COS], circle[SIN]
+    for b in range(len(x)):
+        u, v, c, s = load(re, b), load(im, b), load(cosine, b), load(sine, b)
+        store(re, b, c * u - s * v)
+        store(im, b, c * v + s * u)
+    for b in range(len(x)):
+        u = 0.0 * load(re, b)
+        for k in range(LANES):
+            u += lane(re, b, k) * load(eighths, (0, k)) - lane(im, b, k) * load(eighths, (1, k))
+        store(x, (b, row), u)
+    for b in range(len(y)):
+        v = 0.0 * load(re, b)
+        for k in range(LANES):
+            v += lane(re, b, k) * load(eighths, (1, k)) + lane(im, b, k) * load(eighths, (0, k))
+        store(y, (b, row), v)

@@ -97,6 +97,16 @@ def solve_upper(n, w, factor, b, x):
 
 
 @compiled
+def multiply_upper(n, w, factor, b, x, y):
+    """y = L^T x."""
+    for j in range(n):
+        total = load(x, (b, j)) / load(factor, (b, j * (w + 1) + w))
+        for i in range(j + 1, min(n, j + w + 1)):
+            total += load(factor, (b, i * (w + 1) + j - i + w)) * load(x, (b, i))
+        store(y, (b, j), total)
+
+
+@compiled
 def multiply(n, w, sums, first, b, x, row, out):
     """The matrix whose slots begin at `first` times x, to row `row` of `out`."""
     for i in range(n):

@@ -24,7 +24,7 @@ def aligned(*shape: int) -> np.ndarray:
     """An array, not filled, from where a line of the cache begins: lanes across two lines take half as long again."""
     size = math.prod(shape)
     numbers = np.empty(size + LANES)
-    first = -numbers.ctypes.data // numbers.itemsize % LANES
+    first = -numbers.__array_interface__["data"][0] // numbers.itemsize % LANES
     return numbers[first : first + size].reshape(shape)
 
 
@@ -121,6 +121,17 @@ def store(typing, array, place, value):
         return context.get_dummy_value()
 
     return types.void(array, place, value), lower
+
+
+@intrinsic
+def lane(typing, array, place, which):
+    """Lane `which` of those that `load` reads there."""
+
+    def lower(context, builder, sig, args):
+        first = builder.bitcast(address(context, builder, sig.args[:2], *args[:2]), ir.PointerType(ir.DoubleType()))
+        return builder.load(builder.gep(first, [args[2]]))
+
+    return types.float64(array, place, which), lower
 
 
 @intrinsic
@@ -257,18 +268,6 @@ def transpose(typing, lanes, start, rows, place):
     def lower(context, builder, sig, args):
         slots, numbers = _places_of_square(context, builder, sig.args, args)
         _transposed(builder, slots, numbers)
-        return context.get_dummy_value()
-
-    return types.void(lanes, start, rows, place), lower
-
-
-@intrinsic
-def transpose_back(typing, lanes, start, rows, place):
-    """The inverse of `transpose`, with the same arguments."""
-
-    def lower(context, builder, sig, args):
-        slots, numbers = _places_of_square(context, builder, sig.args, args)
-        _transposed(builder, numbers, slots)
         return context.get_dummy_value()
 
     return types.void(lanes, start, rows, place), lower

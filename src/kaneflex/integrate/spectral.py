@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kaneflex.integrate.corrections import NO_MOTION, PATIENCE, TOO_SLOW, corrected
-from kaneflex.integrate.fourier import circle
+from kaneflex.integrate.corrections import NO_MOTION, PATIENCE, SIGNALS, TOO_SLOW, VECTORS, corrected
+from kaneflex.integrate.fourier import turns
 from kaneflex.integrate.instants import equations, mean_products
 from kaneflex.integrate.lanes import LANES, aligned
 from kaneflex.integrate.streams import Table
@@ -23,10 +23,12 @@ from kaneflex.integrate.system import AffineSystem
 
 FEWEST, MOST = 64, 8192
 """Instants of a cycle that are tried."""
-_TELLING = 512
-"""Instants from which on the harmonics' decay says how many would be needed."""
+_TELLING = 1024
+"""Instants from which on the harmonics' decay says how many would be needed: below, it is that of resonances."""
 _FAR = 30.0
 """Times the tolerance that FEWEST leave out from which on twice as many are no use."""
+_NEAR = 3.0
+"""Times the tolerance that a grid leaves out up to which less than twice as many instants are tried."""
 _MOST_NUMBERS = 4e7
 """In each of the matrices, at all instants: 320 MB."""
 _MODES = 16
@@ -50,7 +52,7 @@ class Grid:
     omega: 2 pi / period [rad/s]
     sums: M, C and K by their slots, then F, shape (N / LANES, 3 n (2 w + 1) + n, LANES)
     factor: of K, shape (N / LANES, n (w + 1), LANES)
-    modes: of the mean equations in y, shape (n, m), and their mass, damping and stiffness, (3, squares, LANES)
+    modes: of the mean equations in y, shape (n, m), and their mass, damping and stiffness, (3, m)
     """
 
     n: int
@@ -64,7 +66,7 @@ class Grid:
     def of(
         cls, system: AffineSystem, table: Table, t0: float, period: float, instants: int, coarser: Grid | None = None
     ) -> Grid:
-        """The equations at so many instants, a power of two from eight on, from t0 on; modes are those of `coarser`."""
+        """The equations at so many instants from t0 on, a power of two or three times one; modes: of `coarser`."""
         rows = np.asarray(table(t0 + period / instants * np.arange(instants)), dtype=float)
         n, w, blocks = system.n, system.half_bandwidth, instants // LANES
         in_lanes = aligned(blocks, rows.shape[1], LANES)
@@ -86,8 +88,8 @@ class Grid:
     @property
     def slowest(self) -> float:
         """Angular frequency [rad/s] of the slowest vibration of the mean equations; 0 where there is none."""
-        mass, _, stiffness = self.modes[1].reshape(3, -1)
-        return float(np.sqrt(np.abs(stiffness[0]) / mass[0])) if mass[0] > 0.0 else 0.0
+        mass, _, stiffness = self.modes[1][:, 0]
+        return float(np.sqrt(np.abs(stiffness) / mass)) if mass > 0.0 else 0.0
 
     @property
     def fastest(self) -> float:
@@ -114,21 +116,15 @@ class Grid:
 
         share: of the first remainder, that is enough
         """
-        count, blocks, squares = self.instants, len(self.sums), -(-self.n // LANES)
-        system = (self.n, self.half_bandwidth, self.sums, self.factor, *self.modes, *circle(count), self.omega)
+        blocks, n, m = len(self.sums), self.n, self.modes[1].shape[1]
+        system = (n, self.half_bandwidth, self.sums, self.factor, *self.modes, *turns(self.instants), self.omega)
         limits = (tolerance, share, over_tail, slowest**PATIENCE)
-        vectors = aligned(4, blocks, squares * LANES, LANES)
-        vectors[...] = 0.0
-        if z is not None:
-            vectors[0, :, : self.n] = z.reshape(self.n, LANES, blocks).transpose(2, 0, 1)
-        modes = self.modes[1].shape[1]
-        taken, (steps, changes) = aligned(blocks, modes * LANES, LANES), aligned(2, _CORRECTIONS, *vectors.shape[1:])
-        taken[...] = 0.0
-        signals, gains, rates = aligned(8, LANES, count), aligned(modes, 2, count, LANES), aligned(2, count, LANES)
+        vectors = aligned(VECTORS + 2 * _CORRECTIONS, blocks, n, LANES)
+        vectors[0] = 0.0 if z is None else z.reshape(n, LANES, blocks).transpose(2, 0, 1)
+        work = (vectors, aligned(blocks, m, LANES), aligned(SIGNALS + 2 * m, blocks, LANES))
         left = np.empty(_CORRECTIONS + 1)
-        work = (taken, steps, changes, signals, gains, rates, left)
-        ended, done, tail = corrected(*system, *limits, z is not None, *vectors, *work)
-        found, left = vectors[0, :, : self.n].transpose(1, 2, 0).reshape(self.n, count), left[: done + 1]
+        ended, done, tail = corrected(*system, *limits, z is not None, *work, left)
+        found, left = vectors[0].transpose(1, 2, 0).reshape(n, -1), left[: done + 1]
         reason = ""
         if ended == NO_MOTION:
             reason = "the mean equations have no periodic motion"
@@ -148,7 +144,8 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
         every = max(1, len(sums) * LANES // instants)
         found, work = np.zeros((3, n, shapes.shape[1])), aligned(2, len(sums), n, LANES)
         mean_products(n, w, sums, factor, every, np.ascontiguousarray(shapes.T), work, found)
-        return found / (len(sums) // every * LANES)
+        found /= len(sums) // every * LANES
+        return found
 
     shapes = np.eye(n)
     if n > _MODES:  # about the slowest, by subspace iteration (Bathe 2013)
@@ -157,11 +154,7 @@ def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.nda
             shapes = np.linalg.qr(means(shapes, _SAMPLES)[0])[0]
     matrices = shapes.T @ means(shapes, FEWEST)
     found = np.linalg.eigh(0.5 * (matrices[0] + matrices[0].T))[1][:, ::-1][:, :_MODES]
-    m = found.shape[1]
-    numbers = np.zeros((3, -(-m // LANES) * LANES))
-    numbers[2] = 1.0
-    numbers[:, :m] = ((found.T @ matrices) * found.T).sum(axis=2)
-    return np.ascontiguousarray(shapes @ found), numbers.reshape(3, -1, LANES)
+    return np.ascontiguousarray(shapes @ found), ((found.T @ matrices) * found.T).sum(axis=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,10 +243,12 @@ def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float,
             break
         fewer = math.log2(max(before / found.tail, 1.0 + 1e-9))  # a resonance may keep the tail of a coarse grid up
         more = 1.0 if instants < _TELLING else max(math.log2(found.tail / tolerance) / fewer, 1.0)
-        times = 4 if instants == FEWEST and found.tail > _FAR * tolerance else 2
+        times = 4.0 if instants == FEWEST and found.tail > _FAR * tolerance else 2.0
+        if found.tail < _NEAR * tolerance:  # half as many more, or by a third to the next power of two
+            times = 4.0 / 3.0 if instants % 3 == 0 else 1.5
         if math.log2(instants) + more > math.log2(MOST) or 2 * grid.sums.size > 3 * _MOST_NUMBERS:
             share = f"{found.tail:.1g} of the motion is in the highest quarter of {instants // 2}"
             reason = f"its harmonics die away too slowly: {share}"
             return replace(found, corrections=corrections, reason=reason)
-        z, before, instants = found.z, found.tail, times * instants
+        z, before, instants = found.z, found.tail, round(times * instants)
     return replace(found, corrections=corrections)
