@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
-EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": "vtk"}
+EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": "vtk", "playwright": "browser"}
 """Which extra of the package brings what some tests need."""
 
 

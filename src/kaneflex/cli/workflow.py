@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from kaneflex.study.trade.record import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
-VTK_FOLDER = "vtk"
+REPORT_FILE, VTK_FOLDER = "report.html", "vtk"
+_LARGEST = 2 * 2**20
+"""Bytes of a picture, or an animation, that is still shown in the report."""
 
 
 def run_into(
@@ -78,9 +80,11 @@ def run_into(
                 _write(solution, summary, partial)
                 if found is not None:
                     found.labelled.to_netcdf(partial / SENSITIVITIES_FILE)
-        if summary.outcome == "completed":
-            with writing(folder):
-                _show(solution, partial, target, waiting)
+        pictures: list[Path] = []
+        with writing(folder):
+            if summary.outcome == "completed":
+                pictures = _show(solution, partial, target, waiting)
+            _report(solution, summary, pictures, partial)
     return summary
 
 
@@ -152,16 +156,26 @@ def _write(solution: Solution, summary: Summary, folder: Path) -> None:
         solution.labelled.to_netcdf(folder / RESULTS_FILE)
 
 
-def _show(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> None:
-    """The pictures, and the motion for ParaView."""
+def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: Path) -> None:
+    """The run on one page, which stays small enough to be sent."""
+    from kaneflex.report.page import page
+
+    shown = [file for file in pictures if file.suffix in (".png", ".gif") and file.stat().st_size < _LARGEST]
+    (folder / REPORT_FILE).write_text(page(solution, summary, shown), encoding="utf-8", newline="\n")
+
+
+def _show(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> list[Path]:
+    """The pictures, which it returns, and the motion for ParaView."""
+    drawn: list[Path] = []
     if target.plots:
         from kaneflex.plots import draw_all
 
         stage = "drawing the pictures"
         waiting.stage(stage)
-        draw_all(solution, folder, waiting.share_of(stage), target.frames)
+        drawn = draw_all(solution, folder, waiting.share_of(stage), target.frames)
     if target.vtk:
         from kaneflex.plots.vtk import write_vtk
 
         waiting.stage("writing the motion for ParaView")
         write_vtk(solution, folder / VTK_FOLDER, target.frames)
+    return drawn

@@ -38,22 +38,24 @@ PRESETS_IN_WORDS = {
 
 def description(model: Model) -> str:
     """What a scene is, for ``kaneflex check``: one line for each part of the mechanism."""
+    equations = {
+        "degrees of freedom": str(model.degrees_of_freedom),
+        "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
+        **({} if model.coupled is None else {"coordinates of a state": " ".join(start_coordinates(model))}),
+        "structure": model.motion.module.STRUCTURE,
+        "module": _module(model),
+    }
+    return "\n".join((modelled(model), block("equations", equations)))
+
+
+def modelled(model: Model) -> str:
+    """The mechanism and the options in force, as they are the same on any machine."""
     scene = model.scene
     blocks = [
         parts(scene),
         block("assumptions", scene.assumptions),
         block("over the run" if _followed(model) else "at the start", _reach(model)),
         block("options in force", _options(model)),
-        block(
-            "equations",
-            {
-                "degrees of freedom": str(model.degrees_of_freedom),
-                "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
-                **({} if model.coupled is None else {"coordinates of a state": " ".join(start_coordinates(model))}),
-                "structure": model.motion.module.STRUCTURE,
-                "module": _module(model),
-            },
-        ),
     ]
     return "\n".join(filter(None, blocks))
 

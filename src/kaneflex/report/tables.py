@@ -45,13 +45,18 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
 
 def summary_table(summary: Summary) -> str:
     """The sensors of a run with their extremes, and where they are."""
+    return table(*sensor_cells(summary), left=2)
+
+
+def sensor_cells(summary: Summary) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Head and rows of that table."""
     when = "s" if any(entry.at_min.drive_deg is None for entry in summary.sensors.values()) else "deg"
     head = ("sensor", "unit", "min", f"at {when}", "max", f"at {when}", "mean", "rms")
     rows = [_sensor_row(name, entry) for name, entry in summary.sensors.items()]
     if all(entry.plus_minus is None for entry in summary.sensors.values()):
-        return table(head, rows, left=2)
+        return head, rows
     off = map(_plus_minus, summary.sensors.values())
-    return table((*head, "+-"), [(*row, by) for row, by in zip(rows, off, strict=True)], left=2)
+    return (*head, "+-"), [(*row, by) for row, by in zip(rows, off, strict=True)]
 
 
 def _plus_minus(entry: SensorSummary) -> str:
@@ -62,14 +67,19 @@ def _plus_minus(entry: SensorSummary) -> str:
 
 def unit_shown(unit: str, largest: float) -> tuple[str, Callable[..., str]]:
     """The unit for people of values up to ``largest`` (SI), and what writes an SI value in it, by so many digits."""
-    shown, factor = _FOR_PEOPLE.get(unit, (unit, 1.0))
-    if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
-        _, shown, factor = _WHEN_SMALL[unit]
+    shown, factor = unit_and_factor(unit, largest)
 
     def number(value: float, digits: int = 4) -> str:
         return f"{value * factor:.{digits}g}" if abs(value * factor) < 1e4 else f"{value * factor:.0f}"
 
     return shown, number
+
+
+def unit_and_factor(unit: str, largest: float) -> tuple[str, float]:
+    """The unit for people of values up to ``largest`` (SI), and how many of it are one SI unit."""
+    if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
+        return _WHEN_SMALL[unit][1:]
+    return _FOR_PEOPLE.get(unit, (unit, 1.0))
 
 
 def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:

@@ -1,0 +1,148 @@
+"""``report.html``: a run on one page that needs no network, the warnings first."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from kaneflex.report.presentation import modelled
+from kaneflex.report.tables import (
+    contact_table,
+    friction_table,
+    run_lines,
+    sensitivity_table,
+    sensor_cells,
+    unit_and_factor,
+)
+
+if TYPE_CHECKING:
+    from kaneflex.report.summary import Summary
+    from kaneflex.solve.solution import Solution
+
+_TEMPLATE = Path(__file__).with_name("page.html")
+_MOST, _NUMBERS = 1500, 300_000
+"""Instants of a curve at most, and numbers of all curves together: a page of a few megabytes opens at once."""
+_KINDS = {".png": "image/png", ".gif": "image/gif"}
+
+
+def page(solution: Solution, summary: Summary, pictures: Sequence[Path] = ()) -> str:
+    """The page of a run, HTML.
+
+    Parameters
+    ----------
+    solution : Solution
+    summary : Summary
+        Of the same run.
+    pictures : sequence of Path
+        PNG and GIF files, which become part of it in this order.
+    """
+    scene = solution.model.scene
+    head, rows = sensor_cells(summary) if summary.sensors else ((), [])
+    filled = {
+        "title": escape(scene.name),
+        "about": escape(scene.description),
+        "warnings": _warnings(summary),
+        "head": "".join(f"<th>{escape(text)}</th>" for text in head),
+        "rows": "".join(map(_row, rows)),
+        "more": "".join(_more(summary)),
+        "modelled": _text(modelled(solution.model)),
+        "cost": _text(run_lines(summary)),
+        "choice": _choice(summary),
+        "pictures": "".join(_pictures(pictures)),
+        "data": json.dumps(_data(solution, summary), separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], _TEMPLATE.read_text(encoding="utf-8"))
+
+
+def _text(styled: str) -> str:
+    """What the terminal shows, without its bold."""
+    return escape(click.unstyle(styled))
+
+
+def _row(cells: Sequence[str]) -> str:
+    return f'<tr data-name="{escape(cells[0])}">{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
+
+
+def _warnings(summary: Summary) -> str:
+    stopped = "" if summary.outcome == "completed" else f"Stopped early: {summary.message}"
+    kinds = [("warning stopped", stopped)] * bool(stopped) + [("warning", text) for text in summary.warnings]
+    return "".join(f'<div class="{kind}">{escape(text)}</div>' for kind, text in kinds)
+
+
+def _more(summary: Summary) -> Iterator[str]:
+    """What not every run has: why no error is known, contacts, friction, derivatives."""
+    if summary.errors:
+        yield f"<p>No error of the sensors is estimated: {escape(summary.errors)}.</p>"
+    tables = (
+        (summary.contacts, "Contacts", contact_table), (summary.frictions, "Friction", friction_table),
+        (summary.sensitivities, "Sensitivities", sensitivity_table),
+    )  # fmt: skip
+    for found, title, as_table in tables:
+        if found:
+            yield f"<h2>{title}</h2><pre>{_text(as_table(summary))}</pre>"
+
+
+def _choice(summary: Summary) -> str:
+    """The models that were tried for a tolerance, and what each was off by."""
+    if summary.choice is None:
+        return ""
+    tried = ""
+    for each in summary.choice.attempts:
+        error = "" if each.error is None else f"{100 * each.error:.2g} %"
+        tried += _row((each.model, each.worst_sensor or "", error, "yes" if each.within else "no"))
+    head = "".join(f"<th>{text}</th>" for text in ("model", "worst sensor", "error", "within"))
+    settings = escape(" ".join(summary.choice.settings))
+    return f"<h2>Why this model</h2><p>Chosen: {settings}</p><table><thead><tr>{head}</tr></thead>{tried}</table>"
+
+
+def _pictures(files: Sequence[Path]) -> Iterator[str]:
+    for file in files:
+        data = base64.b64encode(file.read_bytes()).decode()
+        name = escape(file.stem.replace("_", " "))
+        source = f"data:{_KINDS[file.suffix]};base64,{data}"
+        yield f'<figure><img alt="{name}" src="{source}"><figcaption>{name}</figcaption></figure>'
+
+
+def _data(solution: Solution, summary: Summary) -> dict[str, Any]:
+    """Curves in the table's units, as the page's script reads them: axes, and sensors with the rigid mechanism's."""
+    series = {name: solution.series[name] for name in summary.sensors}
+    kept = _instants(solution, len(series))
+    axes = [{"label": "time [s]", "values": _numbers(solution.times[kept])}]
+    for drive, at in solution.drive_angles.items():
+        slides = solution.model.scene.slides(drive)
+        label = f"{drive} [m]" if slides else f"{drive} [deg]"
+        axes.append({"label": label, "values": _numbers((at if slides else np.degrees(at))[kept])})
+    own: dict[str, Any] = {}
+    for name, each in series.items():
+        beside, found = series.get(f"{name}_rigid"), summary.sensors[name]
+        unit, factor = unit_and_factor(each.unit, max(abs(found.min), abs(found.max)))
+        own[name] = {
+            "unit": unit, "meaning": each.meaning, "values": _numbers(factor * each.values[kept]),
+            "rigid": None if beside is None else _numbers(factor * beside.values[kept]),
+        }  # fmt: skip
+    return {"axes": axes, "sensors": own}
+
+
+def _instants(solution: Solution, curves: int) -> np.ndarray:
+    """Places of the instants that are drawn: evenly spread, with every sensor's extremes among them."""
+    count = len(solution.times)
+    most = min(_MOST, _NUMBERS // max(1, curves))
+    if count <= most:
+        return np.arange(count)
+    extremes = [at for name in solution.series for at in solution.statistics(name)[4:]]
+    even = np.linspace(0, count - 1, most).round()
+    return np.unique(np.concatenate([even, extremes])).astype(int)
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    """Six digits of each; None where there is no finite value."""
+    return [float(f"{value:.6g}") if math.isfinite(value) else None for value in values.tolist()]

@@ -1,0 +1,88 @@
+"""report.html: the page of a run, as it is written and as a browser shows it."""
+
+import json
+import re
+import shutil
+
+import pytest
+from click.testing import CliRunner
+from conftest import absent
+
+from kaneflex.cli import main
+
+
+def run(folder, *arguments: str) -> str:
+    done = CliRunner().invoke(main, ["run", *arguments, "-o", str(folder)])
+    assert done.exit_code in (0, 3), done.output
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def engine(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report") / "engine"
+    return folder, run(folder, "engine", "--no-plots", "--set", "solve.steps=5000")
+
+
+def data_of(text: str) -> dict:
+    return json.loads(re.search(r'id="data">(.*?)</script>', text, flags=re.DOTALL)[1])
+
+
+def test_a_page_holds_the_run_and_asks_no_network(engine):
+    folder, text = engine
+    data = data_of(text)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert set(data["sensors"]) == set(summary["sensors"])
+    side, found = data["sensors"]["piston_side_force"], summary["sensors"]
+    assert side["unit"] == "kN"
+    assert max(side["values"]) == pytest.approx(1e-3 * found["piston_side_force"]["max"], rel=1e-5)
+    assert max(side["rigid"]) == pytest.approx(1e-3 * found["piston_side_force_rigid"]["max"], rel=1e-5)
+    assert [axis["label"] for axis in data["axes"]] == ["time [s]", "main [deg]"]
+    assert 1500 <= len(side["values"]) < 1700 and len(text) < 2**20
+    assert "{{" not in text and not re.search(r"(src|href)=[\"']?https?:", text)
+
+
+def test_texts_of_a_scene_stay_texts(tmp_path):
+    text = run(tmp_path / "odd", "engine", "--no-plots", "--set", 'description="</script><script>alert(1)</script>"')
+    assert "<script>alert" not in text and "&lt;/script&gt;" in text
+
+
+def test_warnings_stand_first_and_a_run_that_stopped_says_so(tmp_path):
+    text = run(tmp_path / "stopped", "engine-transient", "--no-plots", "--set", "rod.E=1e7")
+    assert text.index("Stopped early: ") < text.index('class="warning"') < text.index("<h2>Sensors</h2>")
+    assert data_of(text)["sensors"]
+    nothing = run(tmp_path / "nothing", "engine", "--no-plots", "--set", "rod.E=1e7")
+    assert "Stopped early: " in nothing and data_of(nothing)["sensors"] == {}
+
+
+def test_a_browser_shows_the_curve_of_the_sensor_that_is_clicked(engine, peer):
+    if not shutil.which("chromium"):
+        absent("chromium", "apt-get install chromium")
+    peer("playwright")
+    from playwright import sync_api
+
+    with sync_api.sync_playwright() as browsers:
+        browser = browsers.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        shown = browser.new_page(viewport={"width": 1200, "height": 900})
+        failures: list[str] = []
+        shown.on("pageerror", lambda error: failures.append(str(error)))
+        shown.on("request", lambda asked: failures.append(asked.url) if not asked.url.startswith("file:") else None)
+        shown.goto((engine[0] / "report.html").as_uri())
+        before = shown.inner_html("#curve")
+        shown.click("tr[data-name=piston_side_force]")
+        assert "rigid mechanism" in shown.inner_text("#meaning")
+        assert "piston_side_force [kN]" in shown.inner_html("#curve") and shown.inner_html("#curve") != before
+        assert shown.locator("#curve path").count() == 2
+        shown.select_option("#axis", label="main [deg]")
+        shown.locator("#curve").hover()
+        assert re.match(r"main \[deg\] 3\d\d\.?\d*: -?[\d.e-]+ kN, rigid", shown.inner_text("#reading"))
+        whole = shown.inner_html("#curve")
+        box = shown.locator("#curve").bounding_box()
+        shown.mouse.move(box["x"] + 300, box["y"] + 100)
+        shown.mouse.down()
+        shown.mouse.move(box["x"] + 500, box["y"] + 100)
+        shown.mouse.up()
+        assert shown.inner_html("#curve") != whole
+        shown.click("#whole")
+        assert shown.inner_html("#curve") == whole
+        assert failures == []
+        browser.close()
