@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import sympy as sm
 from sympy.core.function import AppliedUndef
+from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
 from kaneflex.derive.names import Names
@@ -17,15 +18,23 @@ from kaneflex.derive.program import LARGEST_PRODUCT, Program, expanded_operation
 from kaneflex.support.contract import FORMAT
 
 
-class NumbaPrinter(PythonCodePrinter):
-    """Scalar float64 code: rationals divided beforehand, small powers multiplied out.
+class ScalarPrinter(CodePrinter):
+    """What scalar float64 code is in any language: rationals divided beforehand, small powers multiplied out.
 
     ``identifiers`` says what symbols are called that are not called by their names.
     """
 
-    def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
-        super().__init__({"fully_qualified_modules": True, "standard": "python3"})
+    square_root: str
+    whole: str
+    """How the place of a table in p, a number there, is made a whole one."""
+
+    def __init__(self, identifiers: Mapping[sm.Symbol, str], settings: dict[str, object]) -> None:
+        super().__init__(settings)
         self._identifiers = identifiers
+
+    def _raised(self, base: sm.Expr, exponent: sm.Expr) -> str:
+        """Any other power."""
+        raise NotImplementedError
 
     def _print_Symbol(self, expr):
         return self._identifiers.get(expr, expr.name)
@@ -47,16 +56,16 @@ class NumbaPrinter(PythonCodePrinter):
     def _print_Pow(self, expr, rational=False):
         base, exponent = expr.as_base_exp()
         if exponent == sm.Rational(1, 2):
-            return f"math.sqrt({self._print(base)})"
+            return f"{self.square_root}({self._print(base)})"
         if exponent == sm.Rational(-1, 2):
-            return f"1.0/math.sqrt({self._print(base)})"
+            return f"1.0/{self.square_root}({self._print(base)})"
         if exponent.is_Integer and 1 < abs(exponent) <= LARGEST_PRODUCT:
             factor = self.parenthesize(base, 60)
             product = "*".join([factor] * abs(int(exponent)))
             return f"({product})" if exponent > 0 else f"1.0/({product})"
         if exponent == -1:
             return f"1.0/{self.parenthesize(base, 60)}"
-        return f"{self.parenthesize(base, 60)}**{self.parenthesize(exponent, 60)}"
+        return self._raised(base, exponent)
 
     def parenthesize(self, item, level, strict=False):
         if item.is_Rational and item.is_positive:  # printed as one number, not as a quotient
@@ -66,10 +75,22 @@ class NumbaPrinter(PythonCodePrinter):
     def _print_Function(self, expr):
         if expr.func.__name__ in TABLE_LOOKUPS:
             x, start = (self._print(argument) for argument in expr.args)
-            return f"{expr.func.__name__}({x}, p, int({start}))"
+            return f"{expr.func.__name__}({x}, p, {self.whole}({start}))"
         if expr.func.__name__ in LAW_FUNCTIONS:
             return f"{expr.func.__name__}({', '.join(self._print(argument) for argument in expr.args)})"
         return super()._print_Function(expr)
+
+
+class NumbaPrinter(ScalarPrinter, PythonCodePrinter):
+    """Python as numba compiles it."""
+
+    square_root, whole = "math.sqrt", "int"
+
+    def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
+        super().__init__(identifiers, {"fully_qualified_modules": True, "standard": "python3"})
+
+    def _raised(self, base, exponent):
+        return f"{self.parenthesize(base, 60)}**{self.parenthesize(exponent, 60)}"
 
 
 @dataclass(frozen=True)
@@ -101,27 +122,32 @@ def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
 def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> str:
     """One jitted function: parameters and scalars read once, then the assignments, which store what is asked for, then
     the other stores."""
-    printer = NumbaPrinter(identifiers)
-    program = kernel.program
-    used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set())
-    text = printer.doprint
-    body = [f"{text(symbol)} = {source}" for symbol, source in kernel.reads if symbol in used]
-    # Arrays arrive zeroed, mostly: an entry that is zero by structure is not stored. Equal entries share a statement.
-    stored: dict[sm.Expr, list[str]] = {}
-    for slot, expression in program.outputs:
-        if expression != 0 or kernel.zeros:
-            stored.setdefault(expression, []).append(slot)
-    for symbol, expression in program.assignments:
-        slots = [] if kernel.returns else stored.pop(symbol, [])
-        body.append(" = ".join([text(symbol), *slots, _bare(text(expression))]))
+    body = [" = ".join([*([name] if name else []), *slots, value]) for name, slots, value in
+            statements(kernel, NumbaPrinter(identifiers))]
     if kernel.returns:
-        body.append(f"return {', '.join(_bare(text(expression)) for _, expression in program.outputs)}")
-    else:
-        body += [" = ".join([*slots, _bare(text(expression))]) for expression, slots in stored.items()]
+        text = NumbaPrinter(identifiers).doprint
+        body.append(f"return {', '.join(_bare(text(expression)) for _, expression in kernel.program.outputs)}")
     body += kernel.calls
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
     code = "\n".join(f"    {line}" for line in body or ["pass"])
-    return f"@njit(**OPTIONS)\ndef {program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
+    return f"@njit(**OPTIONS)\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
+
+
+def statements(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, list[str], str]]:
+    """What a kernel computes, in any language: name of the number, empty where it has none; where it is stored; value.
+
+    Arrays arrive zeroed, mostly: an entry that is zero by structure is not stored. Equal entries share a statement.
+    """
+    program, text = kernel.program, printer.doprint
+    used = set().union(*(e.free_symbols for _, e in (*program.assignments, *program.outputs)), set())
+    yield from ((text(symbol), [], source) for symbol, source in kernel.reads if symbol in used)
+    stored: dict[sm.Expr, list[str]] = {}
+    for slot, expression in () if kernel.returns else program.outputs:
+        if expression != 0 or kernel.zeros:
+            stored.setdefault(expression, []).append(slot)
+    for symbol, expression in program.assignments:
+        yield text(symbol), stored.pop(symbol, []), _bare(text(expression))
+    yield from (("", slots, _bare(text(expression))) for expression, slots in stored.items())
 
 
 def _bare(text: str) -> str:

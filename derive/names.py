@@ -67,7 +67,7 @@ class Names:
         for symbol in symbols:
             if symbol in found:
                 continue
-            plain = name = _ascii(self.text(symbol.name))
+            plain = name = ascii_identifier(self.text(symbol.name))
             count = 1
             while name in used:
                 count += 1
@@ -77,7 +77,7 @@ class Names:
         return found
 
 
-def _ascii(name: str) -> str:
+def ascii_identifier(name: str) -> str:
     """An identifier that Python reads as it is written: it would turn letters beyond ASCII into their NFKC form."""
     return "".join(letter if letter.isascii() else f"u{ord(letter):x}" for letter in name)
 

@@ -171,21 +171,36 @@ def equations(name: str, as_latex: bool, output: Path | None, force: bool) -> No
 @click.command()
 @click.argument("name", metavar="SCENE")
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True, help="Module to write."
-)
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.py", required=True,
+    help="Module to write; the folder to make with --language c.",
+)  # fmt: skip
+@click.option(
+    "--language", type=click.Choice(["python", "c"]), default="python", show_default=True,
+    help="c: a folder of portable C11 without allocation, which steps linear equations without Python, too.",
+)  # fmt: skip
 @click.option("--coupled", is_flag=True, help="The equations of preset coupled instead.")
 @click.option(
     "--tolerance", metavar="SHARE", help="Only the terms of the model that `kaneflex run --tolerance` chooses, like 1%."
 )
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="With --tolerance: only this one counts.")
+@click.option(
+    "--set", "changes", multiple=True, metavar="KEY=VALUE",
+    help="With --language c: change the scene, as run does. Can be repeated.",
+)  # fmt: skip
 @force_option
 def derive(
-    name: str, output: Path, coupled: bool, tolerance: str | None, sensors: tuple[str, ...], force: bool
-) -> None:
-    """Derive the equations of SCENE and write them as a numba module of its own.
+    name: str, output: Path, language: str, coupled: bool, tolerance: str | None, sensors: tuple[str, ...],
+    changes: tuple[str, ...], force: bool,
+) -> None:  # fmt: skip
+    """Derive the equations of SCENE and write them as a numba module of its own, or as C.
 
     The module imports only math, numpy and numba; the same scene gives the same bytes everywhere.
     """
+    if language == "c":
+        _derive_c(name, output, {"--coupled": coupled, "--tolerance": tolerance, "--sensor": sensors}, changes, force)
+        return
+    if changes:
+        raise click.UsageError("--set goes with --language c: a Python module holds no numbers of the scene.")
     from kaneflex.mechanism.floating_frames import shape_counts
     from kaneflex.scene import with_settings
     from kaneflex.support.atomic_output import refuse_existing, write_text
@@ -212,4 +227,22 @@ def derive(
     if choice is not None:
         click.echo(chosen_lines(choice))
         click.echo(f"{operation_count(text)} operations, of {operation_count(whole)} with every term")
+    click.echo(f"Written to {output}")
+
+
+def _derive_c(
+    name: str, output: Path, others: Mapping[str, object], changes: tuple[str, ...], force: bool
+) -> None:
+    """A folder of C, whole or not at all."""
+    from kaneflex.solve.c_model import c_model
+    from kaneflex.support.output_folders import whole_folder
+    from kaneflex.support.terminal import Waiting
+
+    given = [option for option, value in others.items() if value]
+    if given:
+        raise click.UsageError(f"{given[0]} does not go with --language c.")
+    scene = read(name, list(changes))
+    with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
+        for file, text in c_model(scene, waiting.stage).items():
+            (partial / file).write_text(text, encoding="utf-8", newline="\n")
     click.echo(f"Written to {output}")

@@ -103,6 +103,16 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
         return generate(scene, progress)
 
 
+def kernels_in_c(scene: Scene, progress: Progress = lambda stage: None) -> tuple[str, dict[str, str]]:
+    """What names in C begin with, and the files of the scene's kernels there; otherwise as :func:`generate_text`."""
+    progress("importing SymPy")
+    from kaneflex.derive.c_module import generate_c, identifier
+
+    name = identifier(scene.name)
+    with derivable(scene):
+        return name, generate_c(scene, name, progress)
+
+
 def find_pruned_module(scene: Scene, progress: Progress) -> tuple[ModuleType, float]:
     """The module of the scene by its own model, see :func:`pruned_text`; otherwise as :func:`find_module`."""
     options = resolve_options(scene)

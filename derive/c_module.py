@@ -1,0 +1,241 @@
+"""The module of a scene as portable C11, from the same programs as the numba one: :func:`generate_c`.
+
+Two files: a header with the places of all numbers in their arrays, and the kernels. They allocate nothing, call the
+mathematics of the standard library alone, and compile without a warning.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import sympy as sm
+from sympy.printing.c import C11CodePrinter
+
+from kaneflex.derive import emit
+from kaneflex.derive.beam import beam_element
+from kaneflex.derive.elements import element_kernel
+from kaneflex.derive.generate import Equations, Progress, derive_equations, kernels_of, lower, table_paths
+from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
+from kaneflex.derive.names import ascii_identifier
+from kaneflex.derive.program import Program
+from kaneflex.support.contract import BEAMS, FORMAT, LINK_SCALARS, element_parameters
+
+_MATHEMATICS = """
+    acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma fmax
+    fmin fmod frexp hypot ilogb ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan nearbyint
+    nextafter nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc
+    NAN INFINITY HUGE_VAL NULL size_t
+"""
+_KEYWORDS = """
+    auto break case char const continue default do double else enum extern float for goto if inline int long register
+    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+"""
+RESERVED = (*_MATHEMATICS.split(), *_KEYWORDS.split())
+"""What nothing of ours may be called in C."""
+
+
+class CPrinter(emit.ScalarPrinter, C11CodePrinter):
+    """C11."""
+
+    square_root, whole = "sqrt", "(size_t)"
+
+    def __init__(self, identifiers: Mapping[sm.Symbol, str] = MappingProxyType({})) -> None:
+        super().__init__(identifiers, {})
+
+    def _raised(self, base, exponent):
+        return f"pow({self._print(base)}, {self._print(exponent)})"
+
+
+def generate_c(scene: Any, name: str, progress: Progress = lambda stage: None) -> dict[str, str]:
+    """Name of a file -> its text: NAME.h and NAME.c of a scene's structure.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        What all names begin with, an identifier.
+    progress : callable
+        Called with the name of each stage as it begins.
+    """
+    progress("Kane's equations")
+    equations = derive_equations(scene.structure())
+    progress("programs")
+    kernels = [*lower(equations), *_element_kernels(equations)]
+    progress("module text")
+    identifiers = equations.mechanism.names.identifiers(
+        [kernel.program for kernel, _ in kernels],
+        [*RESERVED, *emit.TABLE_LOOKUPS, *emit.LAW_FUNCTIONS, *(a for kernel, _ in kernels for a in kernel.arguments)],
+    )
+    about = _about(scene, equations, emit.operations(kernels))
+    raw = [raw for _, raw in kernels]
+    text = _SOURCE.format(
+        about=comment(about), name=name, lookups="".join(f"{text}\n" for text in _called(raw)),
+        kernels="\n".join(_function(kernel, name, identifiers) for kernel, _ in kernels),
+    )  # fmt: skip
+    head = _HEADER.format(
+        about=comment(about), guard=f"{name.upper()}_H", tables="\n".join(_tables(equations, name.upper())),
+        kernels="\n".join(f"{comment(kernel.doc)}\n{_signature(kernel, name)};\n" for kernel, _ in kernels),
+    )  # fmt: skip
+    return {f"{name}.h": head, f"{name}.c": text}
+
+
+def _element_kernels(equations: Equations) -> list[tuple[emit.Kernel, Program]]:
+    """The kernels of the element that its numba module shares with other scenes."""
+    if not equations.beam:
+        return []
+    element = beam_element(**BEAMS[equations.beam], with_frame=False)
+    return [element_kernel(name, element) for name in kernels_of(equations.terms)]
+
+
+def _called(programs: Sequence[Program]) -> list[str]:
+    """The lookups and the functions of laws that programs call, and those which these call."""
+    texts = {**TABLE_TEXTS, **LAW_TEXTS}
+    wanted = {name for name in texts if any(emit.calls(program, name) for program in programs)}
+    if wanted & TABLE_TEXTS.keys():
+        wanted.add("place_in_table")
+    if "clamped" in wanted:
+        wanted |= {"smaller", "larger"}
+    return [text for name, text in texts.items() if name in wanted]
+
+
+def _function(kernel: emit.Kernel, name: str, identifiers: Mapping[sm.Symbol, str]) -> str:
+    """The definition of a kernel. A number that only goes into the array has no name of its own there."""
+    program, printer = kernel.program, CPrinter(identifiers)
+    assigned = {symbol for symbol, _ in program.assignments}
+    rights = [value for _, value in (*program.assignments, *program.outputs) if value not in assigned]
+    named = {printer.doprint(symbol) for value in rights for symbol in value.free_symbols}
+    lines, texts = [], []
+    for local, slots, value in emit.statements(kernel, printer):
+        places = [slot.replace(", ", "][") for slot in slots]
+        texts.append(value)
+        targets = ([f"const double {local}"] if local in named or not places else []) + places
+        lines.append(f"    {' = '.join([*targets, value])};")
+    for argument in kernel.arguments[:-1]:
+        if not any(re.search(rf"\b{argument}\b", value) for value in texts):
+            lines.insert(0, f"    (void){argument};")
+    body = "\n".join(lines)
+    return f"{_signature(kernel, name)}\n{{\n{body}\n}}\n"
+
+
+def _signature(kernel: emit.Kernel, name: str) -> str:
+    square = any(", " in slot for slot, _ in kernel.program.outputs)
+    types = {"t": "double t", "out": "double out[6][6]" if square else "double out[]", "s": "const double s[]"}
+    if kernel.arguments[-1] == "s":
+        types["s"] = "double s[]"
+    given = ", ".join(types.get(argument, f"const double {argument}[]") for argument in kernel.arguments)
+    return f"void {name}_{kernel.program.name}({given})"
+
+
+def comment(text: str) -> str:
+    """A comment of C, in lines of at most 118 letters; what would end it is pulled apart."""
+    safe = plain(text)
+    lines = [part for line in safe.splitlines() for part in (textwrap.wrap(line, 116, drop_whitespace=False) or [""])]
+    return "\n".join(f"{' *' if k else '/*'} {line}".rstrip() for k, line in enumerate(lines)) + " */"
+
+
+def plain(text: str) -> str:
+    """Text that can stand in a comment of C: nothing begins or ends one in it."""
+    return text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
+
+
+def places(prefix: str, rows: Iterable[tuple[str, str]], count: str) -> str:
+    """An enumeration of the places in an array: what is there and a comment on it; ``count`` is the array's length."""
+    found: dict[str, str] = {}
+    for what, meaning in rows:
+        stem = symbol = f"{prefix}_{identifier(what).upper()}"
+        number = 1
+        while symbol in found or symbol == count:
+            number += 1
+            symbol = f"{stem}_{number}"
+        found[symbol] = f"/* {plain(meaning)} */"
+    lines = [f"    {symbol}, {meaning}" for symbol, meaning in found.items()]
+    return "\n".join(["enum {", *lines, f"    {count}", "};"])
+
+
+def identifier(name: str) -> str:
+    """A name of a scene as one of C."""
+    plain_name = re.sub(r"\W", "_", ascii_identifier(name))
+    return plain_name if not plain_name[:1].isdigit() and plain_name not in RESERVED else f"_{plain_name}"
+
+
+def _tables(equations: Equations, prefix: str) -> list[str]:
+    """The places of all numbers in the arrays that kernels take."""
+    mechanism, motion = equations.mechanism, equations.motion
+    names = mechanism.names
+    parameters = [(path, f"{path} [{unit}]") for path, (_, unit) in mechanism.parameters.items()]
+    for link in motion.links if equations.beam else ():
+        of_element = element_parameters(**BEAMS[equations.beam])
+        parameters += [(f"bodies.{link}.element.{name}",) * 2 for name, *_ in of_element]
+    scalars = [(s.name, f"{s.name} [{s.unit}]: {s.meaning}") for s in motion.stored]
+    in_links = (scalar for block in motion.links.values() for scalar in block)
+    fixed = {s.name: float(s.value) for s in (*in_links, *motion.scalars) if s.value.is_number}
+    tables = names.told(table_paths(mechanism))
+    found = [
+        comment("p: numbers of the scene. Blocks of tables stand behind them, where PATH.table says."
+                + (f" Tables: {', '.join(tables)}." if tables else "")),
+        places(f"{prefix}_P", names.told(parameters), f"{prefix}_PARAMETERS"),
+        "",
+        comment("s: scalars of the rigid motion."
+                + (f" Always: {', '.join(f'{names.text(k)} = {v:g}' for k, v in fixed.items())}." if fixed else "")),
+        places(f"{prefix}_S", names.told(scalars), f"{prefix}_SCALARS"),
+    ]  # fmt: skip
+    if equations.beam:
+        element = [(name, f"{unit}: {meaning}") for name, unit, meaning in element_parameters(**BEAMS[equations.beam])]
+        link = [(name, f"{unit}: {meaning}") for name, unit, meaning in LINK_SCALARS]
+        begins = ", ".join(f"{names.text(each)} at {k * len(LINK_SCALARS)}" for k, each in enumerate(motion.links))
+        found += [
+            "", comment("p of the kernels of one element."), places(f"{prefix}_E", element, f"{prefix}_ELEMENT"), "",
+            comment(f"s of the kernels of one element; those of a link stand in s of the motion: {begins}."),
+            places(f"{prefix}_L", link, f"{prefix}_LINK"),
+        ]  # fmt: skip
+    return found
+
+
+def _about(scene: Any, equations: Equations, counts: Mapping[str, tuple[int, int]]) -> str:
+    lines = [
+        "Equations of motion of a mechanism, generated by kaneflex. Do not edit.",
+        "",
+        f"Structure {scene.structure_hash()}, format {FORMAT}, SymPy {emit.version()}; "
+        "made by: kaneflex derive SCENE --language c -o DIR",
+        "",
+    ]
+    if equations.beam:
+        lines += [
+            "In link axes, with one scalar of the motion before each constant matrix:",
+            "    M q'' + (C_s + 2 omega G) q' + (K_s - omega^2 M + epsilon G + K_g) q = F",
+            "    q = (u1, v1, theta1, u2, v2, theta2) of an element",
+            *emit.ROTARY * BEAMS[equations.beam]["rotary"],
+            "",
+        ]
+    lines += [*emit.operation_lines(counts), "", "Kernels check nothing, and allocate nothing."]
+    return "\n".join(lines)
+
+
+_HEADER = """{about}
+#ifndef {guard}
+#define {guard}
+
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+{tables}
+
+{kernels}
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+_SOURCE = """{about}
+#include "{name}.h"
+
+#include <math.h>
+#include <stddef.h>
+
+{lookups}{kernels}"""

@@ -1,0 +1,80 @@
+/* A mechanism's linear equations M z'' + C z' + K z = F, stepped in time without Python and without allocation.
+ *
+ * Every number of M, C, K and F is a sum of constant x product of scalars of the rigid motion. A model is data: which
+ * scalars make a product, which products make a number. All in SI.
+ */
+#ifndef KANEFLEX_LINEAR_H
+#define KANEFLEX_LINEAR_H
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    size_t n;        /* coordinates */
+    size_t band;     /* largest |i - j| with an entry (i, j) */
+    size_t scalars;  /* of the rigid motion */
+    size_t products; /* of scalars */
+    size_t stages;   /* of a step: 2 Gauss, 3 Radau IIA; 1 Newmark's family */
+    size_t period;   /* steps of a cycle, after which all repeats; 0: none */
+    double step;     /* [s] */
+
+    void (*motion)(double t, const double p[], double s[]);
+    const double *p;              /* its numbers */
+    const size_t *product_ends;   /* where each product ends among factors */
+    const size_t *factors;        /* scalars */
+    const size_t *sum_ends;       /* where each number ends: (i, j) of M at (2 band + 1) i + j - i + band, C, K, then F */
+    const size_t *sum_products;   /* products */
+    const double *sum_constants;  /* and what is before them */
+
+    const double *nodes;          /* of the stages, in steps */
+    const double *weights;        /* of the method */
+    const double *z_0;            /* where it begins */
+    const double *v_0;
+    const char *const *coordinates; /* their names */
+} kaneflex_linear;
+
+/* Doubles of memory that a model needs. */
+#define KANEFLEX_LINEAR_MEMORY(n, band, scalars, products, stages) \
+    (5 * (n) + (scalars) + (products) + (stages) * (3 * (n) * (2 * (band) + 1) + (n)) + (stages) * (n) \
+     + (stages) * (n) * (2 * (stages) * ((band) + 1) - 1))
+
+typedef struct {
+    const kaneflex_linear *model;
+    size_t steps;    /* taken */
+    double *z;       /* displacements [m, rad] */
+    double *v;       /* their rates */
+    double *a;       /* accelerations */
+    double *q;       /* what follows is the method's own */
+    double *at;
+    double *s;
+    double *products;
+    double *sums;
+    double *x;
+    double *matrix;
+} kaneflex_state;
+
+enum { KANEFLEX_OK, KANEFLEX_SINGULAR, KANEFLEX_UNBOUNDED };
+
+/* Begin at model->z_0, v_0. memory: KANEFLEX_LINEAR_MEMORY doubles that stay the state's. Returns KANEFLEX_SINGULAR
+ * where M is, at t = 0. */
+int kaneflex_start(kaneflex_state *state, const kaneflex_linear *model, double memory[]);
+
+/* One step on. Returns KANEFLEX_SINGULAR where the step's matrix is, KANEFLEX_UNBOUNDED where z is no number any more;
+ * nothing can be made of the state then. */
+int kaneflex_step(kaneflex_state *state);
+
+/* Time of the state [s]. */
+double kaneflex_time(const kaneflex_state *state);
+
+/* M, C, K (each n rows of 2 band + 1, entry (i, j) in column j - i + band of row i) and F (n), one after the other, at
+ * time t [s]. Changes nothing of the state but its own numbers. */
+void kaneflex_equations(kaneflex_state *state, double t, double sums[]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,165 @@
+"""The C of a scene: compiled with every warning an error, against the numba kernels and the runs of Python."""
+
+import ctypes
+import itertools
+import re
+import subprocess
+import types
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+from runs import model
+
+from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
+from kaneflex.generated import laws, tables
+from kaneflex.integrate.run import integrate
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.c_model import c_model, method_in_c
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import run_of, solve
+from kaneflex.support.contract import ELEMENT_KERNELS
+from kaneflex.support.errors import SceneError
+
+STRICT = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2")
+
+
+def built(texts: dict[str, str], folder: Path, compiler: str, *options: str) -> Path:
+    """The library of a scene's C, or the program with it where it has one and no options say otherwise."""
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    sources = sorted(name for name in texts if name.endswith(".c") and not (options and name.endswith("_run.c")))
+    subprocess.run([compiler, *STRICT, *options, *sources, "-o", "built", "-lm"], cwd=folder, check=True)
+    return folder / "built"
+
+
+def called(library: ctypes.CDLL, name: str, *arguments: float | np.ndarray) -> None:
+    """A kernel in C with numbers and arrays."""
+    given = [ctypes.c_double(a) if isinstance(a, float) else a.ctypes.data_as(ctypes.c_void_p) for a in arguments]
+    getattr(library, name)(*given)
+
+
+def distance(one: np.ndarray, other: np.ndarray, scale: np.ndarray) -> float:
+    """In units of the last place of a scale."""
+    return float((abs(one - other) / np.spacing(scale)).max())
+
+
+def interpreted(module: types.ModuleType) -> dict[str, object]:
+    """The names of a module, its own functions and those that it imports as Python executes them."""
+    return {name: getattr(value, "py_func", value) for name, value in vars(module).items()}
+
+
+# A table, loops that Newton's method closes, free joints with their courses and inverse dynamics.
+@pytest.mark.parametrize("name", ["engine", "six-bar", "double-pendulum"])
+def test_kernels_are_those_that_numba_compiles(name, compiler, tmp_path):
+    bound = model(name)
+    module, p = bound.module, bound.motion.parameters
+    library = ctypes.CDLL(str(built(c_model(bound.scene), tmp_path, compiler, "-shared", "-fPIC")))
+    prefix = name.replace("-", "_")
+    times = np.linspace(0.0, bound.options.duration, 97)
+    expected = bound.motion.table(times)
+    found = np.zeros_like(expected)
+    for t, row in zip(times, found, strict=True):
+        called(library, f"{prefix}_motion", float(t), p, row)
+    # numba may add up in another order, and what cancels is then off by units of what it is the difference of. As the
+    # kernels are written, operation by operation, nothing differs.
+    as_written = types.FunctionType(module.motion.py_func.__code__, interpreted(module))
+    written = np.zeros_like(expected)
+    for t, row in zip(times, written, strict=True):
+        as_written(float(t), p, row)
+    assert (found == written).all()
+    if name == "engine":
+        assert distance(found, expected, abs(expected).max(axis=0)) <= 4.0
+    held = np.ctypeslib.as_array((ctypes.c_double * len(p)).in_dll(library, f"{prefix}_p"))
+    assert (held == p).all()
+    if module.FREE:
+        state = np.random.default_rng(1).normal(size=3 * len(module.FREE))
+        torque, in_c = np.zeros(len(module.FREE)), np.zeros(len(module.FREE))
+        types.FunctionType(module.inverse.py_func.__code__, interpreted(module))(0.1, state, p, torque)
+        called(library, f"{prefix}_inverse", 0.1, state, p, in_c)
+        assert (in_c == torque).all()
+    if not module.LINKS:
+        return
+    element = np.random.default_rng(2).uniform(0.5, 2.0, len(module.ELEMENT_PARAMETERS))
+    scalars = np.random.default_rng(3).uniform(0.5, 2.0, len(module.LINK_SCALARS))
+    for kernel in ELEMENT_KERNELS:
+        shape = 6 if kernel == "F" else (6, 6)
+        numba, in_c = np.zeros(shape), np.zeros(shape)
+        given = (element, scalars) if kernel not in ("M", "K_s") else (element,)
+        getattr(module, kernel)(*given, numba)
+        called(library, f"{prefix}_{kernel}", *given, in_c)
+        assert distance(in_c, numba, np.full(1, abs(numba).max())) <= 4.0, kernel
+
+
+@pytest.mark.parametrize("integrator", ["radau", "gauss", "newmark", "generalised-alpha"])
+def test_a_program_without_python_takes_the_steps_of_a_run(integrator, compiler, tmp_path):
+    scene = with_settings(read_scene("engine"), [f"solve.integrator={integrator}"])
+    bound = load(scene)
+    texts = c_model(scene)
+    out = subprocess.run([built(texts, tmp_path, compiler)], capture_output=True, text=True, check=True).stdout
+    head, *lines = out.splitlines()
+    assert head.split(",") == ["time", *(f'"{name}"' for name in bound.reduced.coordinates)]
+    found = np.array([[float(number) for number in line.split(",")] for line in lines])
+    begun = solve(bound).trajectory
+    run = replace(run_of(bound), start=(begun.z[0], begun.v[0]), method=method_in_c(bound).name)
+    expected = integrate(run)
+    np.testing.assert_allclose(found[:, 0], expected.times, rtol=1e-15, atol=0.0)
+    error = abs(found[:, 1:] - expected.z).max(axis=0) / abs(expected.z).max(axis=0)
+    assert error.max() < 1e-10
+
+
+def test_its_run_is_that_of_the_harmonics(compiler, tmp_path):
+    bound = model("engine")
+    assert bound.options.integrator == "spectral"
+    out = subprocess.run([built(c_model(bound.scene), tmp_path, compiler)], capture_output=True, text=True).stdout
+    found = np.array([[float(number) for number in line.split(",")[1:]] for line in out.splitlines()[1:]])
+    z = solve(bound).trajectory.z
+    assert (abs(found - z).max(axis=0) / abs(z).max(axis=0)).max() < 1e-4
+
+
+def test_the_command_writes_a_folder_that_cmake_knows(tmp_path):
+    folder = tmp_path / "c"
+    arguments = "derive", "engine", "--language", "c", "--set", "rod.elements=1", "-o", folder
+    assert cli(*arguments).exit_code == 0
+    named = re.search(r"add_library\(engine STATIC (.*)\)", (folder / "CMakeLists.txt").read_text())[1].split()
+    assert {*named, "engine_run.c"} == {path.name for path in folder.glob("*.c")}
+    refused(cli(*arguments), "--force")
+    refused(cli("derive", "bricard", "--language", "c", "-o", tmp_path / "other"), "--language")
+
+
+def test_lookups_and_laws_are_those_of_numba(compiler, tmp_path):
+    numbers = {name: text.partition(f"double {name}(")[2].partition(")")[0] for name, text in LAW_TEXTS.items()}
+    arguments = {name: re.findall(r"double (\w+)", given) for name, given in numbers.items()}
+    lines = ["#include <math.h>", "#include <stddef.h>", *TABLE_TEXTS.values(), *LAW_TEXTS.values()]
+    for name, given in numbers.items():
+        head, passed = f"double c_{name}({given})", ", ".join(arguments[name])
+        lines += [f"{head};", f"{head} {{ return {name}({passed}); }}"]
+    for name in set(TABLE_TEXTS) - {"place_in_table"}:
+        head = f"double c_{name}(double x, const double p[])"
+        lines += [f"{head};", f"{head} {{ return {name}(x, p, 1); }}"]
+    library = ctypes.CDLL(str(built({"lookups.c": "\n".join(lines)}, tmp_path, compiler, "-shared", "-fPIC")))
+    values = (-3.5, -0.0, 0.3, 1.0, 2.5, float("nan"))
+    for name, given in arguments.items():
+        in_c, numba = getattr(library, f"c_{name}"), getattr(laws, name)
+        in_c.restype, in_c.argtypes = ctypes.c_double, [ctypes.c_double] * len(given)
+        for some in itertools.product(values, repeat=len(given)):
+            np.testing.assert_allclose(in_c(*some), numba(*some), rtol=1e-15, err_msg=f"{name}{some}")
+    block = np.array([0.0, 3.0, 2.0, 0.5, 1.0, 2.0, 2.5, *np.random.default_rng(4).normal(size=12)])
+    for period in (2.0, 0.0):
+        block[2] = period
+        for name in set(TABLE_TEXTS) - {"place_in_table"}:
+            in_c = getattr(library, f"c_{name}")
+            in_c.restype = ctypes.c_double
+            for x in (-7.3, 0.4, 0.5, 0.999, 1.0, 2.4, 2.5, 11.2):
+                found = in_c(ctypes.c_double(x), block.ctypes.data_as(ctypes.c_void_p))
+                assert found == getattr(tables, name).py_func(x, block, 1)
+
+
+def test_what_is_not_printed_in_c_is_refused():
+    with pytest.raises(SceneError, match="another preset"):
+        c_model(read_scene("stick-slip"))
+    with pytest.raises(SceneError, match="--language"):
+        c_model(read_scene("bricard"))
