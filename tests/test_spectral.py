@@ -70,15 +70,16 @@ def test_a_motion_made_up_is_found_to_rounding(shift):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * abs(expected).max())
 
 
-@njit(_nrt=False, no_cfunc_wrapper=True)  # as what they are compiled into: arrays that are returned are not counted
+@njit
 def there_and_back(x, circle, eighths, signals, found, back):
     """Harmonics of row 1; then the row times 1 + i is brought back."""
-    re, im, spare_re, spare_im = to_harmonics(x, 1, circle, eighths, signals[0], signals[1], signals[2], signals[3])
+    to_harmonics(x, 1, circle, eighths, signals)
+    re, im = signals[0], signals[1]
     for b in range(len(re)):
         for k in range(8):
             found[0, b, k], found[1, b, k] = re[b, k], im[b, k]
             re[b, k], im[b, k] = re[b, k] - im[b, k], im[b, k] + re[b, k]
-    to_instants(re, im, spare_re, spare_im, circle, eighths, 0, back[0], back[1])
+    to_instants(signals, circle, eighths, 0, back[0], back[1])
 
 
 @pytest.mark.parametrize("count", [8, 16, 24, 64, 96, 128, 192, 2048])

@@ -64,14 +64,14 @@ def _answer(n, w, factor, shapes, gains, circle, eighths, rest, taken, signals):
             if m < n:  # what is left of the loads when these modes' share is taken away
                 for i in range(n):
                     store(rest, (b, i), load(rest, (b, i)) - shapes[i, k] * total)
-    re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
+    re, im = signals[0], signals[1]
     for k in range(m):
-        re, im, spare_re, spare_im = to_harmonics(taken, k, circle, eighths, re, im, spare_re, spare_im)
+        to_harmonics(taken, k, circle, eighths, signals)
         for b in range(len(rest)):
             x, y, c, s = load(re, b), load(im, b), load(gains, (2 * k, b)), load(gains, (2 * k + 1, b))
             store(re, b, c * x - s * y)
             store(im, b, c * y + s * x)
-        to_instants(re, im, spare_re, spare_im, circle, eighths, k, taken, taken[:0])
+        to_instants(signals, circle, eighths, k, taken, taken[:0])
     for b in range(len(rest)):
         for i in range(n):
             total = 0.0 * load(taken, (b, 0))
@@ -86,10 +86,10 @@ def _answer(n, w, factor, shapes, gains, circle, eighths, rest, taken, signals):
 def _forces(n, w, sums, circle, eighths, omega, z, v, a, signals, out):
     """M z'' + C z' + K z, at all instants."""
     stay_apart()
-    re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
+    re, im = signals[0], signals[1]
     alike = omega * len(z)  # rates of about one size: what rounds the one would else spoil the other
     for i in range(n):
-        re, im, spare_re, spare_im = to_harmonics(z, i, circle, eighths, re, im, spare_re, spare_im)
+        to_harmonics(z, i, circle, eighths, signals)
         for b in range(len(z)):
             order = load(circle, (ORDER, b))
             # z' omega N / 8 is the real part, z'' the imaginary one
@@ -97,7 +97,7 @@ def _forces(n, w, sums, circle, eighths, omega, z, v, a, signals, out):
             x, y = load(re, b), load(im, b)
             store(re, b, 0.0 - rate * y)
             store(im, b, rate * x)
-        to_instants(re, im, spare_re, spare_im, circle, eighths, i, v, a)
+        to_instants(signals, circle, eighths, i, v, a)
     width = 2 * w + 1
     damping, stiffness, slower = n * width, 2 * n * width, 1.0 / alike
     for b in range(len(z)):
@@ -141,12 +141,12 @@ def _tail(n, w, factor, shapes, modes, circle, eighths, omega, z, signals, y, ta
             if m < n:
                 for i in range(n):
                     store(y, (b, i), load(y, (b, i)) - shapes[i, k] * total)
-    re, im, spare_re, spare_im = signals[0], signals[1], signals[2], signals[3]
+    re, im = signals[0], signals[1]
     whole = high = 0.0 * load(z, (0, 0))
     for row in range(m if m == n else m + n):
         x, which = (taken, row) if row < m else (y, row - m)
         mass = modes[0, row] * omega * omega if row < m else 0.0
-        re, im, spare_re, spare_im = to_harmonics(x, which, circle, eighths, re, im, spare_re, spare_im)
+        to_harmonics(x, which, circle, eighths, signals)
         for b in range(blocks):
             u, v, order = load(re, b), load(im, b), load(circle, (ORDER, b))
             energy = (1.0 + mass * order * order) * (u * u + v * v)

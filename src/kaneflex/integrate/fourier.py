@@ -41,32 +41,49 @@ def turns(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled
-def _along(re, im, spare_re, spare_im, cosine, sine):
-    """Sum over b of (re + i im) exp(-2 pi i b q / B), in the order of q, in each lane; the two arrays in which it lies.
+def _thirds(re, im, spare_re, spare_im, cosine, sine):
+    """The first stage of `_along`, by radix three."""
+    third = len(re) // 3
+    for p in range(third):
+        cos_1, sin_1, cos_2, sin_2 = load(cosine, p), load(sine, p), load(cosine, 2 * p), load(sine, 2 * p)
+        a_re, a_im = load(re, p), load(im, p)
+        b_re, b_im = load(re, p + third), load(im, p + third)
+        c_re, c_im = load(re, p + 2 * third), load(im, p + 2 * third)
+        both_re, both_im = b_re + c_re, b_im + c_im
+        turn_re, turn_im = _HALF_ROOT * (b_im - c_im), _HALF_ROOT * (c_re - b_re)
+        half_re, half_im = a_re - 0.5 * both_re, a_im - 0.5 * both_im
+        store(spare_re, 3 * p, a_re + both_re)
+        store(spare_im, 3 * p, a_im + both_im)
+        x, y = half_re + turn_re, half_im + turn_im
+        store(spare_re, 3 * p + 1, cos_1 * x + sin_1 * y)
+        store(spare_im, 3 * p + 1, cos_1 * y - sin_1 * x)
+        x, y = half_re - turn_re, half_im - turn_im
+        store(spare_re, 3 * p + 2, cos_2 * x + sin_2 * y)
+        store(spare_im, 3 * p + 2, cos_2 * y - sin_2 * x)
 
-    The inverse is B times that of (im, re).
+
+@compiled
+def _stages(blocks):
+    """Stages of `_along`: after each the numbers lie in the other two arrays."""
+    count, left = 0, blocks
+    if left % 3 == 0:
+        count, left = 1, left // 3
+    while left > 2:
+        count, left = count + 1, left // 4
+    return count + (left == 2)
+
+
+@compiled
+def _along(re, im, spare_re, spare_im, cosine, sine):
+    """Sum over b of (re + i im) exp(-2 pi i b q / B), in the order of q, in each lane.
+
+    It ends in the spare arrays where `_stages` are odd. The inverse is B times that of (im, re).
     """
     stay_apart()
     left, stride = len(re), 1
     if left % 3 == 0:
-        third = left // 3
-        for p in range(third):
-            cos_1, sin_1, cos_2, sin_2 = load(cosine, p), load(sine, p), load(cosine, 2 * p), load(sine, 2 * p)
-            a_re, a_im = load(re, p), load(im, p)
-            b_re, b_im = load(re, p + third), load(im, p + third)
-            c_re, c_im = load(re, p + 2 * third), load(im, p + 2 * third)
-            both_re, both_im = b_re + c_re, b_im + c_im
-            turn_re, turn_im = _HALF_ROOT * (b_im - c_im), _HALF_ROOT * (c_re - b_re)
-            half_re, half_im = a_re - 0.5 * both_re, a_im - 0.5 * both_im
-            store(spare_re, 3 * p, a_re + both_re)
-            store(spare_im, 3 * p, a_im + both_im)
-            x, y = half_re + turn_re, half_im + turn_im
-            store(spare_re, 3 * p + 1, cos_1 * x + sin_1 * y)
-            store(spare_im, 3 * p + 1, cos_1 * y - sin_1 * x)
-            x, y = half_re - turn_re, half_im - turn_im
-            store(spare_re, 3 * p + 2, cos_2 * x + sin_2 * y)
-            store(spare_im, 3 * p + 2, cos_2 * y - sin_2 * x)
-        left, stride = third, 3
+        _thirds(re, im, spare_re, spare_im, cosine, sine)
+        left, stride = left // 3, 3
         re, spare_re = spare_re, re
         im, spare_im = spare_im, im
     while left > 2:
@@ -106,17 +123,18 @@ def _along(re, im, spare_re, spare_im, cosine, sine):
             store(spare_im, q, a_im + b_im)
             store(spare_re, q + stride, a_re - b_re)
             store(spare_im, q + stride, a_im - b_im)
-        re, spare_re = spare_re, re
-        im, spare_im = spare_im, im
-    return re, im, spare_re, spare_im
 
 
 @compiled
-def to_harmonics(x, row, circle, eighths, re, im, spare_re, spare_im):
-    """Sum over t of row `row` of x (blocks, rows, LANES) at t times exp(-2 pi i k t / N); where it lies, and the rest.
+def to_harmonics(x, row, circle, eighths, signals):
+    """Sum over t of row `row` of x (blocks, rows, LANES) at t times exp(-2 pi i k t / N).
+
+    signals: (4, blocks, LANES) or more; the real part comes to the first, the imaginary part to the second
     """
     stay_apart()
     cosine, sine = circle[COS], circle[SIN]
+    first = 2 * (_stages(len(x)) % 2)
+    re, im = signals[first], signals[first + 1]
     for b in range(len(x)):
         u = v = 0.0 * load(x, (b, row))
         for k in range(LANES):
@@ -126,15 +144,16 @@ def to_harmonics(x, row, circle, eighths, re, im, spare_re, spare_im):
         c, s = load(cosine, b), load(sine, b)
         store(re, b, c * u + s * v)
         store(im, b, c * v - s * u)
-    return _along(re, im, spare_re, spare_im, circle[ALONG_COS], circle[ALONG_SIN])
+    _along(re, im, signals[2 - first], signals[3 - first], circle[ALONG_COS], circle[ALONG_SIN])
 
 
 @compiled
-def to_instants(re, im, spare_re, spare_im, circle, eighths, row, x, y):
+def to_instants(signals, circle, eighths, row, x, y):
     """N times the inverse of `to_harmonics`, real part to row `row` of x, imaginary part to that of y if it has any."""
     stay_apart()
-    im, re, spare_im, spare_re = _along(im, re, spare_im, spare_re, circle[ALONG_COS], circle[ALONG_SIN])
-    cosine, sine = circle[COS], circle[SIN]
+    _along(signals[1], signals[0], signals[3], signals[2], circle[ALONG_COS], circle[ALONG_SIN])
+    first = 2 * (_stages(len(x)) % 2)
+    re, im, cosine, sine = signals[first], signals[first + 1], circle[COS], circle[SIN]
     for b in range(len(x)):
         u, v, c, s = load(re, b), load(im, b), load(cosine, b), load(sine, b)
         store(re, b, c * u - s * v)

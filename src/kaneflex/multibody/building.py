@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -28,12 +29,13 @@ from kaneflex.mechanism.mechanism import same_mechanism
 from kaneflex.mechanism.rigid_bodies import carried_bodies
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.multibody.model import REACHED, Model, keep_terms
-from kaneflex.multibody.spatial_elastic import elastic_stage
-from kaneflex.multibody.spatial_motion import SpatialKinematics
 from kaneflex.multibody.stage import Stage, count_of_modes
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.spatial_motion import SpatialKinematics
 
 _SAMPLES = 4001
 """Instants of a run among which the one is looked for at which the first drive stands somewhere."""
@@ -64,8 +66,10 @@ def build_model(
         none = _no_equations()
         return Model(scene, options, motion, links, parts, {}, None, None, none, none, None, reference)
     bases = {} if frozen is None else frozen.bases
-    if isinstance(motion, SpatialKinematics):
-        stage = elastic_stage(scene, options, motion, bases)
+    if scene.is_spatial:  # planar scenes start sooner without what it imports
+        from kaneflex.multibody.spatial_elastic import elastic_stage
+
+        stage = elastic_stage(scene, options, cast("SpatialKinematics", motion), bases)
     else:
         stage = _planar_stage(scene, options, motion, bases)
     placed = stage.placed

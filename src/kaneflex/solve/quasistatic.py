@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, vstack
@@ -11,7 +11,9 @@ from scipy.sparse import coo_array, csr_array, vstack
 from kaneflex.fem.springs import place_springs
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_elastic import DeformingKinematics
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.spatial_elastic import DeformingKinematics
 
 _DEPENDENT = 1e-9  # singular value below which conditions of unit size say the same
 _RIGID = 64 * np.finfo(float).eps  # share of the largest stiffness that is rounding
@@ -139,7 +141,7 @@ def _kept_by_springs(model: Model, rigid: RigidMotion) -> Iterator[csr_array]:
     """What springs hold: rows of their displacements by the coordinates."""
     if model.scene.is_spatial:
         # springs between points act on nothing that deforms
-        turned = cast(DeformingKinematics, model.motion).deforming.map.rotation
+        turned = cast("DeformingKinematics", model.motion).deforming.map.rotation
         twists = (spring.torsional_at for spring in model.scene.springs.values() if spring.stiffness)
         yield from (rigid.first(turned(joint)) for joint in twists if joint is not None)
         return
