@@ -47,7 +47,7 @@ def never(*arguments: object, **named: object) -> None:
 
 def test_run_writes_results_and_summary_and_nothing_else(finished):
     _, folder = finished
-    assert {path.name for path in folder.iterdir()} == {"report.html", "results.nc", "summary.json"}
+    assert {path.name for path in folder.iterdir()} == {"report.html", "results.csv", "results.nc", "summary.json"}
     assert [path.name for path in folder.parent.iterdir()] == ["results"]
 
 
@@ -130,7 +130,7 @@ def test_force_replaces_a_result_folder():
     for name in ("summary.json", "stale.png"):
         Path("r", name).write_text("old")
     assert cli("run", "engine", "--preset", "rigid", *SMALL[:1], "-o", "r", "--force").exit_code == 0
-    assert {path.name for path in Path("r").iterdir()} == {"report.html", "results.nc", "summary.json"}
+    assert {path.name for path in Path("r").iterdir()} == {"report.html", "results.csv", "results.nc", "summary.json"}
     assert [path.name for path in Path().iterdir()] == ["r"]
 
 

@@ -1,5 +1,6 @@
 """Results as labelled arrays, as netCDF and in numbers."""
 
+import csv
 import math
 import re
 import subprocess
@@ -54,6 +55,19 @@ def stored(solution, tmp_path_factory):
     path = tmp_path_factory.mktemp("results") / "results.nc"
     solution.labelled.to_netcdf(path)
     return path
+
+
+def test_a_table_has_the_numbers_with_their_units(solution, tmp_path):
+    path = tmp_path / "results.csv"
+    solution.labelled.to_csv(path, along="time")
+    with path.open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    assert head[:2] == ["time [s]", "drive_angle_main [degree]"]
+    assert head[2:] == [f"{name} [{series.unit}]" for name, series in solution.series.items()]
+    found = np.array(rows, dtype=float).T
+    assert (found[0] == solution.times).all()
+    for column, series in zip(found[2:], solution.series.values(), strict=True):
+        assert (column == series.values).all()
 
 
 def test_models_and_solutions_say_what_they_are_in_one_line(solution):

@@ -182,7 +182,7 @@ def run(
     asked: SceneArguments, target: Target, after: Path | None, parameters: tuple[str, ...], basis: str,
     tolerance: str | None, sensors: tuple[str, ...], write_back: bool,
 ) -> None:  # fmt: skip
-    """Solve SCENE and write report.html, results.nc, summary.json and pictures into a new folder.
+    """Solve SCENE and write report.html, results.nc and .csv, summary.json and pictures into a folder.
 
     The folder appears when it is complete; a run that fails leaves none. A run that goes unstable keeps what came
     before, says when and why, and ends with exit code 3. What --tolerance chose is kept in the user's cache; the

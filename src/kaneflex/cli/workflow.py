@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kaneflex.study.trade.record import Choice
 
 SUMMARY_FILE, RESULTS_FILE, SENSITIVITIES_FILE = "summary.json", "results.nc", "sensitivities.nc"
-REPORT_FILE, VTK_FOLDER = "report.html", "vtk"
+REPORT_FILE, TABLE_FILE, VTK_FOLDER = "report.html", "results.csv", "vtk"
 _LARGEST = 2 * 2**20
 """Bytes of a picture, or an animation, that is still shown in the report."""
 
@@ -31,7 +31,7 @@ def run_into(
     parameters: Sequence[str] = (), frozen: bool = True, tolerance: float | None = None,
     sensors: Sequence[str] | None = None,
 ) -> Summary:  # fmt: skip
-    """Solve a scene and write ``results.nc``, ``summary.json`` and the pictures into a new folder.
+    """Solve a scene and write ``results.nc`` and ``.csv``, ``summary.json`` and the pictures into a new folder.
 
     With parameters to differentiate by also ``sensitivities.nc``, for ParaView the folder ``vtk``.
 
@@ -153,7 +153,9 @@ def _write(solution: Solution, summary: Summary, folder: Path) -> None:
     text = summary.model_dump_json(indent=2) + "\n"
     (folder / SUMMARY_FILE).write_text(text, encoding="utf-8", newline="\n")
     if summary.sensors:
-        solution.labelled.to_netcdf(folder / RESULTS_FILE)
+        found = solution.labelled
+        found.to_netcdf(folder / RESULTS_FILE)
+        found.to_csv(folder / TABLE_FILE, along="time")
 
 
 def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: Path) -> None:

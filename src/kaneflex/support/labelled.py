@@ -5,6 +5,7 @@ What xarray imports (pandas, and Dask and pint where they are installed) takes l
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -30,6 +31,21 @@ class Labelled(NamedTuple):
         import xarray
 
         return xarray.Dataset(*self)
+
+    def to_csv(self, path: Path, along: str) -> None:
+        """Write what lies along one dimension as CSV: a column an entry, its unit in the head, digits as they are.
+
+        The dimension's own coordinate comes first, then the others, then the variables.
+        """
+        entries = {**self.coordinates, **self.variables}
+        columns = {name: entry for name, entry in entries.items() if entry[0] in (along, (along,))}
+        columns = {along: columns.pop(along)} | columns
+        units = {name: entry[2].get("units", "1") if len(entry) == 3 else "1" for name, entry in columns.items()}
+        heads = [f"{name} [{unit}]" for name, unit in units.items()]
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(heads)
+            writer.writerows(zip(*(np.asarray(values).tolist() for _, values, *_ in columns.values()), strict=True))
 
     def to_netcdf(self, path: Path) -> None:
         """Write netCDF 3 (64-bit offset), which ``xarray.open_dataset`` reads with scipy alone.
