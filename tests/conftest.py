@@ -9,7 +9,8 @@ from types import ModuleType
 import pytest
 
 REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
-EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": "vtk", "playwright": "browser"}
+EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": "vtk", "playwright": "browser",
+          "imageio_ffmpeg": "mp4"}  # fmt: skip
 """Which extra of the package brings what some tests need."""
 
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from kaneflex.integrate.outcome import Outcome
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import animation, draw_all, figures, modes, style
+from kaneflex.plots import animation, draw_all, figures, modes, spatial, style
 from kaneflex.plots.mechanism import outline, rigid_outline, scenery
 from kaneflex.plots.records import reversals, spectrum
 from kaneflex.plots.style import readable, round_down, save, styled
@@ -287,11 +287,25 @@ def test_the_folder_holds_png_svg_and_a_small_gif(tmp_path, monkeypatch):
 
 
 def test_the_animation_has_sixty_frames_in_at_most_a_megabyte(tmp_path):
+    path = tmp_path / "a.gif"
     with styled():
-        path = animation.animate(solved("engine"), tmp_path / "a.gif")
+        animation.animate(solved("engine"), [path])
     with Image.open(path) as gif:
         assert gif.n_frames == 60
     assert path.stat().st_size < 1e6
+
+
+def test_an_animation_is_a_gif_and_an_mp4_of_the_length_that_is_asked_for(tmp_path, peer):
+    read = peer("imageio_ffmpeg").read_frames
+    with styled():
+        animation.animate(solved("engine"), [tmp_path / "a.gif", tmp_path / "a.mp4"], 8, 2.0)
+        spatial.animate(simulate(load(read_scene("bricard"))), [tmp_path / "b.mp4"], 4, 2.0)
+    with Image.open(tmp_path / "a.gif") as gif:
+        assert gif.n_frames == 8 and gif.info["duration"] == pytest.approx(250, abs=10)
+    for name, rate in (("a.mp4", 4.0), ("b.mp4", 2.0)):
+        about = next(read(str(tmp_path / name)))
+        assert about["codec"].startswith("h264") and about["fps"] == rate
+        assert about["duration"] == pytest.approx(2.0, abs=0.3) and min(about["size"]) > 200
 
 
 def test_the_same_solution_gives_the_same_bytes(tmp_path):
@@ -314,7 +328,9 @@ def test_a_run_that_broke_off_is_drawn_up_to_there(tmp_path):
     broken = cut(solved("engine-transient"), 200)
     assert len(view(broken).times) == 200
     assert set(dict(figures(broken))) == EXPECTED["engine-transient"]
-    with styled(), Image.open(animation.animate(broken, tmp_path / "a.gif", 3)) as gif:
+    with styled():
+        animation.animate(broken, [tmp_path / "a.gif"], 3)
+    with Image.open(tmp_path / "a.gif") as gif:
         assert gif.n_frames == 3
 
 

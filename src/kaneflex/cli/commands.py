@@ -174,8 +174,13 @@ def check(asked: SceneArguments) -> None:
 @click.option("--write-back", is_flag=True, help="With --tolerance: write the chosen model into the scene's file.")
 @folder_options("results")
 @click.option("--vtk", is_flag=True, help='Also write the motion for ParaView; pip install "kaneflex[vtk]" brings it.')
+@click.option("--mp4", is_flag=True, help='Also write the animation as MP4; pip install "kaneflex[mp4]" brings it.')
 @click.option(
     "--frames", type=click.IntRange(min=2), metavar="N", help="Instants of the animation and of --vtk. [default: 60]"
+)
+@click.option(
+    "--seconds", type=click.FloatRange(min=0.1, max=3600.0), metavar="S",
+    help="How long the animation lasts. [default: 12 instants in a second]",
 )
 @gathered(asked=SceneArguments, target=Target)
 def run(
@@ -197,6 +202,12 @@ def run(
         from kaneflex.plots.vtk import demand_meshio
 
         demand_meshio()
+    if target.mp4:
+        from kaneflex.plots.animation import demand_ffmpeg
+
+        if not target.plots:
+            raise SceneError("--mp4", None, "--no-plots draws no animation", "Leave out one of the two")
+        demand_ffmpeg()
     file = file_to_write(asked.name, asked.changes) if write_back else None
     share = None if tolerance is None else tolerance_of(tolerance)
     with uncollected():

@@ -27,14 +27,16 @@ force_option = click.option("--force", is_flag=True, help="Replace an existing f
 
 @dataclass(frozen=True)
 class Target:
-    """The folder to make, if one is named, whether to draw, also for ParaView, how many frames a motion then has (None:
-    as many as animations have), and whether to replace an earlier folder."""
+    """The folder to make, if one is named, whether to draw, also for ParaView and as MP4, how many frames a motion then
+    has and how many seconds it lasts (None: as animations do), and whether to replace an earlier folder."""
 
     output: Path | None
     plots: bool = True
     force: bool = False
     vtk: bool = False
     frames: int | None = None
+    seconds: float | None = None
+    mp4: bool = False
 
     def named(self, scene: Scene, ending: str) -> Target:
         """With a folder in any case: where the command line gives none, the scene's name with that ending."""

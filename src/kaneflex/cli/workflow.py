@@ -174,7 +174,7 @@ def _show(solution: Solution, folder: Path, target: Target, waiting: Waiting) ->
 
         stage = "drawing the pictures"
         waiting.stage(stage)
-        drawn = draw_all(solution, folder, waiting.share_of(stage), target.frames)
+        drawn = draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4)
     if target.vtk:
         from kaneflex.plots.vtk import write_vtk
 

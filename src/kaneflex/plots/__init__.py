@@ -21,8 +21,9 @@ Progress = Callable[[float], None]
 
 
 def draw_all(
-    solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None
-) -> list[Path]:
+    solution: Solution, folder: Path | str, progress: Progress | None = None, frames: int | None = None,
+    seconds: float | None = None, mp4: bool = False,
+) -> list[Path]:  # fmt: skip
     """Write every picture that applies to the scene.
 
     Parameters
@@ -35,6 +36,10 @@ def draw_all(
         Called with the finished share of the work, 0 to 1.
     frames : int, optional
         Instants of the animation; by default 60.
+    seconds : float, optional
+        How long the animation lasts; by default 12 instants are shown in a second.
+    mp4 : bool
+        Whether it is written as MP4, too; extra ``mp4`` brings the encoder.
 
     Returns
     -------
@@ -45,6 +50,8 @@ def draw_all(
     ------
     OSError
         If the folder or a file in it can't be written.
+    SceneError
+        If an MP4 is wanted and no encoder installed.
     """
     from kaneflex.plots import animation, spatial
     from kaneflex.plots.style import save, styled
@@ -62,7 +69,9 @@ def draw_all(
                 progress((done + 1) / (len(kinds) + 1))
         if _moves(solution):
             kind = spatial if solution.model.scene.is_spatial else animation
-            written.append(kind.animate(solution, folder / "animation.gif", frames or FRAMES))
+            moving = [folder / f"animation.{ending}" for ending in ("gif", *["mp4"] * mp4)]
+            kind.animate(solution, moving, frames or FRAMES, seconds)
+            written += moving
     if progress is not None:
         progress(1.0)
     return written

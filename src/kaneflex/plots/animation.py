@@ -1,20 +1,26 @@
-"""The moving mechanism with its deformation enlarged, as a small GIF."""
+"""The moving mechanism with its deformation enlarged, as a small GIF or an MP4."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
-from matplotlib.animation import PillowWriter
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
 from kaneflex.plots.drawing import draw_guides, draw_outline, draw_scenery, frame_axes
 from kaneflex.plots.mechanism import grounded, outline, rigid_outline, scenery
 from kaneflex.plots.style import new_figure, round_down
 from kaneflex.plots.view import FRAMES, View, angle_name, frames_of, view
+from kaneflex.support.errors import SceneError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from kaneflex.solve.solution import Solution
 
 PER_SECOND, DPI = 12, 80
@@ -22,8 +28,45 @@ _DRAWN = 0.1
 """Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 
 
-def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
-    """Write the animation over what :func:`kaneflex.plots.view.view` shows, so many instants of it.
+def demand_ffmpeg() -> str:
+    """The encoder's file. Raises SceneError where imageio-ffmpeg, which brings one, is not installed."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+    except ModuleNotFoundError:
+        cure = "Run: pip install 'kaneflex[mp4]', or leave it out"
+        raise SceneError("--mp4", None, "imageio-ffmpeg is not installed", cure) from None
+    return str(get_ffmpeg_exe())
+
+
+@contextmanager
+def recording(
+    figure: Figure, files: Sequence[Path], frames: int, seconds: float | None
+) -> Iterator[Callable[[], None]]:
+    """Gives what takes the figure as the next of so many frames, for each file: GIF, or MP4 by its ending.
+
+    They last so many ``seconds``, or as long as PER_SECOND of them are shown in one.
+    """
+    rate: Any = PER_SECOND if seconds is None else frames / seconds
+    with ExitStack() as open_files:
+        writers: list[AbstractMovieWriter] = []
+        for file in files:
+            if file.suffix == ".mp4":
+                open_files.enter_context(matplotlib.rc_context({"animation.ffmpeg_path": demand_ffmpeg()}))
+                even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]  # as players want it
+                writers.append(FFMpegWriter(fps=rate, codec="libx264", extra_args=even))
+            else:
+                writers.append(PillowWriter(fps=rate))
+            open_files.enter_context(writers[-1].saving(figure, str(file), DPI))
+
+        def grab() -> None:
+            for writer in writers:
+                writer.grab_frame()
+
+        yield grab
+
+
+def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, seconds: float | None = None) -> None:
+    """Write the animation over what :func:`kaneflex.plots.view.view` shows, so many instants of it, into GIF or MP4.
 
     The title states the factor by which the deformation is enlarged, 1, 2 or 5 times a power of ten.
     """
@@ -43,14 +86,12 @@ def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
     caption = axes.set_title(_caption(shown, 0))
     figure.canvas.draw()
     figure.set_layout_engine("none")  # places are found once, not for every frame
-    writer = PillowWriter(fps=PER_SECOND)
-    with writer.saving(figure, str(path), DPI):
+    with recording(figure, files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
             ghost.move(still, k)
             solid.move(moved, k)
             caption.set_text(_caption(shown, k))
-            writer.grab_frame()
-    return path
+            grab()
 
 
 def enlargement(shown: View) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
@@ -17,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots.animation import DPI, PER_SECOND, title
+from kaneflex.plots.animation import recording, title
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.mechanism import ALONG_LINK
 from kaneflex.plots.modes import DRAWN, MOST, SMALL, hertz, title_at_reference
@@ -116,8 +115,8 @@ def refuse_places(at: Mapping[str, float]) -> None:
         raise SceneError("at", f"{name} = {place:.6g}", "a mechanism in space is drawn as it starts", cure)
 
 
-def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
-    """The moving mechanism, seen at an angle, as a small GIF."""
+def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, seconds: float | None = None) -> None:
+    """The moving mechanism, seen at an angle, as a small GIF or an MP4."""
     shown = frames_of(view(solution), frames)
     factor = _enlargement(shown) if solution.model.links else None
     lines = _deformed(shown.motion, factor or 1.0)
@@ -129,14 +128,12 @@ def animate(solution: Solution, path: Path, frames: int = FRAMES) -> Path:
     caption = axes.set_title("")
     figure.canvas.draw()
     figure.set_layout_engine("none")
-    writer = PillowWriter(fps=PER_SECOND)
-    with writer.saving(figure, str(path), DPI):
+    with recording(figure, files, len(shown.instants), seconds) as grab:
         for k in range(len(shown.instants)):
             for name, line in found.items():
                 line.set_data_3d(*(MM * lines[name][:, :, k]).T)
             caption.set_text(f"t = {shown.times[k]:.3g} s")
-            writer.grab_frame()
-    return path
+            grab()
 
 
 def _drawn(

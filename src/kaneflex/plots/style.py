@@ -47,9 +47,9 @@ _STYLE = {
 # SI unit -> what people read: label, factor, and the least largest value that it is used for.
 _READ_AS = {
     "m": (("mm", 1e3, 1e-2), ("µm", 1e6, 1e-2), ("nm", 1e9, 0.0)),
-    "rad": (("deg", 180 / math.pi, 0.1), ("mdeg", 180e3 / math.pi, 0.1), ("µdeg", 180e6 / math.pi, 0.0)),
+    "rad": (("deg", 180 / math.pi, 0.1), ("mrad", 1e3, 1e-2), ("µrad", 1e6, 0.0)),
     "N": (("kN", 1e-3, 0.5), ("N", 1.0, 0.5), ("mN", 1e3, 0.0)),
-    "N m": (("N m", 1.0, 0.5), ("mN m", 1e3, 0.0)),
+    "N m": (("kN m", 1e-3, 10.0), ("N m", 1.0, 0.5), ("mN m", 1e3, 0.0)),
     "m/s": (("m/s", 1.0, 0.05), ("mm/s", 1e3, 0.05), ("µm/s", 1e6, 0.0)),
     "m/s^2": (("km/s²", 1e-3, 1.0), ("m/s²", 1.0, 0.0)),
     "rad/s": (("rad/s", 1.0, 0.0),),

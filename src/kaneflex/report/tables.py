@@ -27,6 +27,8 @@ _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
 }
 _WHEN_SMALL = {"m": (1e-6, "um", 1e6), "N": (10.0, "N", 1.0)}
 """SI unit: values below this are shown in that unit, which is so many times finer."""
+_WHEN_LARGE = {"N": (1e6, "MN", 1e-6), "N m": (1e4, "kN m", 1e-3)}
+"""SI unit: values from there on are shown in that unit."""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
@@ -79,6 +81,8 @@ def unit_and_factor(unit: str, largest: float) -> tuple[str, float]:
     """The unit for people of values up to ``largest`` (SI), and how many of it are one SI unit."""
     if unit in _WHEN_SMALL and 0.0 < largest < _WHEN_SMALL[unit][0]:
         return _WHEN_SMALL[unit][1:]
+    if unit in _WHEN_LARGE and largest >= _WHEN_LARGE[unit][0]:
+        return _WHEN_LARGE[unit][1:]
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
 
 
