@@ -216,7 +216,6 @@ LONG = {
     "integrate/corrections.py": {"_answer", "_forces", "_tail", "corrected"},
     "integrate/dense.py": {"_columns", "_newmark"},
     "integrate/disturbances.py": {"eighths"},
-    "integrate/fourier.py": {"_along", "to_instants"},
     "integrate/matrices.py": {"residual", "true_accelerations"},
     "integrate/steppers.py": {"_newmark_matrices", "_stage_matrices", "collocation", "exact_modal", "newmark"},
     "multibody/collocation.py": {"_iterate", "integrate"},

@@ -40,7 +40,6 @@ def turns(count: int) -> tuple[np.ndarray, np.ndarray]:
     return found, eighths
 
 
-# Compiled: the radices 3, 4 and 2 share their arrays, which change places at every level.
 @compiled
 def _thirds(re, im, spare_re, spare_im, cosine, sine):
     """The first stage of `_along`, by radix three."""
