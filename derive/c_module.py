@@ -157,9 +157,14 @@ def places(prefix: str, rows: Iterable[tuple[str, str]], count: str) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name of a scene as one of C."""
-    plain_name = re.sub(r"\W", "_", ascii_identifier(name))
-    return plain_name if not plain_name[:1].isdigit() and plain_name not in RESERVED else f"_{plain_name}"
+    """A name of a scene as a part of one of C."""
+    return re.sub(r"\W", "_", ascii_identifier(name))
+
+
+def prefix_of(scene: str) -> str:
+    """What the names of a scene's C begin with: none of C's own, none of the files that all scenes share."""
+    name = identifier(scene)
+    return name if name[:1].isalpha() and name not in RESERVED and not name.startswith("kaneflex") else f"scene_{name}"
 
 
 def _tables(equations: Equations, prefix: str) -> list[str]:

@@ -13,6 +13,7 @@ import pytest
 from command_line import cli, refused
 from runs import model
 
+from kaneflex.derive.c_module import prefix_of
 from kaneflex.derive.lookups_c import LAW_TEXTS, TABLE_TEXTS
 from kaneflex.generated import laws, tables
 from kaneflex.integrate.run import integrate
@@ -156,6 +157,12 @@ def test_lookups_and_laws_are_those_of_numba(compiler, tmp_path):
             for x in (-7.3, 0.4, 0.5, 0.999, 1.0, 2.4, 2.5, 11.2):
                 found = in_c(ctypes.c_double(x), block.ctypes.data_as(ctypes.c_void_p))
                 assert found == getattr(tables, name).py_func(x, block, 1)
+
+
+def test_what_a_scene_is_called_can_be_a_name_in_c():
+    assert [prefix_of(name) for name in ("six-bar", "9 bars", "double", "kaneflex_linear")] == [
+        "six_bar", "scene_9_bars", "scene_double", "scene_kaneflex_linear",
+    ]  # fmt: skip
 
 
 def test_what_is_not_printed_in_c_is_refused():

@@ -106,9 +106,9 @@ def generate_text(scene: Scene, progress: Progress = lambda stage: None) -> str:
 def kernels_in_c(scene: Scene, progress: Progress = lambda stage: None) -> tuple[str, dict[str, str]]:
     """What names in C begin with, and the files of the scene's kernels there; otherwise as :func:`generate_text`."""
     progress("importing SymPy")
-    from kaneflex.derive.c_module import generate_c, identifier
+    from kaneflex.derive.c_module import generate_c, prefix_of
 
-    name = identifier(scene.name)
+    name = prefix_of(scene.name)
     with derivable(scene):
         return name, generate_c(scene, name, progress)
 
