@@ -56,6 +56,11 @@ def lifted(scene, R=TURN):
         "bodies": bodies, "joints": joints, "loads": loads, "drives": dict(raw.get("drives", {})),
         "sensors": {name: entry for name, sensor in scene.sensors.items() if (entry := _sensor(sensor, raw, name))},
     }  # fmt: skip
+    if scene.springs:
+        found["springs"] = raw["springs"]
+    if scene.masses:
+        found["masses"] = {name: {"at": str(mass.at), "mass": mass.mass, "inertia": [mass.inertia, 0.0, mass.inertia]}
+                           for name, mass in scene.masses.items()}  # fmt: skip
     if scene.damping is not None:
         found["damping"] = raw["damping"]
     return found

@@ -66,7 +66,7 @@ def test_a_planar_elastic_mechanism_moves_the_same_in_space(tmp_path, name, pres
     Where two long links meet at a small angle, rounding of their axial stiffness alone is some 1e-7 of a force.
     """
     shutil.copy(Path(kaneflex.scenes.__path__[0]) / "gas.csv", tmp_path)
-    raw = {key: value for key, value in read_scene(name).raw.items() if key != "masses"}  # which space has not
+    raw = {key: value for key, value in read_scene(name).raw.items() if key != "masses"}  # damped in other axes there
     raw["solve"] = {"preset": preset, "start": "periodic", "tolerance": 1e-10}
     planar = written(tmp_path, tomlkit.dumps(raw), "planar.toml")
     flat = simulate(load(planar))
@@ -362,7 +362,8 @@ def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):
             section = np.array(motion.section(link, x))
             largest = max(abs(wanted[:3]).max(), abs(wanted[3:]).max() / body.length) or 1.0
             assert abs(section[:3] - wanted[:3]).max() < 1e-6 * largest, (joint.name, end)
-            assert abs(section[3:] - wanted[3:]).max() < 1e-6 * largest * body.length, (joint.name, end)
+            turning = max(largest * body.length, abs(wanted[3:]).max())  # one that only twists is pushed by rounding
+            assert abs(section[3:] - wanted[3:]).max() < 1e-6 * turning, (joint.name, end)
             found += 1
     assert found or preset == "rigid" or name == "crankshaft-torsion"
 
@@ -380,9 +381,6 @@ def test_section_forces_at_an_end_are_what_the_joint_there_exerts(name, preset):
         ("nu = 0.3, ", "", r"bodies.(arm|leg).beam.*needs a shear modulus"),
         ("elements = 3", "axially_rigid = true", r"axially_rigid.*only planar beams"),
         ('component = "y"}\nshear', "component = \"x\"}\nshear", r"sensors.bending.component = 'x'.*its y or its z"),
-        ('corner = {weld = ["arm.end", "leg.start"]}',
-         'corner = {weld = ["arm.end", "leg.start"]}\n[springs]\ns = {between = ["ground", "leg.end"], '
-         'stiffness = "1 N/m", length = "1 m"}', r"springs.s.*don't act so far on elastic bodies, like leg"),
         ('preset = "quasistatic"', 'preset = "coupled"', r"solve.preset = 'coupled': only planar scenes"),
         ('"leg.end", direction', '"leg.tip", direction', r"loads.push.force_on"),
     ],

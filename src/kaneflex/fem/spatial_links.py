@@ -7,7 +7,7 @@ What becomes of a link's matrices, reduction and assembly, does not ask how many
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from types import ModuleType
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from kaneflex.fem.element_terms import chain, terms_of_elements
 from kaneflex.fem.links import Link, Part, forced_points, mesh, node_coordinates
 from kaneflex.fem.shape_functions import spatial_shape_functions
 from kaneflex.fem.spatial_bodies import at_point
+from kaneflex.mechanism.affine import Monomial
 from kaneflex.scene import Scene
 from kaneflex.scene.sections import SpatialSectionNumbers
 from kaneflex.support.spatial_contract import SPATIAL_NODE, spatial_beam_module
@@ -99,9 +100,7 @@ class SpatialLink(Link):
 
     def _shape_at(self, e: int, local: float) -> np.ndarray:
         """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of an element's shape functions, (8, 12)."""
-        of = {name: numbers[e] for name, numbers in self.parameters.items()}
-        growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
-        return spatial_shape_functions(local, self.length_of(e), (of["phi_y"], of["phi_z"]), growth)
+        return _shapes({name: numbers[e] for name, numbers in self.parameters.items()}, local, self.length_of(e))
 
 
 def link_of_scene(scene: Scene, name: str, elements: int) -> SpatialLink:
@@ -123,7 +122,47 @@ def link_of_scene(scene: Scene, name: str, elements: int) -> SpatialLink:
 
     viscous = None if scene.damping is None else scene.damping.viscous
     mu = None if viscous is None else viscous.mu
-    return build_spatial_link(name, nodes, at, module, mu, jumps(scene, name, nodes))
+    parameters = spatial_element_parameters_of(at, nodes)
+    also = _spread_terms(scene, name, nodes, parameters)
+    return build_spatial_link(name, nodes, at, module, mu, jumps(scene, name, nodes), also)
+
+
+def spread_scalar(link: str, load: str, axis: str) -> str:
+    """The name of what a load spread along a link is per length, in its axes [N/m], before its profile."""
+    return f"{link}.link.{load}_{axis}"
+
+
+def _spread_terms(
+    scene: Scene, link: str, nodes: np.ndarray, parameters: Mapping[str, np.ndarray]
+) -> list[tuple[str, Monomial, np.ndarray]]:
+    """Of the loads spread along a link, as in the plane: F with the elements' own shape functions, and K_g of the axial
+    force that grows by them, P(X) = P_0 - int_0^X p dX, torsion's share of it by Wagner included."""
+    found: list[tuple[str, Monomial, np.ndarray]] = []
+    for name, load in scene.spreads.items():
+        if load.spread_on != link:
+            continue
+        first, rise = load.profile[0], (load.profile[1] - load.profile[0]) / nodes[-1]
+        F, K_g = np.zeros((3, len(nodes) - 1, 12, 1)), np.zeros((len(nodes) - 1, 12, 12))
+        for e, (a, b) in enumerate(pairwise(nodes)):
+            of = {key: numbers[e] for key, numbers in parameters.items()}
+            twist = np.zeros(12)
+            twist[[3, 9]] = -1.0 / (b - a), 1.0 / (b - a)
+            for point, share in zip(*_GAUSS, strict=True):
+                X, w = 0.5 * (a + b) + 0.5 * (b - a) * point, 0.5 * (b - a) * share
+                rows = _shapes(of, X - a, b - a)
+                F[:, e] += w * (first + rise * X) * rows[:3, :, None]
+                slopes = np.outer(rows[6], rows[6]) + np.outer(rows[7], rows[7])
+                K_g[e] -= w * (first * X + rise * X**2 / 2) * (slopes + of["I_p_A"] * np.outer(twist, twist))
+        for k, axis in enumerate("xyz"):
+            found.append(("F", (spread_scalar(link, name, axis),), F[k]))
+        found.append(("K_g", (spread_scalar(link, name, "x"),), K_g))
+    return found
+
+
+def _shapes(of: Mapping[str, float], local: float, length: float) -> np.ndarray:
+    """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of an element's shape functions, (8, 12)."""
+    growth = of["E_I_z_rise"] / of["E_I_z"], of["E_I_y_rise"] / of["E_I_y"]
+    return spatial_shape_functions(local, length, (of["phi_y"], of["phi_z"]), growth)
 
 
 def jumps(scene: Scene, name: str, nodes: np.ndarray) -> tuple[int, ...]:
@@ -134,7 +173,7 @@ def jumps(scene: Scene, name: str, nodes: np.ndarray) -> tuple[int, ...]:
 
 def build_spatial_link(
     name: str, nodes: np.ndarray, at: Callable[[float], SpatialProperties], module: ModuleType, mu: float | None = None,
-    jumps: tuple[int, ...] = (),
+    jumps: tuple[int, ...] = (), also: Iterable[tuple[str, Monomial, np.ndarray]] = (),
 ) -> SpatialLink:  # fmt: skip
     """Assemble a link's constant matrices from the element kernels of a module of ``SPATIAL_BEAMS``.
 
@@ -152,6 +191,8 @@ def build_spatial_link(
         Damping by a force for each length and velocity [N s/m^2].
     jumps : tuple of int
         Nodes beyond which the axial force is higher by a scalar of the motion.
+    also : iterable of (key, monomial, ndarray (elements, 12, 12 or 1))
+        Terms of loads along the link.
     """
     parameters = spatial_element_parameters_of(at, nodes)
     terms = [(*key, blocks) for key, blocks in terms_of_elements(module, parameters, f"{name}.link.{{}}".format, mu)]
@@ -159,6 +200,7 @@ def build_spatial_link(
     for node in jumps:
         beyond = np.arange(len(nodes) - 1) >= node
         terms.append(("K_g", (f"{name}.link.jump_{node}",), pulled * beyond[:, None, None]))
+    terms += also
     coordinates, place = node_coordinates(name, len(nodes), axially_rigid=False, dofs=SPATIAL_NODE)
     matrices = chain((((key, monomial), blocks) for key, monomial, blocks in terms), place, len(coordinates))
     return SpatialLink(name, nodes, parameters, tuple(terms), Part(name, coordinates, matrices, place))

@@ -12,20 +12,19 @@ J and its rates follow from how the bodies turn; the entries of L that vary are 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 
 from kaneflex.fem.links import Link, Part
-from kaneflex.fem.spatial_bodies import at_point, skew
+from kaneflex.fem.spatial_bodies import at_point
+from kaneflex.fem.spatial_rates import Rates3, cross, direction_of, place_of, product, turned_by, turning
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
-from kaneflex.mechanism.spatial_frame import SpatialFrame
 from kaneflex.support.errors import SceneError
 
 _ZERO = 1e-10
@@ -38,12 +37,12 @@ measure."""
 _VARY = 1e-9
 """Change of an entry of L over the run, in its own measure, that counts as none."""
 
-Rates3 = np.ndarray
-"""A quantity and its first two rates, (3, n_times, ...)."""
+APART = ("along", "x", "y", "z")
+"""How far the ends of a spring part by the deformation: along the spring, and along global axes [m]."""
 
 
 def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
-    """Nodes of an elastic link at joints -> the joints.
+    """Nodes of an elastic link at joints and springs -> which.
 
     Raises
     ------
@@ -51,8 +50,9 @@ def held_nodes(mechanism: SpatialMechanism, link: Link) -> dict[int, list[str]]:
         If a joint lies off the link's axis.
     """
     found: dict[int, list[str]] = {}
-    for name, joint in mechanism.joints.items():
-        for side in joint.sides:
+    ends: list[tuple[str, tuple[Side, ...]]] = [(name, joint.sides) for name, joint in mechanism.joints.items()]
+    for name, sides in ends + [(name, spring.sides) for name, spring in mechanism.springs.items()]:
+        for side in sides:
             if side.body == link.name:
                 found.setdefault(node_of(link, side), []).append(name)
     return found
@@ -74,7 +74,7 @@ class Joined:
     """The coordinates of all parts, and the rows that joints make of them.
 
     ``parts`` are those of elastic links, reduced or not, and of rigid bodies; ``held``: joints whose freedoms a drive
-    holds, or that share their rotation.
+    holds, or that share their rotation. ``labels`` name besides how far the ends of springs part, see :data:`APART`.
     """
 
     def __init__(
@@ -87,7 +87,16 @@ class Joined:
             self.first[name] = len(self.labels)
             self.labels += part.coordinates
         self.size = len(self.labels)
-        self.measure = np.array([_unit(label, mechanism.size) for label in self.labels])
+        self.springs = [name for name, spring in mechanism.springs.items() if spring.joint is None]
+        for name in self.springs:
+            self.first[name] = len(self.labels)
+            self.labels += [f"{name}.{kind}" for kind in APART]
+        self.measures = np.array([_unit(label, mechanism.size) for label in self.labels])
+        self.measure = self.measures[: self.size]
+
+    def size_of(self, name: str) -> int:
+        """Rows of a part, or of a spring."""
+        return self.parts[name].size if name in self.parts else len(APART)
 
     def point(self, side: Side) -> tuple[np.ndarray, np.ndarray] | None:
         """Displacement and rotation of a joint's point in its body's axes: six of the coordinates, and the matrix
@@ -104,7 +113,7 @@ class Joined:
 
         ``joints``: those whose rows are computed, by default all; the others' are left at zero.
         """
-        turned = {body: _turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
+        turned = {body: turning(motion, body) for body in (GROUND, *self.mechanism.bodies)}
         J = np.zeros((3, len(motion.times), self.row_count, self.size))
         for name, joint in self.mechanism.joints.items():
             if joints is None or name in joints:
@@ -134,9 +143,9 @@ class Joined:
     ) -> tuple[Rates3, Rates3]:
         """Rows of a joint before displacement and rotation of its first point and of its second, each in its body's
         axes, (3, n_times, rows, 6); those of a drive come last, with ``freedoms`` also where there is none."""
-        turned = turned or {side.body: _turning(motion, side.body) for side in joint.sides}
+        turned = turned or {side.body: turning(motion, side.body) for side in joint.sides}
         R_1, R_2 = (turned[side.body] for side in joint.sides)
-        apart = _place(motion, joint.sides[1]) - _place(motion, joint.sides[0])
+        apart = place_of(motion, joint.sides[1]) - place_of(motion, joint.sides[0])
         stands = [self.mechanism.stands(side.body) for side in joint.sides]
         blocks: list[tuple[Rates3, Rates3]] = []
 
@@ -145,13 +154,13 @@ class Joined:
             one, two = (np.zeros((3, len(motion.times), 6)) for _ in range(2))
             for out, R, d, t in ((one, R_1, d_1, t_1), (two, R_2, d_2, t_2)):
                 if d is not None:
-                    out[..., :3] = _product(d[..., None, :], R)[..., 0, :]
+                    out[..., :3] = product(d[..., None, :], R)[..., 0, :]
                 if t is not None:
-                    out[..., 3:] = _product(t[..., None, :], R)[..., 0, :]
+                    out[..., 3:] = product(t[..., None, :], R)[..., 0, :]
             blocks.append((one, two))
 
         def slides_not(n: Rates3) -> None:
-            add(-n, _cross(n, apart), n, None)
+            add(-n, cross(n, apart), n, None)
 
         def turns_not(axis: Rates3) -> None:
             add(None, -axis, None, axis)
@@ -162,13 +171,34 @@ class Joined:
             constant[0] = axis
             add(-constant, None, constant, None)
         for axis in across or ():
-            slides_not(_turned(R_1, axis))
+            slides_not(turned_by(R_1, axis))
         for one, other in joint.parallel:
-            turns_not(_cross(_turned(R_1, one), _turned(R_2, stands[1].T @ stands[0] @ other)))
+            turns_not(cross(turned_by(R_1, one), turned_by(R_2, stands[1].T @ stands[0] @ other)))
         for what, axis in joint.moves if freedoms else self._held(joint):
-            (slides_not if what == "position" else turns_not)(_turned(R_1, axis))
+            (slides_not if what == "position" else turns_not)(turned_by(R_1, axis))
         first, second = (np.stack(rows, axis=2) for rows in zip(*blocks, strict=True))
         return first, second
+
+    def parting(self, motion: RigidMotion) -> Rates3:
+        """How far the ends of springs part by the coordinates, :data:`APART` of each, (3, n_times, rows, size).
+
+        The direction of a spring turns with its rigid points, one that needs none has none.
+        """
+        found = np.zeros((3, len(motion.times), len(self.measures) - self.size, self.size))
+        unit = np.zeros((3, len(motion.times), 3, 3))
+        unit[0] = np.eye(3)
+        for name in self.springs:
+            spring = self.mechanism.springs[name]
+            first, rows = self.first[name] - self.size, np.zeros((3, len(motion.times), 4, 3))
+            rows[:, :, 1:] = unit
+            if spring.is_directed:
+                rows[:, :, 0] = direction_of(place_of(motion, spring.sides[1]) - place_of(motion, spring.sides[0]))
+            for side, sign in zip(spring.sides, (-1.0, 1.0), strict=True):
+                point = self.point(side)
+                if point is not None:
+                    moved = product(rows, turning(motion, side.body)) @ point[1][:3]
+                    found[:, :, first : first + 4, point[0]] += sign * moved
+        return found
 
     def _held(self, joint: SpatialJoint) -> list[tuple[str, np.ndarray]]:
         """What is held of a joint besides, by axes of its first body."""
@@ -222,7 +252,7 @@ class Joined:
         return [name for name, own in self.where.items() if ((rows >= own.start) & (rows < own.stop)).any()]
 
     def maps(self, motion: RigidMotion, choice: Choice) -> Rates3:
-        """L and its rates at the instants of a motion, (3, n_times, size, independent)."""
+        """L and its rates at the instants of a motion, springs' ends below, (3, n_times, rows, independent)."""
         joints = self._named(choice.rows)
         J = self.rows(motion, joints)[0][:, :, choice.rows] * self.measure
         L = np.zeros((3, len(motion.times), self.size, len(choice.independent)))
@@ -235,7 +265,8 @@ class Joined:
             L_1 = -np.linalg.solve(R, back @ (given[1] + held[1] @ L_0))
             L_2 = -np.linalg.solve(R, back @ (given[2] + held[2] @ L_0 + 2.0 * held[1] @ L_1))
             L[:, :, choice.dependent] = np.stack([L_0, L_1, L_2])
-        return L * (self.measure[:, None] / self.measure[choice.independent])
+        L *= self.measure[:, None] / self.measure[choice.independent]
+        return np.concatenate([L, product(self.parting(motion), L)], axis=2) if self.springs else L
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +286,7 @@ class SpatialMap:
     ----------
     joined : Joined
     choice : Choice
-    constant : ndarray (size, independent)
+    constant : ndarray (rows, independent)
     varying : ndarray (n, 2)
         Row and column of the entries that are scalars of the motion.
     rows : ndarray
@@ -299,8 +330,8 @@ class SpatialMap:
         return L[:, :, rows, columns].transpose(1, 2, 0).reshape(len(motion.times), -1)
 
     def of(self, body: str) -> Affine:
-        """L of a part."""
-        first, size = self.joined.first[body], self.joined.parts[body].size
+        """L of a part, or how far the ends of a spring part."""
+        first, size = self.joined.first[body], self.joined.size_of(body)
         total = Affine.constant(self.constant[first : first + size])
         for name, row, column in self._entries():
             if first <= row < first + size:
@@ -308,7 +339,6 @@ class SpatialMap:
                 entry[row - first, column] = 1.0
                 total += Affine.term((f"{name}.value",), entry)
         return total
-
 
     def rotation(self, joint: str) -> Affine:
         """Elastic rotation of a joint's second body against its first about its first axis, (1, independent)."""
@@ -330,11 +360,11 @@ def map_of(joined: Joined, motion: RigidMotion) -> SpatialMap:
     What drives alone hold does not move: its coordinates and the rows that hold them are left out then.
     """
     choice = joined.choose(motion)
-    scaled = joined.maps(motion, choice)[0] * joined.measure[choice.independent] / joined.measure[:, None]
-    still = ~(abs(scaled) > _ZERO).any(axis=(0, 2))
+    scaled = joined.maps(motion, choice)[0] * joined.measure[choice.independent] / joined.measures[:, None]
+    still = ~(abs(scaled) > _ZERO).any(axis=(0, 2))[: joined.size]
     choice = joined.choose(motion, still)
     L = joined.maps(motion, choice)
-    measure = joined.measure[:, None] / joined.measure[choice.independent]
+    measure = joined.measures[:, None] / joined.measure[choice.independent]
     apart = abs(L[0] - L[0, :1]).max(axis=0) / measure
     varying = np.argwhere(apart > _VARY)
     constant = L[0, 0] * (apart <= _VARY)
@@ -371,33 +401,3 @@ def _unit(label: str, size: float) -> float:
 
 def _unit_name(label: str) -> str:
     return "rad" if label.rpartition(".")[2].startswith("theta") else "m"
-
-
-def _turning(motion: RigidMotion, body: str) -> Rates3:
-    """Axes of a body and their rates, (3, n_times, 3, 3)."""
-    frame = cast(SpatialFrame, motion.frame(body))
-    R = np.moveaxis(frame.axes, 2, 0)
-    spin, turn = skew(frame.omega.T), skew(frame.epsilon.T)
-    return np.stack([R, spin @ R, (turn + spin @ spin) @ R])
-
-
-def _turned(R: Rates3, vector: Sequence[float] | np.ndarray) -> Rates3:
-    """A vector fixed in a body's axes, global, (3, n_times, 3)."""
-    return R @ np.asarray(vector, dtype=float)
-
-
-def _place(motion: RigidMotion, side: Side) -> Rates3:
-    """A point of a body, its velocity and acceleration, (3, n_times, 3)."""
-    frame = motion.frame(side.body)
-    return np.stack([frame.place(side.at).T, frame.velocity(side.at).T, frame.acceleration(side.at).T])
-
-
-def _product(a: Rates3, b: Rates3) -> Rates3:
-    """a b and its rates, of matrices."""
-    return np.stack([a[0] @ b[0], a[1] @ b[0] + a[0] @ b[1], a[2] @ b[0] + 2.0 * a[1] @ b[1] + a[0] @ b[2]])
-
-
-def _cross(a: Rates3, b: Rates3) -> Rates3:
-    """a x b and its rates."""
-    x = np.cross
-    return np.stack([x(a[0], b[0]), x(a[1], b[0]) + x(a[0], b[1]), x(a[2], b[0]) + 2.0 * x(a[1], b[1]) + x(a[0], b[2])])

@@ -97,12 +97,21 @@ def across(axis: np.ndarray) -> list[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class SpatialLoad:
-    """A force along a direction, global or in the body's axes, or a torque at a joint, about its axis."""
+    """A force along a direction, global or in the body's axes, or a torque at a joint, about its axis.
+
+    ``at``: where it acts; None of a torque, and of a force that is spread along a body. ``pushes``: forces at points
+    of a body, with their shares of the load's size, that are statically the same.
+    """
 
     at: Side | None
     direction: np.ndarray
     in_body: bool
     joint: str | None
+    pushes: tuple[tuple[Side, float], ...] = ()
+
+    @property
+    def is_spread(self) -> bool:
+        return self.at is None and self.joint is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +122,18 @@ class SpatialSpring:
     joint: str | None
     numbers: tuple[float, float, float]
 
+    @property
+    def is_directed(self) -> bool:
+        """Whether its force needs the direction from one point to the other: without free length and damper it is
+        k d."""
+        return self.joint is None and any(self.numbers[1:])
+
 
 @dataclass(frozen=True, eq=False)
 class SpatialMechanism:
     """Bodies, joints, loads and springs; bodies that move freely; ``size`` [m]: longest reach from a body's origin.
+
+    A lumped mass is part of its rigid body; on an elastic one it is a body of its own, welded to the link's axis.
 
     ``asked``: joints whose coordinate a drive, a law or a spring knows; ``read``: those of sensors.
     """
@@ -160,10 +177,21 @@ def _made(scene: Scene) -> SpatialMechanism:
         joints[name] = SpatialJoint(
             name, joint.kind, (first, second), tuple(np.asarray(axis) for axis in joint.given_axes)
         )
+    for name, mass in scene.masses.items():
+        x, y, z = scene.point(mass.at)
+        inertia = mass.inertia if isinstance(mass.inertia, tuple) else (0.0, 0.0, 0.0)
+        six, on = np.array([*inertia, *np.zeros(6 - len(inertia))]), bodies[mass.at.body]
+        if scene.bodies[mass.at.body].elastic:
+            bodies[name] = SpatialBody(mass.mass, np.array([0.0, y, z]), six, on.rotation)
+            joints[name] = SpatialJoint(name, "weld", (Side(mass.at.body, (x, 0.0, 0.0)), Side(name, (0.0,) * 3)), ())
+        else:
+            bodies[mass.at.body] = _with_mass(on, mass.mass, np.array([x, y, z]), six)
     loads = {}
     for name, load in scene.loads.items():
         at = None if load.force_on is None else side(load.force_on)
-        loads[name] = SpatialLoad(at, np.asarray(load.direction), load.axes == "body", load.torque_at)
+        loads[name] = SpatialLoad(
+            at, np.asarray(load.direction), load.axes == "body", load.torque_at, _pushes(scene, name)
+        )
     springs = {}
     for name, spring in scene.springs.items():
         free = spring.length if spring.torsional_at is None else spring.angle
@@ -191,3 +219,23 @@ def _body(scene: Scene, name: str) -> SpatialBody:
     inertia = np.array([*given, *np.zeros(6 - len(given))])
     rotation = np.eye(3) if body.rotation is None else body.rotation.matrix
     return SpatialBody(body.mass, np.asarray(scene.vector(body.centre)), inertia, rotation)
+
+
+def _with_mass(body: SpatialBody, mass: float, at: np.ndarray, inertia: np.ndarray) -> SpatialBody:
+    """A rigid body and what is fixed to a point of it, by Steiner's theorem about their common centre."""
+    total = body.mass + mass
+    centre = (body.mass * body.centre + mass * at) / total if total else body.centre
+    six = body.inertia + inertia
+    for m, c in ((body.mass, body.centre - centre), (mass, at - centre)):
+        x, y, z = c
+        six = six + m * np.array([y * y + z * z, z * z + x * x, x * x + y * y, -x * y, -y * z, -z * x])
+    return SpatialBody(total, centre, six, body.rotation)
+
+
+def _pushes(scene: Scene, name: str) -> tuple[tuple[Side, float], ...]:
+    """Where a load pushes a body, with the share of its size there."""
+    load = scene.loads[name]
+    body = load.spread_on if load.force_on is None else load.force_on.body
+    if body is None:
+        return ()
+    return tuple((Side(body, scene.point(at)), share) for by, _, at, share in scene.pushes(body) if by == name)

@@ -42,11 +42,12 @@ def wrenches_on(mechanism: SpatialMechanism, motion: RigidMotion, body: str) -> 
                 at = local(point(joint.sides[1]) - frame.origin)
                 yield Wrench(name, side.at, at, sign * local(exerted[:3]), sign * local(exerted[3:]))
     for name, load in mechanism.loads.items():
-        if load.at is not None and load.at.body == body:
-            direction = np.broadcast_to(load.direction[:, None], none.shape)
-            force = motion[name] * (direction if load.in_body else local(direction))
-            yield Wrench(name, load.at.at, none + np.reshape(load.at.at, (3, 1)), force, none)
-        elif load.joint is not None:
+        for pushed, share in load.pushes:
+            if pushed.body == body:
+                direction = np.broadcast_to(share * load.direction[:, None], none.shape)
+                force = motion[name] * (direction if load.in_body else local(direction))
+                yield Wrench(name, pushed.at, none + np.reshape(pushed.at, (3, 1)), force, none)
+        if load.joint is not None:
             yield from _at_joint(mechanism, motion, body, name, load.joint, motion[name])
     for name, spring in mechanism.springs.items():
         if spring.joint is not None:
@@ -56,7 +57,9 @@ def wrenches_on(mechanism: SpatialMechanism, motion: RigidMotion, body: str) -> 
         for side, other in ((first, second), (second, first)):
             if side.body == body:
                 along = point(other) - point(side)
-                pull = motion[f"{name}.tension"] * along / np.linalg.norm(along, axis=0)
+                pull = spring.numbers[0] * along
+                if spring.is_directed:
+                    pull = motion[f"{name}.tension"] * along / np.linalg.norm(along, axis=0)
                 yield Wrench(name, side.at, none + np.reshape(side.at, (3, 1)), local(pull), none)
 
 

@@ -15,11 +15,11 @@ from kaneflex.fem.coordinate_map import Frame
 from kaneflex.fem.interface_coordinates import Interfaces
 from kaneflex.fem.links import Link, Part, craig_bampton
 from kaneflex.fem.spatial_bodies import ARMS, PAIRS, rigid_part
-from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene
+from kaneflex.fem.spatial_links import SpatialLink, jumps, link_of_scene, spread_scalar
 from kaneflex.fem.spatial_map import Joined, SpatialMap, held_nodes, map_of
 from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
-from kaneflex.mechanism.spatial import SpatialMechanism, spatial_mechanism_of
+from kaneflex.mechanism.spatial import SpatialMechanism, SpatialSpring, spatial_mechanism_of
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
 from kaneflex.multibody.spatial_motion import SpatialKinematics
 from kaneflex.multibody.spatial_reactions import COMPONENTS, joint_wrenches, without_work
@@ -78,11 +78,20 @@ class Deforming:
                           for node in self._jumps(name)]  # fmt: skip
                 for node in pushed_nodes(self.mechanism, self.links[name]):
                     found += [(f"{name}.link.push_{node}_{axis}", "N", f"of loads on node {node}") for axis in AXES]
+                for load in spread_on(self.mechanism, name):
+                    found += [(spread_scalar(name, load, axis), "N/m", f"of {load} along the link") for axis in AXES]
             else:
                 found += [(f"{name}.link.{each}", "N m", "of all that acts at arms from the start") for each in ARMS]
-                found += [(f"{name}.link.push_{axis}", "N", "of loads and springs") for axis in AXES]
+                found += [(f"{name}.link.push_{axis}", "N", "of loads") for axis in AXES]
                 found += [(f"{name}.link.turn_{axis}", "N m", "of the same, about the start") for axis in AXES]
+        for name in self.map.joined.springs:
+            found += [(f"{name}.pull", "N/m", "tension by length")] if self._directed(name) else [
+                (f"{name}.force_{axis}", "N", "on the second point, global") for axis in AXES
+            ]  # fmt: skip
         return (*found, *self.map.scalars)
+
+    def _directed(self, spring: str) -> bool:
+        return self.mechanism.springs[spring].is_directed
 
     def _jumps(self, link: str) -> tuple[int, ...]:
         return jumps(self.scene, link, self.links[link].nodes)
@@ -91,15 +100,15 @@ class Deforming:
         """The scalars at the instants of a motion, (n_times, n)."""
         found: list[np.ndarray] = []
         gravity = self.mechanism.gravity[:, None]
-        points = {name for name, load in self.mechanism.loads.items() if load.at is not None}
-        points |= {name for name, spring in self.mechanism.springs.items() if spring.joint is None}
+        points = {name for name, load in self.mechanism.loads.items() if load.joint is None}
         for name in self.parts:
             frame = motion.frame(name)
             felt = frame.to_body(frame.acceleration(np.zeros(3)) - gravity)
             found += [frame.to_body(frame.omega), frame.to_body(frame.epsilon), felt]
             acting = list(wrenches_on(self.mechanism, motion, name))
             if name in self.links:
-                link = self.links[name]
+                link, spread = self.links[name], spread_on(self.mechanism, name)
+                acting = [each for each in acting if each.by not in spread]
                 at = [link.node_at(each.on[0]) for each in acting]
                 for node in (0, *self._jumps(name)):
                     pulls = [each.force[:1] for each, own in zip(acting, at, strict=True) if own == node]
@@ -108,6 +117,10 @@ class Deforming:
                     pushes = [each.force for each, own in zip(acting, at, strict=True)
                               if own == node and each.by in self.mechanism.loads]  # fmt: skip
                     found.append(sum(pushes, np.zeros_like(felt)))
+                for by in spread:
+                    load = self.mechanism.loads[by]
+                    direction = np.outer(load.direction, motion[by])
+                    found.append(direction if load.in_body else frame.to_body(direction))
                 continue
             body = self.mechanism.bodies[name]
             weight = -body.mass * frame.to_body(frame.acceleration(body.centre) - gravity)
@@ -119,6 +132,12 @@ class Deforming:
             none = np.zeros_like(felt)
             found.append(sum((each.force for each in given), none))
             found.append(sum((each.moment + np.cross(each.at, each.force, axis=0) for each in given), none))
+        for name in self.map.joined.springs:
+            first, second = (motion.frame(side.body).place(side.at) for side in self.mechanism.springs[name].sides)
+            if self._directed(name):
+                found.append((motion[f"{name}.tension"] / np.linalg.norm(second - first, axis=0))[None])
+            else:
+                found.append(-self.mechanism.springs[name].numbers[0] * (second - first))
         return np.hstack([np.concatenate(found).T, self.map.table(motion)])
 
 
@@ -173,10 +192,11 @@ def elastic_stage(
     found = map_of(Joined(mechanism, links, parts, held_too), motion.at(times))
     maps = {name: found.of(name) for name in parts}
     moving = {name: part for name, part in parts.items() if name in links or maps[name].pattern().any()}
-    _check_springs(mechanism, [name for name in moving if name not in links])
     deforming = Deforming(scene, mechanism, links, parts, found)
     placed = [(part, maps[name]) for name, part in moving.items()]
     torques, springs = _at_joints(mechanism, found)
+    between = [(spring_part(name, mechanism.springs[name]), found.of(name)) for name in found.joined.springs]
+    springs += [(part, L) for part, L in between if L.pattern().any()]
     frame = Frame(found.coordinates, {name: maps[name] for name in links},
                   {name: maps[name] for name in moving if name not in links})  # fmt: skip
     lost = _open_scalars(deforming, motion, times[:: _SAMPLES // 8])
@@ -188,6 +208,12 @@ def elastic_stage(
     moved = DeformingKinematics(module, motion.parameters, motion.curve, deforming, arms)
     kept = {name: parts[name] for name in links}
     return Stage(moved, links, kept, bases, cast(Interfaces, interfaces), frame, placed + torques, springs, warnings)
+
+
+def spread_on(mechanism: SpatialMechanism, link: str) -> list[str]:
+    """Loads that are spread along a link."""
+    return [name for name, load in mechanism.loads.items()
+            if load.is_spread and load.pushes[0][0].body == link]  # fmt: skip
 
 
 def pushed_nodes(mechanism: SpatialMechanism, link: Link) -> list[int]:
@@ -251,15 +277,24 @@ def _check_pulls(lost: Collection[str], options: Options) -> None:
         )  # fmt: skip
 
 
-def _check_springs(mechanism: SpatialMechanism, bodies: list[str]) -> None:
-    for name, spring in mechanism.springs.items():
-        follows = [side.body for side in spring.sides if side.body in bodies]
-        if follows:
-            raise SceneError(
-                f"springs.{name}", None, f"in space springs don't act so far on bodies that follow elastic ones, like "
-                f"{follows[0]}",
-                "Let it act on bodies that drives move, or at a joint, or take preset rigid",
-            )  # fmt: skip
+def spring_part(name: str, spring: SpatialSpring) -> Part:
+    """A spring between two points as a part whose coordinates are how far its ends part, ``spatial_map.APART``.
+
+    As in the plane, with e along it: the force on its second point changes by -(k e e^T + T/L (1 - e e^T)) d
+    - c e (e^T d)'. One without free length and damper pulls with k d, whatever the direction.
+    """
+    stiffness, damping, _ = spring.numbers
+    along, across = np.diag([1.0, 0.0, 0.0, 0.0]), np.diag([-1.0, 1.0, 1.0, 1.0])
+    if spring.is_directed:
+        own = {"K_s": Affine.constant(stiffness * along), "C_s": Affine.constant(damping * along)}
+        own["K_g"] = Affine.term((f"{name}.pull",), across)
+        own["F"] = Affine.term((f"{name}.tension",), -along[:, :1])
+    else:
+        own = {"K_s": Affine.constant(stiffness * np.diag([0.0, 1.0, 1.0, 1.0])), "F": Affine.zero(4, 1)}
+        for row, axis in zip(np.eye(4)[1:], AXES, strict=True):
+            own["F"] += Affine.term((f"{name}.force_{axis}",), row[:, None])
+    part = empty_part(name, 4)
+    return replace(part, matrices={**part.matrices, **own})
 
 
 def _at_joints(mechanism: SpatialMechanism, found: SpatialMap) -> tuple[list[Placed], list[Placed]]:

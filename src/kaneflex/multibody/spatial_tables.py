@@ -292,10 +292,10 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
     mechanism = maker.mechanism
     forces, torques, springs, stiffness, twists, torsion = ([] for _ in range(6))
     for number, load in enumerate(mechanism.loads.values()):
-        if load.at is not None:
-            body = load.at.body if load.in_body else GROUND
-            forces.append((maker.section(load.at), maker.axis(body, load.direction), number))
-        elif load.joint is not None:
+        for at, share in load.pushes:
+            body = at.body if load.in_body else GROUND
+            forces.append((maker.section(at), maker.axis(body, share * load.direction), number))
+        if load.joint is not None:
             joint = mechanism.joints[load.joint]
             first, second = (maker.section(side) for side in joint.sides)
             torques.append((first, second, maker.axis(joint.sides[0].body, joint.moves[0][1]), number))

@@ -21,7 +21,7 @@ def check_buildable(scene: Scene) -> None:
     """Raise SceneError that names everything in a scene that has no counterpart in the peer; in space all that is rigid
     has one."""
     planar = (_bodies, _joints, _drives, _forces, _damping, _solving)
-    elastic = (_held_drives, _moving_guides, _damping, _solving)
+    elastic = (_held_drives, _moving_guides, _spread, _damping, _solving)
     parts = planar if not scene.is_spatial else elastic if has_elastic(scene) else ()
     problems = [problem for part in parts for problem in part(scene)]
     if problems:
@@ -57,6 +57,12 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
     for name, mass in scene.masses.items():
         if mass.inertia and mass.at.body != "ground" and scene.bodies[mass.at.body].elastic:
             yield _problem(f"masses.{name}.inertia", mass.inertia, "a lumped inertia on an elastic link")
+
+
+def _spread(scene: Scene) -> Iterator[Problem]:
+    for name, load in scene.spreads.items():
+        if scene.bodies[str(load.spread_on)].elastic:
+            yield _problem(f"loads.{name}.spread_on", load.spread_on, "a load spread along an elastic link in space")
 
 
 def _joints(scene: Scene) -> Iterator[Problem]:

@@ -95,7 +95,7 @@ def build(exudyn: ModuleType, model: Model, resolution: Resolution) -> Built:
     built = Built(exudyn, exudyn.SystemContainer().AddSystem(), {}, {}, {}, {}, {}, {})
     builder = _Builder(built, model)
     for name, body in builder.mechanism.bodies.items():
-        beam = model.scene.bodies[name].beam
+        beam = model.scene.bodies[name].beam if name in model.scene.bodies else None  # a lumped mass is a body, too
         if beam is None:
             builder.body(name, body)
         else:
@@ -274,11 +274,12 @@ class _Builder:
         def size(t: float) -> float:
             return float(self.state.sizes(t)[number])
 
-        if load.at is not None:
+        for at, share in load.pushes:
             self.system.AddLoad(self.items.LoadForceVector(
-                markerNumber=self._marker(load.at), bodyFixed=load.in_body,
-                loadVectorUserFunction=lambda system, t, vector: [*(size(t) * load.direction)],
+                markerNumber=self._marker(at), bodyFixed=load.in_body,
+                loadVectorUserFunction=lambda system, t, vector, share=share: [*(size(t) * share * load.direction)],
             ))  # fmt: skip
+        if load.joint is None:
             return
         joint = self.mechanism.joints[str(load.joint)]
         for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):

@@ -125,13 +125,13 @@ class Deformation:
         density = parameters["rho_A"][e] - parameters["rho_A_rise"][e] / 2
         return -np.array([density * at_node, density * per_length + growth * at_node, growth * per_length])
 
-    def _spread(self, e: int) -> tuple[np.ndarray, np.ndarray]:
-        """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2."""
-        total = np.zeros((3, 2, self.q.shape[1]))
+    def _spread(self, e: int) -> np.ndarray:
+        """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2 each."""
+        total = np.zeros((3, len(self.model.scene.vector(self.model.scene.gravity)), self.q.shape[1]))
         for first, rise in spread_loads(self.model.scene, self.rigid, self.link.name):
             total[0] += first + self.link.nodes[e] * rise
             total[1] += rise
-        return total[:, 0], total[:, 1]
+        return total.transpose(1, 0, 2)
 
     def _ends(self, e: int) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
         """(N, V, M) inside the first and the second end of an element."""

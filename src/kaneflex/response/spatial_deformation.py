@@ -12,8 +12,9 @@ from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_wrenches import wrenches_on
-from kaneflex.multibody.spatial_elastic import pushed_nodes, with_loads
+from kaneflex.multibody.spatial_elastic import pushed_nodes, spread_on, with_loads
 from kaneflex.response.deformation import Deformation, sag
+from kaneflex.response.section_forces import spread_loads
 from kaneflex.scene import Scene
 
 SECTION = ("N", "V_y", "V_z", "T", "M_y", "M_z")
@@ -51,13 +52,15 @@ class SpatialDeformation(Deformation):
         return -f[:6], f[6:]
 
     def _rigid_load(self, e: int) -> tuple[np.ndarray, ...]:  # type: ignore[override]
-        """Inertia load of the rigid link on an element [N/m] along x, y, z: coefficients of 1, x, x^2 each."""
+        """Inertia load of the rigid link and what is spread on it, on an element [N/m] along x, y, z: coefficients of
+        1, x, x^2 each."""
         name, x_0 = self.link.name, self.link.nodes[e]
         felt, *turning = ([self.rigid[f"{name}.link.{kind}_{axis}"] for axis in "xyz"]
                           for kind in ("a", "omega", "epsilon"))  # fmt: skip
+        spread = self._spread(e)
         return tuple(
-            self._inertia_load(e, at + growing * x_0, growing)
-            for at, growing in zip(felt, _growing(*turning), strict=True)
+            self._inertia_load(e, at + growing * x_0, growing) + spread[k]
+            for k, (at, growing) in enumerate(zip(felt, _growing(*turning), strict=True))
         )
 
 
@@ -84,8 +87,12 @@ def rigid_section(scene: Scene, rigid: RigidMotion, name: str, x: float) -> np.n
     moment = np.cross(e_x, (before.first - x * before.mass) * felt + (before.second - x * before.first) * grows, axis=0)
     own = np.array(body.spatial_profile.rotary_inertias(x))[:, None] * [[1.0], [body.beam.rotary], [body.beam.rotary]]
     moment += own * epsilon + np.cross(omega, own * omega, axis=0)
+    for start, rise in spread_loads(scene, rigid, name):
+        force = force - (start * x + rise * x**2 / 2)
+        moment = moment + np.cross(e_x, start * x**2 / 2 + rise * x**3 / 6, axis=0)
+    spread = spread_on(mechanism, name)
     for each in wrenches_on(mechanism, rigid, name):
-        if each.on[0] < x or each.on[0] == 0.0:
+        if each.by not in spread and (each.on[0] < x or each.on[0] == 0.0):
             force = force - each.force
             moment = moment - each.moment - np.cross(each.at - x * e_x, each.force, axis=0)
     return cast(np.ndarray, np.vstack([force, moment]))

@@ -16,7 +16,7 @@ from kaneflex.mechanism.affine import Affine
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.multibody.model import keep_terms
-from kaneflex.multibody.spatial_elastic import DeformingKinematics
+from kaneflex.multibody.spatial_elastic import DeformingKinematics, spring_part
 from kaneflex.response.deformation import Deformation, as_balanced, deform, follow
 from kaneflex.response.elastic_motion import ElasticMotion
 from kaneflex.response.motion import Section
@@ -55,11 +55,26 @@ class SpatialElasticMotion(ElasticMotion):
 
     def spring_tension(self, name: str) -> np.ndarray:
         spring = self.model.scene.springs[name]
-        if spring.torsional_at is None or not self.model.links:
+        if not self.model.links:
             return self.rigid[f"{name}.{'tension' if spring.torsional_at is None else 'torque'}"]
-        turned, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._map.rotation(spring.torsional_at))
+        if spring.torsional_at is None:
+            force = self._spring_force(name)
+            directed = self._map.joined.mechanism.springs[name].is_directed
+            return -force[0] if directed else np.linalg.norm(force[1:], axis=0)
+        between = self._ordered(self._map.rotation(spring.torsional_at))
+        turned, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, between)
         damped = spring.damping * rate[0] if self.model.options.damping else 0.0
         return self.rigid[f"{name}.torque"] + spring.stiffness * turned[0] + damped
+
+    def _spring_force(self, name: str, geometric: bool = False) -> np.ndarray:
+        """What a spring between two points exerts on how far these part, (4, n_times): along it, and in global axes
+        where it needs no direction, or with the ``geometric`` stiffness."""
+        own, options = spring_part(name, self._map.joined.mechanism.springs[name]).matrices, self.model.options
+        apart, rate, _ = as_balanced(self.model, self.rigid, self.coordinates, self._ordered(self._map.of(name)))
+        force = self.rigid.column_of(own["F"]) - self.rigid.apply(own["K_s"], apart)
+        if options.damping:
+            force = force - self.rigid.apply(own["C_s"], rate)
+        return force - self.rigid.apply(own["K_g"], apart) if geometric and options.geometric else force
 
     def change_of(self, name: str, freedom: str) -> Rates:
         """What the deformation changes of a joint's coordinate, "angle" or "position", and its rates, (n_times,) each.
@@ -80,6 +95,14 @@ class SpatialElasticMotion(ElasticMotion):
     @property
     def _map(self) -> SpatialMap:
         return cast(DeformingKinematics, self.model.motion).deforming.map
+
+    def _ordered(self, L: Affine) -> Affine:
+        """A matrix over the map's coordinates over the model's, which may have them in another order."""
+        names = self._map.coordinates
+        if self.model.frame is None or self.model.frame.coordinates == names:
+            return L
+        place = [names.index(name) for name in self.model.frame.coordinates]
+        return L @ Affine.constant(np.eye(len(names))[:, place])
 
     @cached_property
     def _deformed(self) -> Mapping[str, Deformation]:
@@ -116,6 +139,10 @@ class SpatialElasticMotion(ElasticMotion):
                     stands = joined.mechanism.stands
                     axis = stands(side.body).T @ stands(of.sides[0].body) @ of.axes[0]
                     residual[:, point[0]] -= sign * torque[:, None] * (axis @ point[1][3:])
+        parting = joined.parting(rigid)[0]
+        for name in joined.springs:
+            first = joined.first[name] - joined.size
+            residual -= np.einsum("tki,kt->ti", parting[:, first : first + 4], self._spring_force(name, geometric=True))
         J, where = joined.rows(rigid)
         rows, scale = self._map.rows, joined.measure[used]
         Q, R = np.linalg.qr((J[0][:, rows][:, :, used] * scale).transpose(0, 2, 1))
@@ -151,7 +178,7 @@ class SpatialElasticMotion(ElasticMotion):
 
     def _of_body(self, name: str, part: Part) -> np.ndarray:
         """What joints exert on a rigid body's coordinates, (6, n_times)."""
-        model, L = self.model, self._map.of(name)
+        model, L = self.model, self._ordered(self._map.of(name))
         options = model.options
         if options.dynamics == "quasistatic":  # C_d acts on the turning of the axes alone, among the spin terms
             options = replace(options, gyroscopic=options.spin)

@@ -17,12 +17,12 @@ from kaneflex.scene.quantities import (
     Angle,
     AngleOrTime,
     Axes,
+    BodyInertia,
     CountOrAll,
     Direction,
     DriveCoordinate,
     ForceOrTorque,
     FrequencyPair,
-    Inertia,
     NonNegativeMass,
     NonNegativeRatio,
     NonNegativeViscosity,
@@ -146,11 +146,14 @@ class Joint(SceneTable):
 
 
 class Mass(SceneTable):
-    """A lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body."""
+    """A lumped `mass` (kg) with its `inertia` (kg m^2), fixed to the point `at` of a body.
+
+    In space the inertia is that about the body's axes through the point, as a body's own.
+    """
 
     at: AddressField
     mass: NonNegativeMass = 0.0
-    inertia: Inertia = 0.0
+    inertia: BodyInertia = 0.0
 
 
 class Load(SceneTable):

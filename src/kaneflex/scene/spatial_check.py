@@ -50,6 +50,9 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"bodies.{name}.rotation", None, "a planar body turns by its joints alone", cure)
         if body.free is not None and body.free.angular_velocity is not None:
             yield Problem(f"bodies.{name}.free.angular_velocity", None, "a planar body has one", "Give angular_speed")
+    for name, mass in scene.masses.items():
+        if isinstance(mass.inertia, tuple):
+            yield Problem(f"masses.{name}.inertia", None, "a planar body turns about one axis", cure)
     for name, joint in scene.joints.items():
         if joint.kind in SEVERAL_FREEDOMS:
             yield Problem(f"joints.{name}.{joint.kind}", None, "a planar scene has no such joint", cure)
@@ -86,12 +89,9 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
             if field in joint.model_fields_set:
                 right = "Give the bodies' rotation instead" if field in ("near", "branch", "relative_angle") else cure
                 yield Problem(f"joints.{name}.{field}", None, reason, right)
-    for table in ("contacts", "masses", "events"):
+    for table in ("contacts", "events"):
         for name in getattr(scene, table):
             yield Problem(f"{table}.{name}", None, reason, cure)
-    for name, load in scene.loads.items():
-        if load.spread_on is not None:
-            yield Problem(f"loads.{name}.spread_on", load.spread_on, reason, "Let forces act on points")
     if scene.solve.preset in ("coupled", "paper") and "preset" in scene.solve.model_fields_set:
         cure = "Choose rigid, quasistatic, linear or stiffened"
         yield Problem("solve.preset", scene.solve.preset, "only planar scenes have this preset so far", cure)
@@ -138,6 +138,13 @@ def _bodies(scene: Scene) -> Iterator[Problem]:
             reason = "a body in space has three principal moments of inertia"
             given = given_value(scene.raw, ("bodies", name, "inertia"))
             yield Problem(f"bodies.{name}.inertia", given, reason, "Give [J_x, J_y, J_z]")
+    for name, mass in scene.masses.items():
+        if mass.inertia and not isinstance(mass.inertia, tuple):
+            reason = "a body in space has three principal moments of inertia"
+            yield Problem(f"masses.{name}.inertia", mass.inertia, reason, "Give [J_x, J_y, J_z]")
+        for table in ("bodies", "joints", "loads"):
+            if name in getattr(scene, table):
+                yield Problem(f"masses.{name}", None, f"it stands in {table} already", "Choose another name")
 
 
 def _beams(scene: Scene) -> Iterator[Problem]:
@@ -162,18 +169,13 @@ def _beams(scene: Scene) -> Iterator[Problem]:
                     yield Problem(f"{here}.{field}", getattr(sectioned, field), "only planar beams have it", cure)
             if made_of.G is None:
                 yield Problem(here, None, "a beam in space twists, and needs a shear modulus", "Give nu or G")
-        pushed = (load.force_on for load in scene.forces.values() if load.force_on is not None)
-        for at in (at for at in pushed if at.body == name and at.point in body.points_all):
-            x, y, z = scene.point(at)
-            if y or z:
-                reason = "a load on an elastic body must lie on its axis"
+        acted = [(f"loads.{load}", each.force_on) for load, each in scene.forces.items()]
+        acted += [(f"springs.{spring}", end) for spring, each in scene.springs.items() for end in each.ends]
+        for by, at in acted:
+            if at is not None and at.body == name and at.point in body.points_all and any(scene.point(at)[1:]):
+                reason = f"{by} acts on it, and on an elastic body it must do so on its axis"
                 key = f"bodies.{name}.points.{at.point}"
-                yield Problem(key, (x, y, z), reason, "Move the point onto the axis")
-    for name, spring in scene.springs.items():
-        elastic = [end.body for end in spring.ends if end.body in scene.bodies and scene.bodies[end.body].elastic]
-        if elastic:
-            reason = f"in space springs don't act so far on elastic bodies, like {elastic[0]}"
-            yield Problem(f"springs.{name}", None, reason, "Let it act on rigid bodies, or at a joint")
+                yield Problem(key, scene.point(at), reason, "Move the point onto the axis")
 
 
 def _drives(scene: Scene) -> Iterator[Problem]:
