@@ -17,6 +17,7 @@ from kaneflex.derive.joints import joints_text
 from kaneflex.derive.spatial import spatial_text
 from kaneflex.derive.spatial_elements import spatial_element_texts
 from kaneflex.derive.spatial_module import generate_spatial
+from kaneflex.derive.spatial_shape_kernels import spatial_shapes_text
 from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.scene import read_scene, shipped_scenes
 from kaneflex.scene.structure import coupled_hash
@@ -38,6 +39,7 @@ def modules() -> dict[str, str]:
     texts = {f"{name}.py": text for name, text in (element_texts() | spatial_element_texts()).items()}
     texts |= {"tables.py": tables_text(), "laws.py": laws_text(), "body.py": body_text(), "joints.py": joints_text()}
     texts["contact.py"], texts["friction.py"], texts["spatial.py"] = contact_text(), friction_text(), spatial_text()
+    texts["spatial_shapes.py"] = spatial_shapes_text()
     structures: dict[str, str] = {}
     scenes: dict[str, str] = {}
     for name in sorted(shipped_scenes()):

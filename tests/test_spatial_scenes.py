@@ -51,7 +51,7 @@ def scene_of(tmp_path, *changes):
         ("[0.001, 0.08, 0.08]", "[0.5, 0.08, 0.08]", r"bodies.bar.inertia.*no body has the principal moments"),
         ("[0.001, 0.08, 0.08]", "[1, 2]", r"bodies.bar.inertia.*not the inertia of a body in space"),
         ("[drives]\nhinge = {free = true}\n", "", r"drives: 1 freedom of the mechanism that nothing drives: of hinge"),
-        ('"rigid"', '"coupled"', r"solve.preset = 'coupled': only planar scenes have this preset so far"),
+        ('"rigid"', '"paper"', r"solve.preset = 'paper': only planar scenes have this preset so far"),
         ('component = "angle"', 'component = "z"', r"sensors.angle.component = 'z'.*not that joint's coordinate"),
         ("{revolute", "{universal", r"joints.hinge.*has none"),
         ('revolute = ["ground", "bar.start"], axis = [0, 1, 0]',

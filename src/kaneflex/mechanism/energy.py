@@ -13,6 +13,8 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 
 _CHUNK = 1000
 """Steps whose scalars are held at a time."""
+_ROUNDING = 1e-7
+"""Share of the energy that there is, up to which a change of it may be no more than rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +42,12 @@ class Energy:
 
     @property
     def drift(self) -> float:
-        """Largest gap against the largest energy that was turned over."""
+        """Largest gap against the largest energy that was turned over; what stands still turns over none but rounding.
+        """
         turned = max(
             float(np.ptp(part)) for part in (self.kinetic, self.strain, self.weight, self.dissipated, self.supplied)
         )
+        turned = max(turned, _ROUNDING * max(float(abs(part).max()) for part in (self.kinetic, self.strain)))
         return float(abs(self.gap).max()) / turned if turned else 0.0
 
 

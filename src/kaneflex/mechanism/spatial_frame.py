@@ -68,13 +68,13 @@ class SpatialFrame:
 
     def velocity(self, p, p_rate=_STILL) -> np.ndarray:
         """Global velocity of a point that moves by p' in these axes [m/s]."""
-        return self._vector("v_x", "v_y", "v_z") + _cross(self.omega, self.to_global(p)) + self.to_global(p_rate)
+        return self._vector("v_x", "v_y", "v_z") + cross(self.omega, self.to_global(p)) + self.to_global(p_rate)
 
     def acceleration(self, p, p_rate=_STILL, p_accel=_STILL) -> np.ndarray:
         """Global acceleration of a point that moves by p', p'' in these axes [m/s^2]."""
         arm, omega = self.to_global(p), self.omega
-        carried = _cross(self.epsilon, arm) + _cross(omega, _cross(omega, arm))
-        relative = self.to_global(p_accel) + 2.0 * _cross(omega, self.to_global(p_rate))
+        carried = cross(self.epsilon, arm) + cross(omega, cross(omega, arm))
+        relative = self.to_global(p_accel) + 2.0 * cross(omega, self.to_global(p_rate))
         return self._vector("a_x", "a_y", "a_z") + carried + relative
 
 
@@ -96,9 +96,9 @@ def slide_of(joint: SpatialJoint, first: SpatialFrame, second: SpatialFrame) -> 
     on_first, on_second = (side.at for side in joint.sides)
     axis, omega, epsilon = first.to_global(joint.axes[0]), first.omega, first.epsilon
     apart = second.place(on_second) - first.place(on_first)
-    moves = second.velocity(on_second) - first.velocity(on_first) - _cross(omega, apart)
-    speeds_up = second.acceleration(on_second) - first.acceleration(on_first) - _cross(epsilon, apart)
-    speeds_up -= _cross(omega, _cross(omega, apart)) + 2.0 * _cross(omega, moves)
+    moves = second.velocity(on_second) - first.velocity(on_first) - cross(omega, apart)
+    speeds_up = second.acceleration(on_second) - first.acceleration(on_first) - cross(epsilon, apart)
+    speeds_up -= cross(omega, cross(omega, apart)) + 2.0 * cross(omega, moves)
     return _dot(axis, apart), _dot(axis, moves), _dot(axis, speeds_up)
 
 
@@ -110,5 +110,6 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a * b).sum(axis=0)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b of vectors (3, n_times)."""
     return np.cross(a, b, axis=0)

@@ -91,7 +91,7 @@ def _link_moments(scene: Scene, link: Link, shapes: Shapes) -> dict[str, np.ndar
         "mass_H": w.T @ (total.mass * P_0 - a_x) @ w + total.mass * start,
         "mass_X_H": w.T @ (total.first * P_0 + spin) @ w + total.first * start,
         "inertia_psi": turn @ rotary @ w, "inertia_psi_psi": w.T @ rotary @ w,
-        "stiffness": np.diag(modal.T @ K @ modal), "damping": _damping(scene, link, modal, M),
+        "stiffness": np.diag(modal.T @ K @ modal), "damping": modal_damping(scene, link, modal, M),
     }  # fmt: skip
 
 
@@ -119,7 +119,7 @@ def spread_shapes(scene: Scene, name: str, link: Link | None, shapes: Shapes | N
     return found | {"s": push @ shapes.axial, "w": lift @ shapes.transverse, "H": (H + H.T) / 2}
 
 
-def _damping(scene: Scene, link: Link, modal: np.ndarray, M: np.ndarray) -> np.ndarray:
+def modal_damping(scene: Scene, link: Link, modal: np.ndarray, M: np.ndarray) -> np.ndarray:
     """Damping of the modal coordinates [N s/m]; a modal ratio is that of each of the link's own modes."""
     damping = scene.damping
     if damping is None:

@@ -24,6 +24,7 @@ from kaneflex.mechanism.floating_frames import shapes_given
 from kaneflex.mechanism.kernels import Kernels, Parameters, Products, bind, place_of_points, scalars_of
 from kaneflex.mechanism.mechanism import mechanism_of
 from kaneflex.mechanism.rigid_motion import RigidKinematics
+from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.scene.spatial_check import refuse_in_space
@@ -121,7 +122,7 @@ class Model:
 
         Of coupled equations without an elastic stage beside them: what is free, and all shapes.
         """
-        if self.bare:
+        if self.bare or isinstance(self.motion, CoupledKinematics):
             return self.solved_for
         nodal = self.equations.size + sum(len(basis) - basis.shape[1] for basis in self.bases.values())
         return nodal + len(self.shapes_given)
@@ -135,6 +136,8 @@ class Model:
     @property
     def solved_for(self) -> int:
         """How many coordinates the equations have that are integrated."""
+        if isinstance(self.motion, CoupledKinematics):
+            return self.motion.freedoms
         if self.bare:
             return len(mechanism_of(self.scene).free) + len(self.coupled.shape_columns)
         return self.reduced.size + len(self.shapes_given)

@@ -22,13 +22,16 @@ from kaneflex.multibody.spatial_tables import (
     BALL,
     COINCIDE,
     COORDINATE,
+    COUNT,
     FIRST,
-    FIXED,
     KIND,
     PARENT,
     ROW,
     SECOND,
+    SHAPES,
+    SLIDE,
     SPEED,
+    TURN,
     WHAT,
 )  # fmt: skip
 from kaneflex.multibody.tables import OPTIONS, apart, larger
@@ -68,8 +71,11 @@ def advance(m, q, step):
             angle = math.sqrt(x * x + y * y + z * z)
             share = 0.5 if angle < 1e-8 else math.sin(0.5 * angle) / angle
             _compose(q, k, math.cos(0.5 * angle), share * x, share * y, share * z)
-        elif kind != FIXED:
+        elif kind == TURN or kind == SLIDE:
             q[k] += step[s]
+        elif kind == SHAPES:
+            for i in range(m.nodes[n, COUNT]):
+                q[k + i] += step[s + i]
 
 
 @njit(**OPTIONS)
@@ -96,8 +102,11 @@ def coordinate_rates(m, q, u, out):
             x, y, z = u[s], u[s + 1], u[s + 2]
             out[k], out[k + 1] = -0.5 * (b * x + c * y + d * z), 0.5 * (a * x + c * z - d * y)
             out[k + 2], out[k + 3] = 0.5 * (a * y + d * x - b * z), 0.5 * (a * z + b * y - c * x)
-        elif kind != FIXED:
+        elif kind == TURN or kind == SLIDE:
             out[k] = u[s]
+        elif kind == SHAPES:
+            for i in range(m.nodes[n, COUNT]):
+                out[k + i] = u[s + i]
 
 
 @njit(**OPTIONS)

@@ -9,10 +9,14 @@ from __future__ import annotations
 from numba import njit
 
 from kaneflex.generated import spatial as laws
+from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_kinematics import add_cross, less, times
-from kaneflex.multibody.spatial_tables import BODY
+from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED
 from kaneflex.multibody.tables import OPTIONS, apart
+
+_OWN, _PAIR = len(laws.BODY), len(shape_laws.PAIR)
+"""Numbers of a rigid body, behind which those of its shapes are, and of a pair of these."""
 
 
 @once
@@ -38,6 +42,9 @@ def demand(m, k, sizes, with_mass):
                 x[3 + i] += R[j, i] * (k.a[n, j] - m.gravity[j])
                 x[6 + i] += R[j, i] * k.e[n, j]
         laws.demand(m.p, own, x, 0, x, 9)
+        if m.nodes[n, KIND] == SHAPES:
+            q, u, shapes = m.nodes[n, COORDINATE], m.nodes[n, SPEED], m.nodes[n, COUNT]
+            shape_laws.shaped_demand(m.p, own + _OWN, shapes, x, 0, k.q, q, k.u, u, k.du, x, 9, k.h, u)
         times(R, x, 9, F, 0)
         times(R, x, 12, F, 3)
         if with_mass:
@@ -50,11 +57,23 @@ def demand(m, k, sizes, with_mass):
 
 
 @njit(**OPTIONS)
-def _add_mass(m, k, n):
-    """M += B^T I B, B the partial velocities of a body in its axes."""
+def _fill_inertia(m, k, n):
+    """Mass matrix of a node's body in its axes at k.I, (6, 6), of shapes what couples them to it and their own; their
+    number."""
     apart()
-    x, B, R = k.x, k.B, k.R[n]
-    laws.inertia(m.p, m.nodes[n, BODY], x, 36)
+    shapes = m.nodes[n, COUNT] if m.nodes[n, KIND] == SHAPES else 0
+    laws.inertia(m.p, m.nodes[n, BODY], k.I, 0)
+    if shapes:
+        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, k.q, m.nodes[n, COORDINATE], k.I, 0)
+    return shapes
+
+
+@njit(**OPTIONS)
+def _add_mass(m, k, n):
+    """M += B^T I B, B the partial velocities of a body in its axes and the rates of its shapes."""
+    apart()
+    x, B, R, I, first = k.x, k.B, k.R[n], k.I, m.nodes[n, SPEED]
+    shapes = _fill_inertia(m, k, n)
     for s in range(len(k.h)):
         for i in range(3):
             B[i, s] = B[3 + i, s] = 0.0
@@ -62,13 +81,57 @@ def _add_mass(m, k, n):
                 B[i, s] += R[j, i] * k.Jv[n, s, j]
                 B[3 + i, s] += R[j, i] * k.Jw[n, s, j]
     for t in range(len(k.h)):
+        own = t - first if first <= t < first + shapes else -1
         for i in range(6):
-            x[72 + i] = 0.0
+            x[72 + i] = I[36 + shapes * i + own] if own >= 0 else 0.0
             for j in range(6):
-                x[72 + i] += x[36 + 6 * i + j] * B[j, t]
+                x[72 + i] += I[6 * i + j] * B[j, t]
         for s in range(len(k.h)):
             for i in range(6):
                 k.M[s, t] += B[i, s] * x[72 + i]
+        for j in range(shapes):
+            k.M[first + j, t] += I[36 + 6 * shapes + shapes * j + own] if own >= 0 else 0.0
+            for i in range(6):
+                k.M[first + j, t] += I[36 + shapes * i + j] * B[i, t]
+
+
+@njit(**OPTIONS)
+def deforming(m, k):
+    """What shapes add to energies and lose by damping, where ``accelerate`` was."""
+    apart()
+    x, I = k.x, k.I
+    for i in range(4):
+        k.deforming[i] = 0.0
+    for n in range(len(m.nodes)):
+        if m.nodes[n, KIND] != SHAPES:
+            continue
+        shapes, R, q, u = m.nodes[n, COUNT], k.R[n], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
+        for i in range(36):
+            I[i] = 0.0
+        shape_laws.shaped_inertia(m.p, m.nodes[n, BODY] + _OWN, shapes, k.q, q, I, 0)
+        for i in range(3):
+            x[i] = x[3 + i] = x[6 + i] = 0.0
+            for j in range(3):
+                x[i] += R[j, i] * k.v[n, j]
+                x[3 + i] += R[j, i] * k.w[n, j]
+                x[6 + i] += R[j, i] * m.gravity[j]
+        for i in range(6):
+            for j in range(6):
+                k.deforming[0] += 0.5 * x[i] * I[6 * i + j] * x[j]
+            for j in range(shapes):
+                k.deforming[0] += x[i] * I[36 + shapes * i + j] * k.u[u + j]
+        # the first moment of mass is what couples the forces to epsilon
+        k.deforming[2] -= x[6] * I[11] + x[7] * I[15] + x[8] * I[4]
+        for i in range(shapes):
+            for j in range(shapes):
+                pair = m.nodes[n, BODY] + _OWN + 12 * shapes + _PAIR * (shapes * i + j)
+                k.deforming[0] += 0.5 * k.u[u + i] * I[36 + 6 * shapes + shapes * i + j] * k.u[u + j]
+                k.deforming[1] += 0.5 * k.q[q + i] * m.p[pair + _PAIR - 2] * k.q[q + j]
+                k.deforming[3] += k.u[u + i] * m.p[pair + _PAIR - 1] * k.u[u + j]
+                for l in range(shapes):
+                    cubic = m.nodes[n, BODY] + _OWN + 12 * shapes + _PAIR * shapes * shapes
+                    cubic += shapes * (shapes * i + j) + l
+                    k.deforming[1] += m.p[cubic] * k.q[q + i] * k.q[q + j] * k.q[q + l] / 3.0
 
 
 @once

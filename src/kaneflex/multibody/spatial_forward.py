@@ -1,5 +1,7 @@
 """Forward dynamics in space: Kane's independent speeds with all coordinates, integrated by scipy.
 
+Where bodies deform, their fastest shapes are of no interest and set the step of an explicit method: there it is Radau.
+
 The right-hand side closes the loops before it asks for accelerations, so that dependent coordinates among the states
 are no more than where Newton's method starts, and nothing drifts. Where the dependent speeds grow fast beside the
 independent ones, as near a dead centre, the next step begins with another choice of these.
@@ -23,6 +25,8 @@ _GROWTH = 10.0
 """Largest dependent speed per independent one, in their measures, beyond which others are tried."""
 _ABSOLUTE = 1e-2
 """Absolute tolerance, in rad, sizes of the mechanism and their rates, as a share of the relative one."""
+_PROBE = 1e-7
+"""Difference by which the rates' Jacobian is found, in the same."""
 _MOST = 5_000_000
 """Evaluations of the accelerations in a run."""
 
@@ -58,13 +62,21 @@ class _Run(Curve):
         import scipy.integrate
 
         options, system, state = self.options, self.system, start
-        tolerance, n, first = options.forward_tolerance, self.system.coordinates, None
+        method, tolerance = options.forward_method, options.forward_tolerance
+        if len(system.modal_speeds):
+            method, tolerance = "Radau", 0.1 * options.tolerance / _ABSOLUTE
+        n, first = self.system.coordinates, None
         while state.t < options.duration:
             y = np.concatenate([state.q, state.u[state.choice.independent], self.works[-1]])
             scale = np.concatenate([np.ones(n), system.measure[state.choice.independent], [np.inf, np.inf]])
-            solver = getattr(scipy.integrate, options.forward_method)(
-                self._rates_of(state), state.t, y, options.duration, rtol=tolerance,
-                atol=_ABSOLUTE * tolerance * scale, first_step=first,
+            scale[system.modal_coordinates] = system.mechanism.size
+            for k, omega in zip(system.modal_speeds, system.modal_omega, strict=True):
+                scale[n + np.flatnonzero(state.choice.independent == k)] = system.mechanism.size * omega
+            rates = self._rates_of(state)
+            given = {"jac": _jacobian_of(rates, scale)} if len(system.modal_speeds) else {}
+            solver = getattr(scipy.integrate, method)(
+                rates, state.t, y, options.duration, rtol=tolerance,
+                atol=_ABSOLUTE * tolerance * scale, first_step=first, **given,
             )  # fmt: skip
             state = self._steps(solver, state)
             left = options.duration - state.t
@@ -120,7 +132,7 @@ class _Run(Curve):
     def _powers(self, found: State) -> tuple[float, float]:
         """Dissipated by dampers, supplied by loads and prescribed drives [W], where ``settle`` left ``work``."""
         system, tables, k, given = self.system, self.system.tables, self.system.work, 0.0
-        lost = k.springs[:, 6].sum() + k.twists[:, 3].sum()
+        lost = k.springs[:, 6].sum() + k.twists[:, 3].sum() + k.deforming[3]
         for section, axis, load in tables.forces.tolist():
             given += found.sizes[load] * (k.axes[axis] @ k.sections[section, 3:6])
         for first, second, axis, load in tables.torques.tolist():
@@ -175,11 +187,30 @@ class _Run(Curve):
 
     def _stopped(self, t: float, message: str) -> SceneError:
         free = next((name for name, drive in self.system.scene.drives.items() if drive.kind == "free"), None)
-        key = f"bodies.{self.system.mechanism.floating[0]}.free" if free is None else f"drives.{free}"
-        return SceneError(
-            key, None, f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}",
-            "Shorten the duration, or change loads or start so that no loop locks",
-        )  # fmt: skip
+        floating = self.system.mechanism.floating
+        key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
+        cure = "Shorten the duration, or change loads or start so that no loop locks"
+        if len(self.system.modal_speeds):
+            cure = "Cut bodies that bend this far into several, welded to each other, or take preset stiffened"
+        reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
+        return SceneError(key, None, reason, cure)
+
+
+def _jacobian_of(
+    rates: Callable[[float, np.ndarray], np.ndarray], scale: np.ndarray
+) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Of the rates by the state, by differences: scipy's own are so short that what loops are closed to shows in them.
+    """
+
+    def jacobian(t: float, y: np.ndarray) -> np.ndarray:
+        found, here = np.zeros((len(y), len(y))), rates(t, y)
+        for k in range(len(y) - 2):  # works drive nothing
+            moved = y.copy()
+            moved[k] += _PROBE * scale[k]
+            found[:, k] = (rates(t, moved) - here) / (moved[k] - y[k])
+        return found
+
+    return jacobian
 
 
 def _largest(system: SpatialSystem, choice: Choice) -> float:

@@ -14,14 +14,17 @@ import numpy as np
 from numba import njit
 
 from kaneflex.generated import spatial as laws
+from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.inner import once
 from kaneflex.multibody.spatial_tables import (
+    AT,
     AXIS,
     AXIS_1,
     AXIS_2,
     BALL,
     COINCIDE,
     COORDINATE,
+    COUNT,
     FIRST,
     KIND,
     PARENT,
@@ -33,6 +36,7 @@ from kaneflex.multibody.spatial_tables import (
     SHIFT,
     SLIDE,
     SPEED,
+    STATION,
     TURN,
     WHAT,
     Tables,
@@ -67,6 +71,8 @@ class Work(NamedTuple):
         Of the cuts, see ``kaneflex.generated.spatial``.
     springs, twists : ndarray (n_springs, 7), (n_twists, 4)
         Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
+    deforming : ndarray (4,)
+        What shapes add to the kinetic energy, the strain energy, that of the weight [J], and to dissipated power [W].
     P : ndarray (n, 3)
         Where the joint's point is.
     Jv, Jw : ndarray (n, s, 3)
@@ -82,6 +88,10 @@ class Work(NamedTuple):
         Partial velocities of one body in its own axes.
     x : ndarray (108,)
         Vectors and matrices at hand.
+    I : ndarray ((6 + most shapes)^2,)
+        Mass matrix of one body, that of its axes, what couples shapes to it and their own.
+    turned : ndarray (27,)
+        theta, theta' of a station, then R, T row by row and T' theta' of ``kaneflex.generated.spatial_shapes.section``.
     """
 
     kept: np.ndarray
@@ -101,6 +111,7 @@ class Work(NamedTuple):
     rows: np.ndarray
     springs: np.ndarray
     twists: np.ndarray
+    deforming: np.ndarray
     P: np.ndarray
     Jv: np.ndarray
     Jw: np.ndarray
@@ -112,6 +123,8 @@ class Work(NamedTuple):
     F: np.ndarray
     B: np.ndarray
     x: np.ndarray
+    I: np.ndarray
+    turned: np.ndarray
 
 
 class Instants(NamedTuple):
@@ -133,6 +146,7 @@ class Instants(NamedTuple):
     rows: np.ndarray
     springs: np.ndarray
     twists: np.ndarray
+    deforming: np.ndarray
 
     @classmethod
     def of(cls, rows: np.ndarray, work: Work) -> Instants:
@@ -149,9 +163,10 @@ def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int
     """Room for a mechanism."""
     n, sections, axes = len(tables.nodes), len(tables.on), len(tables.axis_on)
     kept = ((coordinates,), (speeds,), (speeds,), (loads,), (n, 3, 3), *((n, 3),) * 5, (n, 6), (rows,), (speeds,),
-            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4))  # fmt: skip
+            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4), (4,))  # fmt: skip
+    shapes = int(tables.nodes[:, COUNT].max(initial=0))
     rest = ((n, 3), (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3), (rows, speeds), (speeds, speeds),
-            (speeds,), (n, 6), (6, speeds), (108,))  # fmt: skip
+            (speeds,), (n, 6), (6, speeds), (108,), ((6 + shapes) ** 2,), (27,))  # fmt: skip
     row, first = np.zeros(sum(map(math.prod, kept))), 0
     parts = list[np.ndarray]()
     for shape in kept:
@@ -234,6 +249,8 @@ def place(m, q, k):
                 P[i] += x[i] * q[m.nodes[n, COORDINATE]]
         elif kind == TURN or kind == BALL:
             _turn(kind, numbers, q, m.nodes[n, COORDINATE], R)
+        elif kind == STATION:
+            _deform(m, n, k, q)
         times(R, numbers, SHIFT, x, 0)
         for i in range(3):
             r[i] = P[i] - x[i]
@@ -257,6 +274,97 @@ def _carried_to(k, on, vector, out):
     else:
         for i in range(3):
             out[i] = vector[i]
+
+
+@once
+@njit(**OPTIONS)
+def _shaped(m, n, q, i, x, at):
+    """x[at] = N q and psi q of a station, coordinates from q[i]."""
+    apart()
+    count, o = m.nodes[n, COUNT], m.nodes[n, AT]
+    for row in range(6):
+        x[at + row] = 0.0
+        for s in range(count):
+            x[at + row] += m.p[o + count * row + s] * q[i + s]
+
+
+@njit(**OPTIONS)
+def _deform(m, n, k, q):
+    """Move and turn a station from where it stands undeformed: by N q - 1/2 e_x H q q, and by theta = psi q."""
+    apart()
+    x, first, base = k.x, m.nodes[n, COORDINATE], k.R[m.nodes[n, PARENT]]
+    count, o = m.nodes[n, COUNT], m.nodes[n, AT]
+    _shaped(m, n, q, first, x, 0)
+    for i in range(count):
+        for j in range(count):
+            x[0] -= 0.5 * m.p[o + 6 * count + count * i + j] * q[first + i] * q[first + j]
+    times(base, x, 0, x, 6)
+    for i in range(3):
+        k.P[n, i] += x[6 + i]
+        k.turned[i], k.turned[3 + i] = x[3 + i], 0.0
+    shape_laws.section(k.turned, 0, k.turned, 6)
+    for i in range(3):
+        for j in range(3):
+            k.R[n, i, j] = 0.0
+            for l in range(3):
+                k.R[n, i, j] += base[i, l] * k.turned[6 + 3 * l + j]
+
+
+@njit(**OPTIONS)
+def _deformed_partials(m, n, k):
+    """Partial velocities of a station by its body's shapes, as H is symmetric N_j - e_x H_jk q_k and T psi_j."""
+    apart()
+    x, base, Jv, Jw = k.x, k.R[m.nodes[n, PARENT]], k.Jv[n], k.Jw[n]
+    count, o, q, u = m.nodes[n, COUNT], m.nodes[n, AT], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
+    for i in range(3):
+        k.turned[i] = k.turned[3 + i] = 0.0
+        for s in range(count):
+            k.turned[i] += m.p[o + count * (3 + i) + s] * k.q[q + s]
+    shape_laws.section(k.turned, 0, k.turned, 6)
+    for j in range(count):
+        for i in range(3):
+            x[6 + i], x[9 + i] = m.p[o + count * i + j], 0.0
+            for l in range(3):
+                x[9 + i] += k.turned[15 + 3 * i + l] * m.p[o + count * (3 + l) + j]
+        for s in range(count):
+            x[6] -= m.p[o + 6 * count + count * j + s] * k.q[q + s]
+        times(base, x, 6, Jv[u + j], 0)
+        times(base, x, 9, Jw[u + j], 0)
+
+
+@njit(**OPTIONS)
+def _deformed_accelerations(m, n, u, du, k):
+    """Add what a station moves by against its body to a and e: 2 omega x d' + d'', omega x omega' and so on."""
+    apart()
+    x, parent, base = k.x, m.nodes[n, PARENT], k.R[m.nodes[n, PARENT]]
+    q, s = m.nodes[n, COORDINATE], m.nodes[n, SPEED]
+    count, o = m.nodes[n, COUNT], m.nodes[n, AT]
+    _shaped(m, n, k.q, q, x, 15)
+    _shaped(m, n, u, s, x, 21)
+    _shaped(m, n, du, s, x, 27)
+    for i in range(count):
+        for j in range(count):
+            H = m.p[o + 6 * count + count * i + j]
+            x[21] -= H * k.q[q + i] * u[s + j]
+            x[27] -= H * (k.q[q + i] * du[s + j] + u[s + i] * u[s + j])
+    for i in range(3):
+        k.turned[i], k.turned[3 + i] = x[18 + i], x[24 + i]
+    shape_laws.section(k.turned, 0, k.turned, 6)
+    for i in range(3):
+        x[36 + i], x[39 + i] = 0.0, k.turned[24 + i]
+        for j in range(3):
+            x[36 + i] += k.turned[15 + 3 * i + j] * x[24 + j]
+            x[39 + i] += k.turned[15 + 3 * i + j] * x[30 + j]
+    times(base, x, 21, x, 0)
+    times(base, x, 27, x, 3)
+    times(base, x, 36, x, 6)
+    times(base, x, 39, x, 9)
+    for i in range(3):
+        k.a[n, i] += x[3 + i]
+        k.e[n, i] += x[9 + i]
+        x[i] *= 2.0
+    add_cross(k.w[parent], 0, x, 0, k.a[n], 0)
+    add_cross(k.w[parent], 0, x, 6, k.e[n], 0)
 
 
 @njit(**OPTIONS)
@@ -285,6 +393,8 @@ def partials(m, k):
                 for i in range(3):
                     Jw[u + j, i] = R[i, j]
                 add_cross(Jw[u + j], 0, x, 0, Jv[u + j], 0)
+        elif kind == STATION:
+            _deformed_partials(m, n, k)
     rows(m, k)
     for c in range(len(m.cuts)):
         for j in range(m.cuts[c, ROW], m.cuts[c, ROW] + (3 if m.cuts[c, WHAT] == COINCIDE else 1)):
@@ -378,6 +488,8 @@ def accelerate(m, u, du, k):
             for i in range(3):
                 e[i] += x[9 + i]
             add_cross(x, 0, x, 6, e, 0)
+        elif kind == STATION:
+            _deformed_accelerations(m, n, u, du, k)
         less(k.r[n], k.P[n], x, 3)
         _centripetal(k.w[n], 0, e, x, 3, a, 0, x)
     for n in range(len(m.on)):

@@ -12,6 +12,7 @@ from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
+from kaneflex.multibody.spatial_sections import joined_frames, modal_scalars, modal_series
 from kaneflex.multibody.spatial_system import SpatialSystem
 from kaneflex.multibody.spatial_tables import COORDINATE
 from kaneflex.multibody.spatial_turns import Count
@@ -87,6 +88,8 @@ class SpatialModule:
             at = ("tension", "N") if spring.joint is None else ("torque", "N m")
             found.append((f"{name}.{at[0]}", at[1], "of the spring and its damper"))
         found += [(f"{name} energy", "J", "of the mechanism") for name in ("kinetic", "strain", "weight")]
+        for body, shapes in self.system.layout.shapes.items():
+            found += [(name, unit, "of a shape") for name, unit in modal_scalars(body, shapes.count)]
         return (*found, *self.more)
 
     @cached_property
@@ -144,12 +147,14 @@ class SpatialKinematics(RigidKinematics):
         wrenches = joint_wrenches(system, found).values()
         between, twists = (iter(each[:, :, 1].T) for each in (found.springs, found.twists))
         pulls = [next(between if spring.joint is None else twists) for spring in mechanism.springs.values()]
-        strain = found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
+        kinetic, strain, weight, _ = found.deforming.T
+        strain = strain + found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
+        kinetic = kinetic + self._kinetic(R, found.v[:, nodes], found.w[:, nodes])
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,
             found.along[:, system.driven_speeds], _side_by_side(pulls, count),
-            *(each[:, None] for each in (self._kinetic(R, found.v[:, nodes], found.w[:, nodes]), strain,
-                                         self._heavy(R, found.r[:, nodes]))),
+            *(each[:, None] for each in (kinetic, strain, weight + self._heavy(R, found.r[:, nodes]))),
+            *modal_series(system, found),
         ])  # fmt: skip
 
     def _closing(self, name: str, motion: SpatialMotion) -> np.ndarray:
@@ -180,7 +185,7 @@ class SpatialKinematics(RigidKinematics):
         """Coordinate of a joint as its bodies stand, an angle from -pi to pi, and its rate."""
         mechanism = self.module.system.mechanism
         joint = mechanism.joints[name]
-        first, second = (motion.frame(side.body) for side in joint.sides)
+        joint, first, second = joined_frames(motion, joint)
         if joint.kind == "prismatic":
             return slide_of(joint, first, second)[:2]
         return turn_of(joint, first, second, mechanism.relative(joint))[:2]
@@ -235,7 +240,11 @@ class SpatialKinematics(RigidKinematics):
 
 @dataclass(frozen=True, eq=False)
 class SpatialMotion(RigidMotion):
-    """Scalars of a rigid motion in space at some times."""
+    """Scalars of a rigid motion in space at some times; of bodies that deform, of their axes and shapes."""
+
+    @property
+    def system(self) -> SpatialSystem:
+        return self.motion.module.system
 
     def taken(self, instants: np.ndarray) -> SpatialMotion:
         return SpatialMotion(self.motion, self.times[instants], self.values[instants])

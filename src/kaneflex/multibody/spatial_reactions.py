@@ -32,12 +32,12 @@ _TREE: Kept[SpatialSystem, _TreeJoints] = Kept()
 
 def _tree_joints(system: SpatialSystem) -> _TreeJoints:
     layout = system.layout
-    second = [system.mechanism.joints[name].sides[1] for name in layout.tree]
+    second = [layout.on(system.mechanism.joints[name].sides[1]) for name in layout.tree]
     return _TreeJoints(
         np.array([nodes[-1] for nodes, _ in layout.tree.values()], int),
         np.array([sign for _, sign in layout.tree.values()], float),
-        np.array([layout.node_of.get(side.body, -1) for side in second], int),
-        np.array([side.at for side in second], float).reshape(-1, 3),
+        np.array([node for node, _ in second], int),
+        np.array([at for _, at in second], float).reshape(-1, 3),
     )
 
 

@@ -15,6 +15,7 @@ from numba.extending import intrinsic
 from numba.types import CPointer
 
 from kaneflex.generated import spatial as laws
+from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody import (
     dense_lu,
     inner,
@@ -25,7 +26,7 @@ from kaneflex.multibody import (
     tables,
 )
 from kaneflex.multibody.spatial_dynamics import accelerations, basis, close, coordinate_rates, exerted, pass_on, tie
-from kaneflex.multibody.spatial_forces import demand
+from kaneflex.multibody.spatial_forces import deforming, demand
 from kaneflex.multibody.spatial_kinematics import partials, place
 from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, OUTER, apart, kernel, larger
 from kaneflex.support.fingerprint import made_of
@@ -43,8 +44,8 @@ DONE, OPEN, APART, MASSLESS, INFINITE, GROWN = range(6)
 """What came of an instant: the rest, but GROWN, are why there is none."""
 
 _made_of_parts = made_of(
-    laws.__file__, dense_lu.__file__, inner.__file__, spatial_dynamics.__file__, spatial_forces.__file__,
-    spatial_kinematics.__file__, spatial_tables.__file__, tables.__file__,
+    laws.__file__, shape_laws.__file__, dense_lu.__file__, inner.__file__, spatial_dynamics.__file__,
+    spatial_forces.__file__, spatial_kinematics.__file__, spatial_tables.__file__, tables.__file__,
 )  # fmt: skip
 
 
@@ -119,6 +120,7 @@ def settle(m, choice, k, law, t):
     for s in range(len(k.du)):
         if not abs(k.du[s]) < math.inf:
             return INFINITE
+    deforming(m, k)
     return DONE
 
 

@@ -39,12 +39,15 @@ from kaneflex.multibody.spatial_tables import (
     BALL,
     COORDINATE,
     COORDINATES,
+    COUNT,
     KIND,
     ROWS,
+    SHAPES,
     SPEED,
     SPEEDS,
     TURN,
     WHAT,
+    Flexible,
     Layout,
     Tables,
     build_tables,
@@ -54,6 +57,7 @@ from kaneflex.scene import Scene
 
 _RANK = 1e-9
 """Pivot of a row or speed, as a share of the largest, and of one, below which it follows from the others."""
+_RIGID: Flexible = {}
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 0))
 _REASONS = {
     OPEN: "a loop does not close, or leaves open how it goes on",
@@ -237,7 +241,26 @@ class SpatialSystem:
     @cached_property
     def coordinates(self) -> int:
         """Coordinates of the tree, four a ball."""
-        return int(sum(COORDINATES[kind] for kind in self.tables.nodes[:, KIND]))
+        return int(sum(COORDINATES[kind] for kind in self.tables.nodes[:, KIND])) + len(self.modal_speeds)
+
+    @cached_property
+    def modal_speeds(self) -> np.ndarray:
+        """Those of the bodies' shapes."""
+        return self._shapes(SPEED)
+
+    @cached_property
+    def modal_coordinates(self) -> np.ndarray:
+        """Those of the bodies' shapes."""
+        return self._shapes(COORDINATE)
+
+    @property
+    def modal_omega(self) -> np.ndarray:
+        """Circular frequencies of the bodies' shapes, each by itself [rad/s]."""
+        return np.concatenate([np.zeros(0), *(shapes.omega for shapes in self.layout.shapes.values())])
+
+    def _shapes(self, what: int) -> np.ndarray:
+        of = self.tables.nodes[self.tables.nodes[:, KIND] == SHAPES]
+        return np.concatenate([np.zeros(0, int), *(row[what] + np.arange(row[COUNT]) for row in of)])
 
     @cached_property
     def row_count(self) -> int:
@@ -277,9 +300,10 @@ class SpatialSystem:
     def measure(self) -> np.ndarray:
         """What counts as one in each speed: 1 rad, or the mechanism's size."""
         found = np.ones(self.speeds)
-        for kind, *_, speed, _ in self.tables.nodes.tolist():
+        for kind, speed in self.tables.nodes[:, [KIND, SPEED]].tolist():
             if SPEEDS[kind] == 1 and kind != TURN:
                 found[speed] = self.mechanism.size
+        found[self.modal_speeds] = self.mechanism.size
         return found
 
     @cached_property
@@ -373,9 +397,10 @@ class SpatialSystem:
         return -first.T @ second @ np.asarray(omega)
 
     def named(self) -> list[int]:
-        """Speeds of what the scene leaves to the forces by name."""
+        """Speeds of what the scene leaves to the forces by name, and of what deforms."""
         free = [name for name, drive in self.scene.drives.items() if drive.kind == "free"]
-        return [k for name in (*free, *self.mechanism.floating) for k in self.speeds_of(name)]
+        return [*(k for name in (*free, *self.mechanism.floating) for k in self.speeds_of(name)),
+                *self.modal_speeds.tolist()]  # fmt: skip
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """J of the rows by the speeds, both in their measures, where the mechanism stands."""
@@ -392,8 +417,9 @@ class SpatialSystem:
             _, r, order = qr(J.T, pivoting=True, mode="economic")
             kept = np.sort(order[: _rank(r)])
             weight = np.ones(len(free))
+            weight[np.isin(free, self.modal_speeds)] = 1e-4  # what is stiff closes a loop where nothing else does
             if prefer:
-                weight[np.isin(free, self.named())] = 1e-3
+                weight[np.isin(free, self.named())] *= 1e-3
                 weight[np.isin(free, list(self.given_speeds()))] = 1e-6
             _, _, order = qr(J[kept] * weight, pivoting=True, mode="economic")
             dependent = free[order[: len(kept)]]
@@ -417,8 +443,8 @@ def _rank(r: np.ndarray) -> int:
     return int((pivots > _RANK * pivots.max(initial=1.0)).sum())  # rows of which nothing is left but rounding have none
 
 
-def build_spatial_system(scene: Scene, module: ModuleType) -> SpatialSystem:
-    """Bind a scene to its module."""
+def build_spatial_system(scene: Scene, module: ModuleType, flexible: Flexible = _RIGID) -> SpatialSystem:
+    """Bind a scene to its module; ``flexible``: shapes of the bodies that deform."""
     mechanism = spatial_mechanism_of(scene)
-    tables, layout = build_tables(mechanism)
+    tables, layout = build_tables(mechanism, flexible)
     return SpatialSystem(scene, module, bind_parameters(scene, module), mechanism, tables, layout)

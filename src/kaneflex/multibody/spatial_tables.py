@@ -2,15 +2,16 @@
 
 Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball
 does, or stays: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a body that moves
-freely hangs on three that slide and a ball. The last node of a chain carries the body. Joints that the tree leaves over
-are *cuts*, which close its loops by elementary constraints.
+freely hangs on three that slide and a ball. The last node of a chain carries the body. On a body that deforms follow a
+node that owns its modal coordinates and a *station* for each of its points where something acts: it stands and turns as
+the section there. Joints that the tree leaves over are *cuts*, which close its loops by elementary constraints.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.spatial import Side, SpatialJoint, SpatialMechanism
 from kaneflex.support.errors import SceneError
 
-FIXED, TURN, SLIDE, BALL = range(4)
-KIND, PARENT, COORDINATE, SPEED, BODY = range(5)
-"""Columns of ``nodes``; BODY: where the numbers of a body that has mass begin in ``p``, else -1."""
+FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
+KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT = range(7)
+"""Columns of ``nodes``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
+body that deforms, whose coordinates and speeds begin at COORDINATE and SPEED; AT: where the numbers of a station begin
+in ``p``, N and psi, (3, COUNT) each, then H, (COUNT, COUNT)."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
 """Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis and the joint's point
 in its own."""
@@ -29,9 +32,9 @@ ROWS = (3, 1, 1)
 """Rows of an elementary constraint."""
 WHAT, FIRST, SECOND, AXIS_1, AXIS_2, ROW = range(6)
 """Columns of ``cuts``: which constraint, sections, axes, and its first row."""
-SPEEDS = (0, 1, 1, 3)
-COORDINATES = (0, 1, 1, 4)
-"""Of a node by its kind: a ball has a unit quaternion for coordinates."""
+SPEEDS = (0, 1, 1, 3, 0, 0)
+COORDINATES = (0, 1, 1, 4, 0, 0)
+"""Of a node by its kind, shapes apart: a ball has a unit quaternion for coordinates."""
 
 
 class Tables(NamedTuple):
@@ -39,9 +42,10 @@ class Tables(NamedTuple):
 
     Attributes
     ----------
-    nodes, numbers : ndarray (n_nodes, 5), (n_nodes, 18)
+    nodes, numbers : ndarray (n_nodes, 7), (n_nodes, 18)
     p : ndarray
-        Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``.
+        Numbers of the bodies, ten each, see ``kaneflex.generated.spatial.BODY``, behind them those of shapes, see
+        ``kaneflex.generated.spatial_shapes``; numbers of stations.
     on, at : ndarray (n_sections,), (n_sections, 3)
         Node (-1: the ground) of every section and the place of its point in that node's axes.
     axis_on, axes : ndarray (n_axes,), (n_axes, 3)
@@ -75,6 +79,31 @@ class Tables(NamedTuple):
     gravity: np.ndarray
 
 
+class Deformable(Protocol):
+    """Shapes of a body, which turn and move nothing at the point of its axis that a joint of the tree holds."""
+
+    @property
+    def count(self) -> int:
+        """How many."""
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Circular frequency of each of them, its axes held [rad/s]."""
+
+    def numbers(self) -> np.ndarray:
+        """Those of ``kaneflex.generated.spatial_shapes``."""
+
+    def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
+        """N and psi, (6, count) or more rows, and H (count, count) at a distance from the start [m]."""
+
+    def station(self, x: float) -> np.ndarray:
+        """The same one after the other."""
+
+
+Flexible = Mapping[str, Callable[[float | None], Deformable]]
+"""Body that deforms -> its shapes, by where its axes are held [m]; None: in the mean of its mass."""
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Names for what the tables count.
@@ -83,6 +112,10 @@ class Layout:
     ----------
     node_of : mapping
         Body -> its node.
+    stations : mapping
+        Point of a body that deforms, by the body and its distance from the start [m] -> the node that stands there.
+    shapes : mapping
+        Body that deforms -> its shapes.
     tree : mapping
         Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
     cuts : mapping
@@ -92,16 +125,38 @@ class Layout:
     """
 
     node_of: Mapping[str, int]
+    stations: Mapping[tuple[str, float], int]
+    shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
     speeds: tuple[str, ...]
+
+    def on(self, side: Side) -> tuple[int, np.ndarray]:
+        """The node (-1: the ground) that carries a point of a body, and where in that node's axes."""
+        return carried(self.node_of, self.stations, side)
+
+
+def carried(
+    node_of: Mapping[str, int], stations: Mapping[tuple[str, float], int], side: Side
+) -> tuple[int, np.ndarray]:
+    """A side's node, and its place in that node's axes: from the axis of a body that deforms."""
+    at = np.asarray(side.at, float)
+    station = stations.get((side.body, float(at[0])))
+    if station is None:
+        return node_of.get(side.body, -1), at
+    return station, np.array([0.0, *at[1:]])
+
+
+_RIGID: Flexible = {}
 
 
 class _Maker:
     """Rows of the tables as they are found."""
 
-    def __init__(self, mechanism: SpatialMechanism) -> None:
-        self.mechanism = mechanism
+    def __init__(self, mechanism: SpatialMechanism, flexible: Flexible) -> None:
+        self.mechanism, self.flexible = mechanism, flexible
+        self.shapes: dict[str, Deformable] = {}
+        self.stations: dict[tuple[str, float], int] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
         self.p: list[np.ndarray] = []
@@ -117,7 +172,7 @@ class _Maker:
         row[ROTATION:PLACE] = np.eye(3).ravel() if rotation is None else np.ravel(rotation)
         row[PLACE:AXIS] = 0.0 if place is None else place
         row[AXIS:SHIFT] = 0.0 if axis is None else axis
-        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1])
+        self.nodes.append([kind, parent, self.coordinates, len(self.speeds), -1, 0, -1])
         self.numbers.append(row)
         self.coordinates += COORDINATES[kind]
         self.speeds += names
@@ -125,33 +180,60 @@ class _Maker:
 
     def body(self, name: str, node: int, at: Sequence[float]) -> None:
         """The body that the last node of a chain carries, joined at a point in its axes."""
-        self.node_of[name] = node
         self.numbers[node][SHIFT:] = at
+        if name in self.flexible:
+            node = self.deforming(name, node, None if name in self.mechanism.floating else float(at[0]))
+        self.node_of[name] = node
         body = self.mechanism.bodies[name]
         if body.mass or np.any(body.inertia):
-            self.nodes[node][BODY] = 10 * len(self.p)
-            self.p.append(np.concatenate([[body.mass], body.centre, body.inertia]))
+            shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
+            self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
+
+    def deforming(self, name: str, frame: int, held: float | None) -> int:
+        """The node of a body's modal coordinates, in its axes."""
+        shapes = self.shapes[name] = self.flexible[name](held)
+        node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
+        self.nodes[node][COUNT] = shapes.count
+        self.coordinates += shapes.count
+        return node
+
+    def stored(self, numbers: np.ndarray) -> int:
+        """Where numbers begin in p."""
+        self.p.append(numbers)
+        return sum(map(len, self.p)) - len(numbers)
+
+    def on(self, side: Side) -> tuple[int, np.ndarray]:
+        """The node that carries a point of a body, and where in its axes; of a body that deforms, a station."""
+        x = float(side.at[0])
+        if side.body in self.shapes and (side.body, x) not in self.stations:
+            frame = self.node_of[side.body]
+            node = self.node(STATION, frame, (), place=(x, 0.0, 0.0))
+            self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
+            self.nodes[node][COUNT] = self.shapes[side.body].count
+            self.nodes[node][AT] = self.stored(self.shapes[side.body].station(x))
+            self.stations[side.body, x] = node
+        return carried(self.node_of, self.stations, side)
 
     def section(self, side: Side) -> int:
         """Number of the section at a point of a body."""
-        self.sections.append((self.node_of[side.body], np.asarray(side.at, float)))
+        self.sections.append(self.on(side))
         return len(self.sections) - 1
 
-    def axis(self, body: str, vector: np.ndarray) -> int:
-        """Number of an axis in a body's axes."""
-        self.axes.append((self.node_of[body], np.asarray(vector, float)))
+    def axis(self, side: Side, vector: np.ndarray) -> int:
+        """Number of an axis in a body's axes, which turns with the section at a point."""
+        self.axes.append((self.on(side)[0], np.asarray(vector, float)))
         return len(self.axes) - 1
 
 
-def build_tables(mechanism: SpatialMechanism) -> tuple[Tables, Layout]:
-    """The tables of a mechanism, nothing in motion and no loop closed yet.
+def build_tables(mechanism: SpatialMechanism, flexible: Flexible = _RIGID) -> tuple[Tables, Layout]:
+    """The tables of a mechanism, nothing in motion and no loop closed yet; ``flexible``: of its bodies that deform.
 
     Raises
     ------
     SceneError
         If a body hangs on nothing, its place at first is said twice, or too many coordinates of a loop are asked for.
     """
-    maker, tree, closing, cuts = _Maker(mechanism), {}, {}, []
+    maker, tree, closing, cuts = _Maker(mechanism, flexible), {}, {}, []
     for name, child in spanning_tree(mechanism):
         if child < 0:
             _float(maker, name)
@@ -170,7 +252,7 @@ def build_tables(mechanism: SpatialMechanism) -> tuple[Tables, Layout]:
             closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
     tables = _tables(maker, cuts, tree)
     nodes = {name: node for name, node in maker.node_of.items() if name != GROUND}
-    return tables, Layout(nodes, tree, closing, tuple(maker.speeds))
+    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, tuple(maker.speeds))
 
 
 def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
@@ -236,10 +318,11 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
              for name, axis in joint.moves]  # fmt: skip
     if child == 0:
         moves = [(kind, name, -axis) for kind, name, axis in reversed(moves)]
-    parent, nodes = maker.node_of[inner.body], []
+    parent, at = maker.on(inner)
+    nodes = list[int]()
     for k, (kind, name, axis) in enumerate(moves or [(FIXED, "", np.zeros(3))]):
         names = _speed_names(joint.name, kind, name)
-        first = {"rotation": relative, "place": inner.at} if k == 0 else {}
+        first = {"rotation": relative, "place": at} if k == 0 else {}
         parent = maker.node(kind, parent, names, axis=axis, **first)
         nodes.append(parent)
     maker.body(outer.body, parent, outer.at)
@@ -270,7 +353,7 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
     def axes(vectors: Sequence[np.ndarray], of: int) -> list[int]:
         """Of vectors in the first body's axes at zero, fixed in either body."""
         turned = maker.mechanism.stands(bodies[of]).T @ maker.mechanism.stands(bodies[0])
-        return [maker.axis(bodies[of], turned @ vector) for vector in vectors]
+        return [maker.axis(joint.sides[of], turned @ vector) for vector in vectors]
 
     def add(what: int, axis_1: int = 0, axis_2: int = 0) -> None:
         nonlocal row
@@ -293,12 +376,12 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
     forces, torques, springs, stiffness, twists, torsion = ([] for _ in range(6))
     for number, load in enumerate(mechanism.loads.values()):
         for at, share in load.pushes:
-            body = at.body if load.in_body else GROUND
-            forces.append((maker.section(at), maker.axis(body, share * load.direction), number))
+            turning = at if load.in_body else Side(GROUND, (0.0, 0.0, 0.0))
+            forces.append((maker.section(at), maker.axis(turning, share * load.direction), number))
         if load.joint is not None:
             joint = mechanism.joints[load.joint]
             first, second = (maker.section(side) for side in joint.sides)
-            torques.append((first, second, maker.axis(joint.sides[0].body, joint.moves[0][1]), number))
+            torques.append((first, second, maker.axis(joint.sides[0], joint.moves[0][1]), number))
     for spring in mechanism.springs.values():
         if spring.joint is None:
             springs.append([maker.section(side) for side in spring.sides])
@@ -306,10 +389,10 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
         else:
             joint = mechanism.joints[spring.joint]
             sections = [maker.section(side) for side in joint.sides]
-            twists.append([*sections, maker.axis(joint.sides[0].body, joint.moves[0][1]), tree[spring.joint][0][0]])
+            twists.append([*sections, maker.axis(joint.sides[0], joint.moves[0][1]), tree[spring.joint][0][0]])
             torsion.append(spring.numbers)
     return Tables(
-        _whole(maker.nodes, 5), np.array(maker.numbers).reshape(-1, 18), np.concatenate([*maker.p, np.zeros(0)]),
+        _whole(maker.nodes, 7), np.array(maker.numbers).reshape(-1, 18), np.concatenate([*maker.p, np.zeros(0)]),
         np.array([node for node, _ in maker.sections], int), np.array([at for _, at in maker.sections]).reshape(-1, 3),
         np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
         _whole(cuts, 6), _whole(forces, 3), _whole(torques, 4), _whole(springs, 2),

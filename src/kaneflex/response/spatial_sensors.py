@@ -10,7 +10,10 @@ import numpy as np
 from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
+from kaneflex.multibody.spatial_motion import SpatialMotion
+from kaneflex.multibody.spatial_sections import joined_frames
 from kaneflex.response.sensors import Reader, address_of
+from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
@@ -61,8 +64,14 @@ class SpatialReader(Reader):
         return vector["xyz".index(sensor.component[-1])]
 
     def _displacement(self, sensor: Sensor) -> np.ndarray:
-        frame = SpatialFrame(self.rigid, address_of(sensor).body)
+        motion, body = self.motion, address_of(sensor).body
+        if isinstance(motion, SpatialCoupledMotion):
+            return displacement_of(self.scene, sensor, motion.beside.frame(body), self._from_rigid)
+        frame = SpatialFrame(self.rigid, body)
         return displacement_of(self.scene, sensor, frame, lambda address: self._elastic(address)[0])
+
+    def _from_rigid(self, address: Address) -> np.ndarray:
+        return cast(SpatialCoupledMotion, self.motion).from_rigid(address.body, self.scene.point(address))
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
         """Not where more constraints hold the motion than it needs."""
@@ -109,7 +118,7 @@ class SpatialReader(Reader):
         """Angle of a joint, counted on from turn to turn [rad], or its slide [m], with its rates."""
         name, mechanism = address_of(sensor).body, spatial_mechanism_of(self.scene)
         joint = mechanism.joints[name]
-        first, second = (SpatialFrame(self.rigid, side.body) for side in joint.sides)
+        joint, first, second = joined_frames(cast(SpatialMotion, self.rigid), joint)
         if sensor.component != "angle":
             rigid = slide_of(joint, first, second)
         else:

@@ -11,6 +11,7 @@ import numpy as np
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, with_settings
+from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.solve.loading import load
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.support.errors import SceneError
@@ -92,6 +93,8 @@ def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] =
 
 
 def _count(model: Model, size: int, count: int | None) -> int:
+    if model.options.dynamics == "coupled" and model.coupled is None:
+        refuse_in_space(model.scene, "solve.preset", "modes of preset coupled are found for")
     if size == 0:
         cure = "Give a body a beam, or choose another preset"
         raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)

@@ -66,16 +66,15 @@ def solve(model: Model, progress: Progress | None = None, after: Solution | Stat
     """:func:`simulate` for those who pass the solution's warnings on themselves."""
     if not isinstance(model, Model):
         raise TypeError(f"simulate takes a Model, not {type(model).__name__}: load(scene) makes one")
-    if model.options.dynamics == "coupled":
+    if model.coupled is not None:
         from kaneflex.solve.coupled import simulate_coupled
         from kaneflex.solve.coupled_state import last_state
 
         state = last_state(after) if isinstance(after, Solution) else after
         return _until_stop(simulate_coupled(model, progress, state))
     if after is not None:
-        raise SceneError(
-            "solve.preset", model.options.preset, "only coupled runs can be continued", "Choose preset coupled"
-        )
+        reason = "only coupled runs can be continued, those of planar scenes"
+        raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled of a planar scene")
     started = time.perf_counter()
     trajectory = _METHODS[model.options.dynamics](model, progress)
     return _until_stop(Solution(model, trajectory, time.perf_counter() - started))
@@ -93,7 +92,7 @@ def _instants(model: Model) -> np.ndarray:
     return model.step * np.arange(model.options.steps + 1)
 
 
-def _rigid(model: Model, progress: Progress | None) -> Trajectory:
+def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
     times = _instants(model)
     none = np.zeros((len(times), 0))
     return _completed(times, none, none, none, 0.0)
@@ -181,4 +180,7 @@ def run_of(model: Model) -> Run:
     )
 
 
-_METHODS = {"rigid": _rigid, "quasistatic": _quasistatic, "dynamic": _integrated, "frozen": _integrated}
+_METHODS = {
+    "rigid": _as_moved, "coupled": _as_moved, "quasistatic": _quasistatic,
+    "dynamic": _integrated, "frozen": _integrated,
+}  # fmt: skip

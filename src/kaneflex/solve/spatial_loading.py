@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.multibody.binding import find_spatial_module
-from kaneflex.multibody.building import build_model
+from kaneflex.multibody.building import build_model, rigid_model
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system
 from kaneflex.multibody.spatial_curves import Followed, Standing
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.spatial_forward import integrate
@@ -38,18 +39,21 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     """:func:`kaneflex.solve.loading.load` of a mechanism in space."""
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     generated, derived = find_spatial_module(scene, progress)
-    system = build_spatial_system(scene, generated)
+    coupled = options.dynamics == "coupled"
+    if coupled:
+        check_determined_start(options)
+    system = build_coupled_system(scene, generated, options) if coupled else build_spatial_system(scene, generated)
     check_memory(scene, options, len(SpatialModule(system).SCALARS))
     compiled = compiled_by(progress, system.compile)
     motion, energy = _moving(system, options, progress)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
-    model = build_model(scene, options, motion)
+    model = rigid_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     if isinstance(model.motion, DeformingKinematics):
         instants = model.motion.at(options.duration * _ELSEWHERE)
         check_spatial_sensors(scene, undetermined(model.motion.deforming.map, instants))
     warnings = (*model.warnings, *implausible(scene), *ignored)
-    if motion.module.FREE and options.dynamics != "rigid":
+    if motion.module.FREE and options.dynamics not in ("rigid", "coupled"):
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(motion.module.FREE)))
     model = replace(model, energy=energy, warnings=warnings)
     return timed(model, started, derived, compiled)
@@ -63,6 +67,9 @@ def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
         options = replace(options, integrator="radau")
     scene = acting(scene, options)
     generated: ModuleType = model.module.system.module
+    if options.dynamics == "coupled":
+        motion, energy = _moving(build_coupled_system(scene, generated, options), options, lambda stage: None)
+        return replace(rigid_model(scene, options, motion), energy=energy)
     motion, energy = _moving(build_spatial_system(scene, generated), options, lambda stage: None)
     return replace(build_model(scene, options, motion, model if frozen else None), energy=energy)
 
@@ -70,10 +77,17 @@ def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
 def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tuple[SpatialKinematics, Energy | None]:
     """The rigid motion of a system, its free joints integrated, and the energy of these."""
     module, energy, start = SpatialModule(system), None, start_of(system)
-    rigid = options.dynamics == "rigid"
+    rigid = options.dynamics in ("rigid", "coupled")
     if rigid:
         check_spatial_sensors(system.scene, open_reactions(system, [start]))
-    if module.FREE:
+    if options.dynamics == "coupled":
+        progress("coupled dynamics")
+        if options.start == "quasistatic":
+            start = balanced(system, start)
+        motion, energy = integrate(system, start, module, options)
+        alone = build_spatial_system(system.scene, system.module)
+        motion = beside(motion, start, alone, start_of(alone))
+    elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate(system, start, module, options)
     else:
@@ -83,6 +97,15 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
     if rigid:
         check_spatial_sensors(system.scene, lost)
     return replace(motion, module=replace(module, open_reactions=lost)), energy
+
+
+def check_determined_start(options: Options) -> None:
+    """Coupled bodies in space start as they are, or deformed by what acts at the start."""
+    if options.start not in ("zero", "quasistatic"):
+        raise SceneError(
+            "solve.start", options.start, "in space preset coupled starts from zero or quasistatic so far",
+            "Choose one of them",
+        )  # fmt: skip
 
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:

@@ -25,6 +25,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import state_matrix
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
+from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import OutputError, SceneError, nearest
 
@@ -135,6 +136,8 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
         reason = f"a {model.options.dynamics} model has no states"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"
         raise SceneError("solve.preset", model.options.preset, reason, cure)
+    if model.options.dynamics == "coupled" and model.coupled is None:
+        refuse_in_space(model.scene, "solve.preset", "preset coupled is linearised for")
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
     found = (_one_way if model.coupled is None else _coupled)(model, t, chosen)

@@ -101,8 +101,9 @@ def _unbalanced(solution: Solution) -> Iterator[str]:
     if energy is None or energy.drift <= LARGEST_GAP:
         return
     missing = f"does not close: {energy.drift:.2g} of the energy turned over is missing or too much"
-    if solution.model.coupled is not None:
-        lower = f"lower solve.tolerance from {options.tolerance:g}, or ask for more steps"
+    if options.dynamics == "coupled":
+        lower = f"lower solve.tolerance from {options.tolerance:g}"
+        lower += ", or ask for more steps" * (solution.model.coupled is not None)
         yield f"the energy balance {missing}; {lower}"
     else:
         lower = f"lower solve.forward.tolerance from {options.forward_tolerance:g}"

@@ -1,0 +1,124 @@
+"""Preset coupled in space: bodies that deform and move each other, with the rigid mechanism beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from types import ModuleType
+
+import numpy as np
+
+from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.multibody.spatial_curves import Curve
+from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
+from kaneflex.multibody.spatial_shapes import SpatialShapes, spatial_shapes
+from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.multibody.spatial_tables import Flexible
+from kaneflex.scene import Scene
+from kaneflex.scene.options import Options
+from kaneflex.support.errors import SceneError
+
+_STEPS = 60
+"""Newton steps to a balanced deformation."""
+_BALANCED = 1e-10
+"""Last of them, as a share of the mechanism's size, up to which it counts as balanced."""
+_PROBE = 1e-6
+"""Change of a coordinate by which the others' answer is found, as a share of the mechanism's size."""
+_LARGEST = 0.05
+"""Largest step, as a share of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledKinematics(SpatialKinematics):
+    """The motion of bodies that deform: that of their axes and their shapes; ``rigid``: that of the rigid mechanism,
+    whose free joints stand where they stand in this one; ``freedoms``: independent speeds."""
+
+    rigid: SpatialKinematics
+    freedoms: int
+
+
+def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
+    """A scene in space whose elastic bodies deform."""
+
+    def shapes(name: str, held: float | None) -> SpatialShapes:
+        beam = scene.bodies[name].beam
+        assert beam is not None
+        link = link_of_scene(scene, name, options.elements or beam.elements)
+        return spatial_shapes(scene, link, int(options.modes), held)
+
+    flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.elastic}
+    return build_spatial_system(scene, module, flexible)
+
+
+def beside(coupled: SpatialKinematics, first: State, rigid: SpatialSystem, start: State) -> CoupledKinematics:
+    """A coupled motion from its first state with that of the rigid mechanism from its start beside it."""
+    motion = SpatialKinematics(SpatialModule(rigid), rigid.parameters, _Beside(coupled, rigid, start))
+    return CoupledKinematics(coupled.module, coupled.parameters, coupled.curve, motion, len(first.choice.independent))
+
+
+class _Beside(Curve):
+    """Of the rigid mechanism whose drives and free joints stand where those of a coupled one do.
+
+    Where its loops don't close there is no number.
+    """
+
+    def __init__(self, coupled: SpatialKinematics, system: SpatialSystem, start: State) -> None:
+        self.coupled, self.system, self.start = coupled, system, start
+        of = coupled.module.system
+        self.q = np.setdiff1d(np.arange(of.coordinates), of.modal_coordinates)
+        self.u = np.setdiff1d(np.arange(of.speeds), of.modal_speeds)
+
+    def __call__(self, t: float) -> State:
+        found = self._given(np.array([t]))[0]
+        n, start = self.system.coordinates, self.start
+        return self.system.settle(t, found[:n], found[n:], start.choice)
+
+    def rows(self, times: np.ndarray) -> np.ndarray:
+        given, out = self._given(times), np.full((len(times), len(self.system.work.kept)), np.nan)
+        for k in range(len(times)):
+            try:
+                self.system.near(self.start.choice, times[k : k + 1], given[k : k + 1], out[k : k + 1])
+            except ArithmeticError:
+                out[k] = np.nan
+        return out
+
+    def _given(self, times: np.ndarray) -> np.ndarray:
+        of = self.coupled.module.system
+        found = of.instants(self.coupled.curve.rows(times))
+        return np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))
+
+
+def balanced(system: SpatialSystem, start: State) -> State:
+    """The state at the start whose shapes neither move nor accelerate: deformed by what acts there.
+
+    Newton's method on the shapes' accelerations, which vanish with the forces; the load grows with the steps where
+    these are long.
+
+    Raises SceneError if no balanced deformation is found.
+    """
+    modal, at = system.modal_speeds, system.modal_coordinates
+    probe, state = _PROBE * system.mechanism.size, start
+
+    def accelerations(q: np.ndarray) -> State:
+        return system.settle(start.t, q, start.u, start.choice)
+
+    for _ in range(_STEPS):
+        J = np.zeros((len(modal), len(modal)))
+        for k, column in enumerate(at):
+            ends = []
+            for sign in (1.0, -1.0):
+                q = state.q.copy()
+                q[column] += sign * probe
+                ends.append(accelerations(q).du[modal])
+            J[:, k] = (ends[0] - ends[1]) / (2.0 * probe)
+        step = np.linalg.solve(J, -state.du[modal])
+        largest = abs(step).max() / system.mechanism.size
+        q = state.q.copy()
+        q[at] += step * min(1.0, _LARGEST / max(largest, 1e-300))
+        state = accelerations(q)
+        if largest < _BALANCED:
+            return state
+    raise SceneError(
+        "solve.start", "quasistatic", "no deformation is found that balances what acts at the start",
+        "Start from zero, with damping",
+    )  # fmt: skip

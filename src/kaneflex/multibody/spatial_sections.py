@@ -1,0 +1,129 @@
+"""Where the sections of bodies in space that deform stand, turn and move, read from a motion's scalars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaneflex.generated import spatial_shapes as shape_laws
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.spatial import Side, SpatialJoint
+from kaneflex.mechanism.spatial_frame import SpatialFrame, cross
+from kaneflex.multibody.spatial_kinematics import Instants
+from kaneflex.multibody.spatial_system import SpatialSystem
+
+if TYPE_CHECKING:
+    from kaneflex.multibody.spatial_motion import SpatialMotion
+
+_RATES = (("", "m"), ("_rate", "m/s"), ("_accel", "m/s^2"))
+
+
+def modal_scalars(body: str, count: int) -> Iterator[tuple[str, str]]:
+    """Names and units of a body's modal coordinates, then of their rates and accelerations."""
+    for tail, unit in _RATES:
+        yield from ((f"{body}.shape_{k}{tail}", unit) for k in range(count))
+
+
+def modal_series(system: SpatialSystem, found: Instants) -> list[np.ndarray]:
+    """The same of all bodies that deform, (n_times, count) each."""
+    series, first = list[np.ndarray](), 0
+    for shapes in system.layout.shapes.values():
+        own = slice(first, first + shapes.count)
+        q, u = system.modal_coordinates[own], system.modal_speeds[own]
+        series += [found.q[:, q], found.u[:, u], found.du[:, u]]
+        first += shapes.count
+    return series
+
+
+@dataclass(frozen=True, eq=False)
+class Deformed:
+    """How a point of a body moves against the body's axes, in these, (3, n_times) each.
+
+    Attributes
+    ----------
+    moved : Rates
+        Its displacement.
+    turned : ndarray (3, 3, n_times)
+        Axes of its section, columns.
+    turning : tuple of two ndarray
+        Their angular velocity and its rate.
+    """
+
+    moved: Rates
+    turned: np.ndarray
+    turning: tuple[np.ndarray, np.ndarray]
+
+
+def deformed(motion: SpatialMotion, side: Side) -> Deformed:
+    """Of a point of a body that deforms; beside the axis it goes along with its section."""
+    shapes, count = motion.system.layout.shapes[side.body], len(motion.times)
+    rows, H = shapes.at(float(side.at[0]))
+    q, u, b = (np.array([motion[f"{side.body}.shape_{k}{tail}"] for k in range(shapes.count)]) for tail, _ in _RATES)
+    d, d_rate, d_accel = (rows[:3] @ of for of in (q, u, b))
+    d[0] -= 0.5 * np.einsum("jt,jk,kt->t", q, H, q)
+    d_rate[0] -= np.einsum("jt,jk,kt->t", q, H, u)
+    d_accel[0] -= np.einsum("jt,jk,kt->t", q, H, b) + np.einsum("jt,jk,kt->t", u, H, u)
+    angles = np.ascontiguousarray(np.vstack([rows[3:6] @ q, rows[3:6] @ u]).T)
+    found = np.zeros((count, 21))
+    for k in range(count):
+        shape_laws.section(angles[k], 0, found[k], 0)
+    turned, T = found[:, :9].T.reshape(3, 3, count), found[:, 9:18].T.reshape(3, 3, count)
+    omega = np.einsum("ijt,jt->it", T, rows[3:6] @ u)
+    alpha = np.einsum("ijt,jt->it", T, rows[3:6] @ b) + found[:, 18:].T
+    arm = np.einsum("ijt,j->it", turned, np.array([0.0, *side.at[1:]]))
+    carried = cross(omega, arm)
+    moved = (d + arm - np.array([0.0, *side.at[1:]])[:, None], d_rate + carried,
+             d_accel + cross(alpha, arm) + cross(omega, carried))  # fmt: skip
+    return Deformed(moved, turned, (omega, alpha))
+
+
+@dataclass(frozen=True, eq=False)
+class SectionFrame(SpatialFrame):
+    """Axes of a section of a body that deforms, which begin at one of its points."""
+
+    at: np.ndarray
+    deformed: Deformed
+
+    @property
+    def axes(self) -> np.ndarray:  # type: ignore[override]
+        return np.einsum("ijt,jkt->ikt", self._frame.axes, self.deformed.turned)
+
+    @property
+    def omega(self) -> np.ndarray:
+        return self._frame.omega + self._frame.to_global(self.deformed.turning[0])
+
+    @property
+    def epsilon(self) -> np.ndarray:
+        frame, (omega, alpha) = self._frame, self.deformed.turning
+        return frame.epsilon + cross(frame.omega, frame.to_global(omega)) + frame.to_global(alpha)
+
+    @property
+    def _frame(self) -> SpatialFrame:
+        return SpatialFrame(self.motion, self.body)
+
+    def _vector(self, *names: str) -> np.ndarray:
+        """Place, velocity and acceleration of the point."""
+        moved = self.deformed.moved
+        place = self.at[:, None] + moved[0]
+        if names[0] == "x":
+            return self._frame.place(place)
+        if names[0] == "v_x":
+            return self._frame.velocity(place, moved[1])
+        return self._frame.acceleration(place, *moved[1:])
+
+
+def section_frame(motion: SpatialMotion, side: Side) -> tuple[SpatialFrame, Side]:
+    """The axes that a point turns with, and the point in these."""
+    if side.body not in motion.system.layout.shapes:
+        return motion.frame(side.body), side
+    at = np.asarray(side.at, float)
+    return SectionFrame(motion, side.body, at, deformed(motion, side)), Side(side.body, (0.0, 0.0, 0.0))
+
+
+def joined_frames(motion: SpatialMotion, joint: SpatialJoint) -> tuple[SpatialJoint, SpatialFrame, SpatialFrame]:
+    """A joint with its sides in the axes that they turn with, and these."""
+    (first, at_first), (second, at_second) = (section_frame(motion, side) for side in joint.sides)
+    return replace(joint, sides=(at_first, at_second)), first, second

@@ -1,0 +1,103 @@
+"""The motion of bodies in space that deform and move each other: that of their axes, with their shapes in these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from kaneflex.mechanism.body_frame import Rates
+from kaneflex.mechanism.energy import Energy
+from kaneflex.mechanism.spatial import Side
+from kaneflex.multibody.spatial_coupled import CoupledKinematics
+from kaneflex.multibody.spatial_motion import SpatialMotion
+from kaneflex.multibody.spatial_sections import Deformed, deformed, section_frame
+from kaneflex.response.motion import Motion, Section
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialCoupledMotion(Motion):
+    """Where everything is in a coupled motion in space; ``rigid`` has the axes of the bodies, which their shapes are
+    measured in. What sensors call displacements is measured from the rigid mechanism, see :meth:`from_rigid`."""
+
+    @property
+    def coordinates(self) -> Rates:  # type: ignore[override]
+        """Of all shapes."""
+        names = [(body, k) for body, shapes in self._moving.system.layout.shapes.items() for k in range(shapes.count)]
+        q, u, b = (
+            np.array([self.rigid[f"{body}.shape_{k}{tail}"] for body, k in names]).reshape(-1, len(self.times))
+            for tail in ("", "_rate", "_accel")
+        )
+        return q, u, b
+
+    @property
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.coordinates[:2]
+
+    @property
+    def energy(self) -> Energy | None:
+        return self.model.energy
+
+    @property
+    def has_rigid_forces(self) -> bool:
+        return False
+
+    def taken(self, instants: np.ndarray) -> SpatialCoupledMotion:
+        return replace(self, rigid=self.rigid.taken(instants), whole=self.whole or self)
+
+    def displacement(self, body: str, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Rates:
+        """Of a point in its body's axes, and its section's rotation against them; rates of that are angular velocities.
+        """
+        if body not in self._moving.system.layout.shapes:
+            return self._still()
+        found = self._deformed(body, at)
+        angles = rotation_vector(found.turned)
+        return cast(Rates, tuple(
+            np.vstack([moved, turned])
+            for moved, turned in zip(found.moved, (angles, *found.turning), strict=True)
+        ))  # fmt: skip
+
+    def from_rigid(self, body: str, at: tuple[float, ...]) -> np.ndarray:
+        """Displacement and rotation of a point from where the rigid mechanism has it, in its axes there, (6, n_times).
+        """
+        frame, (section, side) = self.beside.frame(body), section_frame(self._moving, Side(body, at))
+        apart = frame.to_body(section.place(side.at) - frame.place(np.asarray(at)))
+        turned = np.einsum("jit,jkt->ikt", frame.axes, section.axes)
+        return np.vstack([apart, rotation_vector(turned)])
+
+    @property
+    def beside(self) -> SpatialMotion:
+        """The rigid mechanism at these instants."""
+        return cast(CoupledKinematics, self._moving.motion).rigid.at(self.times)
+
+    def nodes(self, link: str) -> Rates:
+        raise LookupError(link)
+
+    def reaction(self, name: str) -> np.ndarray:
+        return self.rigid[name]
+
+    def spring_tension(self, name: str) -> np.ndarray:
+        between = self.model.scene.springs[name].torsional_at is None
+        return self.rigid[f"{name}.{'tension' if between else 'torque'}"]
+
+    def _elastic_section(self, link: str, x: float) -> Section:
+        raise LookupError(link)
+
+    def _deformed(self, body: str, at: tuple[float, ...]) -> Deformed:
+        return deformed(self._moving, Side(body, at))
+
+    @property
+    def _moving(self) -> SpatialMotion:
+        return cast(SpatialMotion, self.rigid)
+
+
+def rotation_vector(turned: np.ndarray) -> np.ndarray:
+    """Axis times angle [rad] of rotation matrices (3, 3, n), (3, n), the angle up to pi."""
+    from scipy.spatial.transform import Rotation
+
+    found = np.full((3, turned.shape[2]), np.nan)
+    known = np.isfinite(turned).all(axis=(0, 1))
+    if known.any():
+        found[:, known] = Rotation.from_matrix(turned[:, :, known].transpose(2, 0, 1)).as_rotvec().T
+    return found

@@ -1,0 +1,175 @@
+"""Preset coupled in space: large deflections, what free motions keep, planar runs lifted into space, loops."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kaneflex
+from kaneflex.scene import read_scene, shipped_scenes
+from kaneflex.support.errors import SceneError, ValidityWarning
+
+PRINCETON = """
+schema = 1
+gravity = [0, 0, 0]
+
+[bodies]
+{bodies}
+
+[joints]
+{joints}
+
+[loads]
+tip = {{force_on = "{last}.end", direction = [0, {y!r}, {z!r}], value = 8.896}}
+
+[sensors]
+y = {{displacement = "{last}.end", component = "y"}}
+z = {{displacement = "{last}.end", component = "z"}}
+
+[solve]
+preset = "{preset}"
+start = "quasistatic"
+duration = "1 ms"
+steps = 2
+"""
+"""The Princeton beam (Dowell & Traybar 1975), its force at the tip keeps its direction."""
+DEFLECTIONS = {30: (0.0101117, 0.0793948), 75: (0.00353889, 0.1421944)}
+"""Angle of the force to the strong plane [deg] -> y, z of the tip [m] at 8.896 N: beam elements of ANSYS, as the test
+models of Exudyn tabulate them."""
+BLADE = (
+    "{{length = {length!r}, beam = {{E = 71.7e9, nu = 0.31, rho = 2700, elements = {elements},"
+    ' section = {{rectangle = ["12.3777 mm", "3.2024 mm"]}}}}}}'
+)
+ROD = """
+schema = 1
+gravity = {gravity}
+
+[bodies]
+rod = {{length = "1 m", beam = {{material = "aluminium", {section}, elements = 4}}{free}}}
+{more}
+"""
+SQUARE = 'section = {rectangle = ["10 mm", "10 mm"]}'
+DRIVEN = """
+[joints]
+pin = {{revolute = ["ground", "rod.start"]{axis}}}
+
+[drives]
+pin = {{speed = "8 rad/s", spin_up = "0.2 s"}}
+
+[loads]
+push = {{force_on = "rod.end", direction = {push}, value = "0.5 N"}}
+
+[damping]
+rayleigh = {{ratio = 0.01, at = ["20 Hz", "80 Hz"]}}
+
+[sensors]
+tip = {{displacement = "rod.end", component = "y", axes = "body"}}
+short = {{displacement = "rod.end", component = "x", axes = "body"}}
+height = {{position = "rod.end", component = "y"}}
+force = {{joint_force = "pin", component = "y"}}
+torque = {{drive_torque = "pin"}}
+
+[solve]
+preset = "coupled"
+duration = "0.25 s"
+steps = 50
+"""
+
+
+def _princeton(beta: float, preset: str = "coupled", count: int = 8) -> str:
+    names = [f"blade_{k}" for k in range(count)]
+    own = BLADE.format(length=0.508 / count, elements=1 if count > 1 else 8)
+    joints = ['root = {weld = ["ground", "blade_0.start"]}']
+    joints += [f'weld_{b} = {{weld = ["{a}.end", "{b}.start"]}}' for a, b in pairwise(names)]
+    y, z = math.cos(math.radians(beta)), math.sin(math.radians(beta))
+    bodies = "\n".join(f"{name} = {own}" for name in names)
+    return PRINCETON.format(bodies=bodies, joints="\n".join(joints), last=names[-1], y=y, z=z, preset=preset)
+
+
+def _solution(tmp_path: Path, text: str):
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    return kaneflex.simulate(kaneflex.load(read_scene(path)))
+
+
+@pytest.mark.parametrize("beta", [30, 75])
+def test_the_princeton_beam_as_eight_bodies(tmp_path, beta):
+    """Within 1 % of the tip's deflection; J is that of Saint-Venant's series."""
+    expected = np.array(DEFLECTIONS[beta])
+    found = _solution(tmp_path, _princeton(beta))
+    moved = np.array([found.series[axis].values for axis in "yz"])
+    assert np.linalg.norm(moved[:, 0] - expected) < 0.003 * np.linalg.norm(expected)
+    assert abs(moved[0, 0] / expected[0] - 1.0) < 0.011
+    assert np.allclose(moved[:, -1], moved[:, 0], rtol=1e-6)  # at rest it stays
+    assert not found.warnings
+
+
+def test_one_way_presets_warn_of_the_princeton_beam(tmp_path):
+    with pytest.warns(ValidityWarning, match="displacements are taken as small"):
+        _solution(tmp_path, _princeton(75, "quasistatic", 1))
+
+
+def test_a_free_elastic_rod_keeps_energy_and_momenta(tmp_path):
+    free = ", free = {at = [0, 0, 0], velocity = [0.3, 0, -0.2], angular_velocity = [3, 20, 15]}"
+    tail = '[sensors]\ntip = {position = "rod.end", component = "y"}\n\n'
+    tail += '[solve]\npreset = "coupled"\nduration = "0.05 s"\n'
+    found = _solution(tmp_path, ROD.format(section=SQUARE, gravity=[0, 0, 0], free=free, more=tail))
+    energy, curve = found.model.energy, found.model.motion.curve
+    assert abs(energy.stored - energy.stored[0]).max() < 1e-6 * energy.stored[0]
+    assert energy.strain.max() > 1e-5  # the rod does deform
+    system, momenta = found.model.module.system, []
+    for t in (0.0, 0.0213, 0.05):
+        state = curve(t)
+        of_speeds = system.mass(state.sizes) @ state.u
+        node = system.layout.node_of["rod"]
+        r, R = system.work.r[node].copy(), system.work.R[node].copy()
+        momenta.append([*of_speeds[:3], *(R @ of_speeds[3:6] + np.cross(r, of_speeds[:3]))])
+    momenta = np.array(momenta)
+    assert abs(momenta - momenta[0]).max() < 1e-7 * abs(momenta[0]).max()
+
+
+def test_a_planar_run_lifted_into_space_is_the_same(tmp_path):
+    flat = _solution(tmp_path, ROD.format(section=SQUARE,
+        gravity=[0, -9.81], free="", more=DRIVEN.format(axis="", push=[0, 1])))  # fmt: skip
+    deep = _solution(tmp_path, ROD.format(section=SQUARE,
+        gravity=[0, -9.81, 0], free="", more=DRIVEN.format(axis=", axis = [0, 0, 1]", push=[0, 1, 0])))  # fmt: skip
+    for name in ("tip", "short", "height", "force", "torque"):
+        expected = flat.series[name].values
+        assert abs(deep.series[name].values - expected).max() < 1e-4 * abs(expected).max(), name
+
+
+def test_a_loop_with_an_elastic_rod_is_near_the_one_way_model(tmp_path):
+    """The slider-crank's connecting rod bends by 0.4 mm, so that it acts back on the motion by little."""
+    text = shipped_scenes()["spatial-slider-crank-elastic"].read_text().partition("[solve]")[0]
+    left = ("_moment =", "_force =", "damping", "rayleigh")
+    text = "\n".join(line for line in text.splitlines() if not any(word in line for word in left))
+    tail = '\n\n[solve]\npreset = "{}"\nstart = "zero"\nduration = "30 ms"\nsteps = 300\n'
+    coupled, one_way = (_solution(tmp_path, text + tail.format(preset)) for preset in ("coupled", "stiffened"))
+    energy = coupled.model.energy
+    assert energy.drift < 1e-6
+    for name in ("mid_y", "mid_z"):
+        expected = one_way.series[name].values
+        assert abs(coupled.series[name].values - expected).max() < 0.05 * abs(expected).max(), name
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "message"),
+    [
+        ('displacement = "blade_7.end", component = "z"', 'axial_force = "blade_0.start"', "section forces"),
+        ('start = "quasistatic"', "start = {displacements = {}}", "zero or quasistatic"),
+    ],
+)
+def test_what_it_lacks_is_refused_by_name(tmp_path, right, wrong, message):
+    text = _princeton(30)
+    assert right in text
+    with pytest.raises(SceneError, match=message):
+        _solution(tmp_path, text.replace(right, wrong))
+
+
+def test_modes_and_linearisation_are_refused_by_name(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(_princeton(30, count=1))
+    with pytest.raises(SceneError, match="only planar scenes"):
+        kaneflex.linearise(kaneflex.load(read_scene(path)))
