@@ -135,7 +135,8 @@ class SpatialMechanism:
 
     A lumped mass is part of its rigid body; on an elastic one it is a body of its own, welded to the link's axis.
 
-    ``asked``: joints whose coordinate a drive, a law or a spring knows; ``read``: those of sensors.
+    ``asked``: joints whose coordinate a drive, a law or a spring knows; ``known``: those of them that are not only left
+    free by their drive; ``read``: those of sensors.
     """
 
     bodies: Mapping[str, SpatialBody]
@@ -144,6 +145,7 @@ class SpatialMechanism:
     springs: Mapping[str, SpatialSpring]
     floating: tuple[str, ...]
     asked: frozenset[str]
+    known: frozenset[str]
     read: frozenset[str]
     gravity: np.ndarray
     size: float
@@ -199,12 +201,13 @@ def _made(scene: Scene) -> SpatialMechanism:
         springs[name] = SpatialSpring(ends, spring.torsional_at, (spring.stiffness, spring.damping, free))
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
-    asked = {*scene.drives, *scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
+    known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}
+    known |= {name for name, drive in scene.drives.items() if drive.kind != "free"}
     read = {sensor.target.body for sensor in scene.sensors.values() if isinstance(sensor.target, Address)}
     gravity = np.asarray(scene.vector(scene.gravity))
     return SpatialMechanism(
-        bodies, joints, loads, springs, tuple(scene.floating), frozenset(asked & set(joints)),
-        frozenset(read & set(joints)), gravity, float(size),
+        bodies, joints, loads, springs, tuple(scene.floating), frozenset((known | {*scene.drives}) & set(joints)),
+        frozenset(known & set(joints)), frozenset(read & set(joints)), gravity, float(size),
     )  # fmt: skip
 
 

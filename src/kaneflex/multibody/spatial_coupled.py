@@ -13,7 +13,7 @@ from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.spatial_shapes import SpatialShapes, spatial_shapes
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
-from kaneflex.multibody.spatial_tables import Flexible
+from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Flexible
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -40,11 +40,11 @@ class CoupledKinematics(SpatialKinematics):
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
     """A scene in space whose elastic bodies deform."""
 
-    def shapes(name: str, held: float | None) -> SpatialShapes:
+    def shapes(name: str, held: float | None, freed: str) -> SpatialShapes:
         beam = scene.bodies[name].beam
         assert beam is not None
         link = link_of_scene(scene, name, options.elements or beam.elements)
-        return spatial_shapes(scene, link, int(options.modes), held)
+        return spatial_shapes(scene, link, int(options.modes), held, freed)
 
     flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.elastic}
     return build_spatial_system(scene, module, flexible)
@@ -85,7 +85,12 @@ class _Beside(Curve):
     def _given(self, times: np.ndarray) -> np.ndarray:
         of = self.coupled.module.system
         found = of.instants(self.coupled.curve.rows(times))
-        return np.ascontiguousarray(np.hstack([found.q[:, self.q], found.u[:, self.u]]))
+        q, u = found.q.copy(), found.u.copy()
+        for joint, (body, turn) in of.layout.freed.items():  # a joint stands as its section does, not as the axes
+            last, shapes = (of.tables.nodes[node] for node in (of.layout.tree[joint][0][-1], of.layout.node_of[body]))
+            for moved, what in ((q, COORDINATE), (u, SPEED)):
+                moved[:, last[what]] += moved[:, shapes[what] : shapes[what] + len(turn)] @ turn
+        return np.ascontiguousarray(np.hstack([q[:, self.q], u[:, self.u]]))
 
 
 def balanced(system: SpatialSystem, start: State) -> State:

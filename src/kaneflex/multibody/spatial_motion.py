@@ -109,8 +109,10 @@ class SpatialModule:
 
     @cached_property
     def closing(self) -> tuple[str, ...]:
-        """Those that close loops: what they stand at follows from their bodies."""
-        return tuple(name for name in self.coordinates if name in self.system.layout.cuts)
+        """Those that close loops, and those whose body's axes follow its mean turn: what they stand at follows from
+        their bodies."""
+        layout = self.system.layout
+        return tuple(name for name in self.coordinates if name in layout.cuts or name in layout.freed)
 
 
 @dataclass(frozen=True, eq=False)

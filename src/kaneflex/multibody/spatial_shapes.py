@@ -41,12 +41,15 @@ class SpatialShapes:
         Zero where the link's axes are held; of free axes without momentum.
     held : float or None
         Distance from the start at which the axes go along with the section [m], None: with the link in the mean.
+    freed : str
+        Those of x, y, z about which the axes turn with the link in the mean although they are held.
     """
 
     scene: Scene
     link: SpatialLink
     basis: np.ndarray
     held: float | None
+    freed: str = ""
 
     @property
     def count(self) -> int:
@@ -180,9 +183,16 @@ def _product(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     return np.einsum("i,j,k->ijk", a, b, c)
 
 
-def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: float | None) -> SpatialShapes:
+def spatial_shapes(
+    scene: Scene, link: SpatialLink, modes: int, held: float | None, freed: str = ""
+) -> SpatialShapes:
     """Static shapes of the points where joints and loads act, and ``modes`` modes of bending in either plane, fewer of
-    stretch and twist, with these points held; ``held``: where the link's axes go along with its section [m]."""
+    stretch and twist, with these points held.
+
+    ``held``: where the link's axes go along with its section [m]. About axes ``freed`` that its joint there lets it
+    turn about, they follow its mean turn: without momentum its shapes can't take the place of that turn (Buckens),
+    which would leave it next to no inertia of its own.
+    """
     first = None if held is None else link.node_at(held)
     joints, pushed = points_of(scene, link.name)
     turned, kept = ({node for node in map(link.node_at, places) if node not in (first, None)}
@@ -190,15 +200,19 @@ def spatial_shapes(scene: Scene, link: SpatialLink, modes: int, held: float | No
     if held is None and not turned:
         turned, kept = {0}, kept | {0}  # what is left of its motions deforms nothing
     K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
+    twisted = held in _torques(scene, link.name) or sum(place == held for place in joints) > 1
     found = []
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
-        rows = np.array([6 * node + k for node in range(len(link.nodes)) for k in places if node != first])
+        loose = [k for k in places if k >= 3 and "xyz"[k - 3] in freed]
+        rows = np.array([6 * n + k for n in range(len(link.nodes)) for k in places if n != first or k in loose])
         static = [6 * node + k for node in sorted(kept) for k in places if k < 3 or node in turned]
+        static += [6 * first + k for k in loose if first is not None and twisted]
         wanted = modes if len(places) == 2 else axial_modes(modes, len(link.nodes) - 1, len(kept) + 1)
-        own = _of_kind(K, M, rows, static, wanted)
-        found.append(own if held is not None else own[:, rigid:])
-    return SpatialShapes(scene, link, np.hstack(found), held)
+        still = rigid if held is None else len(loose)
+        own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
+        found.append(own[:, still:])
+    return SpatialShapes(scene, link, np.hstack(found), held, freed)
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
@@ -208,6 +222,13 @@ def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:
     loads = [load.at for load in mechanism.loads.values() if load.at is not None]
     return ([float(side.at[0]) for side in sides if side.body == body],
             [float(side.at[0]) for side in loads if side.body == body])  # fmt: skip
+
+
+def _torques(scene: Scene, body: str) -> set[float]:
+    """Distances from a body's start [m] of joints at which a load is a torque."""
+    mechanism = spatial_mechanism_of(scene)
+    joints = [mechanism.joints[load.joint] for load in mechanism.loads.values() if load.joint is not None]
+    return {float(side.at[0]) for joint in joints for side in joint.sides if side.body == body}
 
 
 def _of_kind(K: np.ndarray, M: np.ndarray, rows: np.ndarray, static: list[int], modes: int) -> np.ndarray:

@@ -80,7 +80,8 @@ class Tables(NamedTuple):
 
 
 class Deformable(Protocol):
-    """Shapes of a body, which turn and move nothing at the point of its axis that a joint of the tree holds."""
+    """Shapes of a body, which move nothing at the point of its axis that a joint of the tree holds, and turn nothing
+    there but about axes that follow the body's mean turn."""
 
     @property
     def count(self) -> int:
@@ -100,8 +101,9 @@ class Deformable(Protocol):
         """The same one after the other."""
 
 
-Flexible = Mapping[str, Callable[[float | None], Deformable]]
-"""Body that deforms -> its shapes, by where its axes are held [m]; None: in the mean of its mass."""
+Flexible = Mapping[str, Callable[[float | None, str], Deformable]]
+"""Body that deforms -> its shapes, by where its axes are held [m], None: in the mean of its mass; and by those of x, y,
+z about which they turn in the mean although they are held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +122,9 @@ class Layout:
         Joint of the tree -> its nodes, and -1 where the tree goes through it from its second body to its first.
     cuts : mapping
         Joint that closes a loop -> its rows.
+    freed : mapping
+        Joint of the tree whose last node turns axes that follow their body in the mean -> the body, and how far each of
+        its shapes turns the section at the joint beyond them, about the node's axis (count,) [rad/m].
     speeds : tuple of str
         What every generalised speed is called, like ``shaft.angle`` or ``ball.omega_x``.
     """
@@ -129,6 +134,7 @@ class Layout:
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
+    freed: Mapping[str, tuple[str, np.ndarray]]
     speeds: tuple[str, ...]
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
@@ -148,6 +154,8 @@ def carried(
 
 
 _RIGID: Flexible = {}
+_ALIGNED = 1e-9
+"""An axis is one of its body's own up to this share of its length."""
 
 
 class _Maker:
@@ -157,6 +165,7 @@ class _Maker:
         self.mechanism, self.flexible = mechanism, flexible
         self.shapes: dict[str, Deformable] = {}
         self.stations: dict[tuple[str, float], int] = {}
+        self.freed: dict[str, tuple[str, np.ndarray]] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
         self.p: list[np.ndarray] = []
@@ -178,20 +187,20 @@ class _Maker:
         self.speeds += names
         return len(self.nodes) - 1
 
-    def body(self, name: str, node: int, at: Sequence[float]) -> None:
+    def body(self, name: str, node: int, at: Sequence[float], freed: str = "") -> None:
         """The body that the last node of a chain carries, joined at a point in its axes."""
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
-            node = self.deforming(name, node, None if name in self.mechanism.floating else float(at[0]))
+            node = self.deforming(name, node, None if name in self.mechanism.floating else float(at[0]), freed)
         self.node_of[name] = node
         body = self.mechanism.bodies[name]
         if body.mass or np.any(body.inertia):
             shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
             self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
 
-    def deforming(self, name: str, frame: int, held: float | None) -> int:
+    def deforming(self, name: str, frame: int, held: float | None, freed: str) -> int:
         """The node of a body's modal coordinates, in its axes."""
-        shapes = self.shapes[name] = self.flexible[name](held)
+        shapes = self.shapes[name] = self.flexible[name](held, freed)
         node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
         self.nodes[node][COUNT] = shapes.count
         self.coordinates += shapes.count
@@ -252,7 +261,7 @@ def build_tables(mechanism: SpatialMechanism, flexible: Flexible = _RIGID) -> tu
             closing[name] = slice(rows, rows := rows + sum(ROWS[row[WHAT]] for row in found))
     tables = _tables(maker, cuts, tree)
     nodes = {name: node for name, node in maker.node_of.items() if name != GROUND}
-    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, tuple(maker.speeds))
+    return tables, Layout(nodes, maker.stations, maker.shapes, tree, closing, maker.freed, tuple(maker.speeds))
 
 
 def spanning_tree(mechanism: SpatialMechanism) -> list[tuple[str, int]]:
@@ -325,7 +334,13 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
         first = {"rotation": relative, "place": at} if k == 0 else {}
         parent = maker.node(kind, parent, names, axis=axis, **first)
         nodes.append(parent)
-    maker.body(outer.body, parent, outer.at)
+    aligned = np.zeros(3)
+    if outer.body in maker.flexible and joint.name not in maker.mechanism.known and moves and moves[-1][1] == "angle":
+        aligned = np.where(abs(moves[-1][2]) > 1.0 - _ALIGNED, moves[-1][2], 0.0)
+    maker.body(outer.body, parent, outer.at, "".join(name for name, of in zip("xyz", aligned, strict=True) if of))
+    if aligned.any():
+        shapes = maker.shapes[outer.body]
+        maker.freed[joint.name] = outer.body, aligned @ shapes.at(float(outer.at[0]))[0][3:6]
     return tuple(nodes)
 
 
