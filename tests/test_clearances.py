@@ -184,7 +184,7 @@ def test_a_block_is_drawn_between_its_faces(rig, drawn):
     axes = panels(drawn["clearance_bore"])
     path = axes["Place across the guide over the tilt"]
     rhombus = path.patches[0].get_xy()
-    assert np.abs(rhombus).max(axis=0) == pytest.approx([1e3 * math.degrees(5e-5 / 0.03), 0.05])
+    assert np.abs(rhombus).max(axis=0) == pytest.approx([1e3 * 5e-5 / 0.03, 0.05])
     tilt, place = lines(path)["path of the block"].get_data()
     inside = np.abs(tilt) / np.abs(rhombus).max(axis=0)[0] + np.abs(place) / 0.05
     assert 1.0 < inside.max() < 1.06  # but for how deep it is in its bore

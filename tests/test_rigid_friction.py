@@ -230,7 +230,7 @@ def test_a_box_tumbles_to_rest_whatever_its_friction_and_restitution(tmp_path):
             assert abs(v[-1]).max() < 1e-12 and (record.mode[-1] == 2).sum() == 2
 
 
-@pytest.mark.parametrize(("mu", "e"), itertools.product((0.05, 0.3, 2.0), (0.0, 0.5)))
+@pytest.mark.parametrize(("mu", "e"), [*itertools.product((0.05, 0.3, 2.0), (0.0, 0.5))])
 def test_a_disc_jams_between_two_steep_walls(tmp_path, mu, e):
     """Above mu = 0.3 no impulses give what restitution asks for; nothing bounces then, all is held."""
     wall = DISC[DISC.index("[contacts") : DISC.index("[sensors]")]

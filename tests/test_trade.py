@@ -66,13 +66,15 @@ def test_each_model_is_run_once_before_the_repeats(engine, stages):
 
 def test_the_engine_is_answered_quasi_statically_with_the_geometric_stiffness(engine, by_name):
     """0.85 % off with two elements and K_g; 2.4 % without K_g, 20 % with one element."""
-    assert engine.chosen is by_name["quasistatic, 2 elements"]
-    assert engine.chosen.error == pytest.approx(0.0085, abs=0.0002)
+    quasistatic = by_name["quasistatic, 2 elements"]
+    assert quasistatic.error == pytest.approx(0.0085, abs=0.0002) and engine.good_enough(quasistatic)
+    # which of those that are good enough is cheaper by how little, a busy machine says otherwise every time
+    assert engine.good_enough(engine.chosen) and engine.chosen.cost.total <= quasistatic.cost.total
     without, single = by_name["quasistatic without geometric"], by_name["quasistatic, 1 element"]
     assert (without.worst.sensor, without.error) == ("mid_global_y", pytest.approx(0.0236, abs=0.0005))
     assert (single.worst.sensor, single.error) == ("mid_transverse", pytest.approx(0.2036, abs=0.001))
     assert not engine.good_enough(without) and not engine.good_enough(single)
-    assert engine.settings_of(engine.chosen) == ("solve.preset=quasistatic", "bodies.rod.beam.elements=2")
+    assert engine.settings_of(quasistatic) == ("solve.preset=quasistatic", "bodies.rod.beam.elements=2")
     assert by_name["rigid"].error == 1.0
 
 
