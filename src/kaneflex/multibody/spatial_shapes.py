@@ -19,7 +19,7 @@ from kaneflex.fem.spatial_links import SpatialLink
 from kaneflex.generated.spatial_shapes import PAIR, SINGLE
 from kaneflex.mechanism.floating_frames import axial_modes
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
-from kaneflex.multibody.inertia_integrals import modal_damping
+from kaneflex.multibody.spatial_damping import shape_damping
 from kaneflex.scene import Scene
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
@@ -97,7 +97,7 @@ class SpatialShapes:
     @cached_property
     def damping(self) -> np.ndarray:
         """Of the modal coordinates [N s/m]."""
-        return modal_damping(self.scene, self.link, self.basis, self.link.part.matrices["M"].at({}).toarray())
+        return shape_damping(self.scene, self.link, self.basis)
 
     @cached_property
     def cubic(self) -> np.ndarray:
