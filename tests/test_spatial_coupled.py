@@ -227,6 +227,16 @@ def test_what_it_lacks_is_refused_by_name(tmp_path, right, wrong, message):
         _solution(tmp_path, text.replace(right, wrong))
 
 
+def test_a_run_that_stops_names_its_cures(tmp_path):
+    """The coupler hangs on a universal joint: its third mode leaves turns on the spot no inertia, two serve."""
+    text = shipped_scenes()["four-bar-misaligned"].read_text().partition("[solve]")[0]
+    text = "\n".join(line for line in text.splitlines() if "bending_moment" not in line)
+    tail = '\n\n[solve]\npreset = "coupled"\nstart = "zero"\nduration = "9 ms"\nsteps = 9\nmodes = {}\n'
+    with pytest.raises(SceneError, match=r"can't go on after t = 0\.0081\d+ s: .* Give fewer solve\.modes"):
+        _solution(tmp_path, text + tail.format(3))
+    assert _solution(tmp_path, text + tail.format(2)).model.energy.drift < 1e-6
+
+
 def test_modes_and_linearisation_are_refused_by_name(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(_princeton(30, count=1))

@@ -191,7 +191,10 @@ class _Run(Curve):
         key = f"drives.{free}" if free is not None else f"bodies.{floating[0]}.free" if floating else "solve.preset"
         cure = "Shorten the duration, or change loads or start so that no loop locks"
         if len(self.system.modal_speeds):
-            cure = "Cut bodies that bend this far into several, welded to each other, or take preset stiffened"
+            cure = (
+                "Give fewer solve.modes, cut bodies that bend this far into several, welded to each other, "
+                "or take preset stiffened"
+            )
         reason = f"the motion can't go on after t = {t:.6g} s: {message.rstrip('.')}"
         return SceneError(key, None, reason, cure)
 
