@@ -227,6 +227,14 @@ def test_what_it_lacks_is_refused_by_name(tmp_path, right, wrong, message):
         _solution(tmp_path, text.replace(right, wrong))
 
 
+def test_a_strip_askew_on_its_pin_is_warned_of(tmp_path):
+    text = PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping="")
+    text = text.replace("modes = 6", "modes = 3")
+    text = text.replace('length = "1 m"', 'rotation = {x = [1, 0, 0], y = [0, 0.99, 0.1411]}, length = "1 m"')
+    with pytest.warns(ValidityWarning, match=r"strip bends by .* hangs on hinge"):
+        _solution(tmp_path, text)
+
+
 def test_a_run_that_stops_names_its_cures(tmp_path):
     """The coupler hangs on a universal joint: its third mode leaves turns on the spot no inertia, two serve."""
     text = shipped_scenes()["four-bar-misaligned"].read_text().partition("[solve]")[0]

@@ -24,6 +24,9 @@ _BALANCED = 1e-10
 """Last of them, as a share of the mechanism's size, up to which it counts as balanced."""
 _PROBE = 1e-6
 """Change of a coordinate by which the others' answer is found, as a share of the mechanism's size."""
+_BENT = 0.02
+"""Largest modal coordinate, as a share of its link's length, up to which no one is warned of shapes that can take a
+turn's place."""
 _LARGEST = 0.05
 """Largest step, as a share of it."""
 
@@ -91,6 +94,25 @@ class _Beside(Curve):
             for moved, what in ((q, COORDINATE), (u, SPEED)):
                 moved[:, last[what]] += moved[:, shapes[what] : shapes[what] + len(turn)] @ turn
         return np.ascontiguousarray(np.hstack([q[:, self.q], u[:, self.u]]))
+
+
+def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
+    """A warning for each body whose axes a joint lets turn that don't follow its mean turn, where it bends far."""
+    system, seen, found = motion.module.system, motion.at(times), list[str]()
+    mechanism, layout = system.mechanism, system.layout
+    for name, (_, child) in layout.tree.items():
+        joint = mechanism.joints[name]
+        body = joint.sides[1 if child > 0 else 0].body
+        turns = joint.kind == "spherical" or any(move.startswith("angle") for move, _ in joint.moves)
+        if body not in layout.shapes or not turns or name in mechanism.known or name in layout.freed:
+            continue
+        bent = max(abs(seen[f"{body}.shape_{k}"]).max() for k in range(layout.shapes[body].count))
+        if bent > _BENT * (system.scene.bodies[body].length or np.inf):
+            found.append(
+                f"{body} bends by {bent:.2g} m and hangs on {name}, whose turn its shapes can take the place of: "
+                "compare with fewer solve.modes, or cut it into several bodies, welded to each other"
+            )
+    return found
 
 
 def balanced(system: SpatialSystem, start: State) -> State:

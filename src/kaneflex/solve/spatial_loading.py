@@ -12,7 +12,7 @@ import numpy as np
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model, rigid_model
 from kaneflex.multibody.model import Model
-from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system
+from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system, taken_turns
 from kaneflex.multibody.spatial_curves import Followed, Standing
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
 from kaneflex.multibody.spatial_forward import integrate
@@ -35,6 +35,10 @@ _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 """Shares of a run at which reactions are looked at: its start, and where nothing is likely to be in line."""
 
 
+_LOOKED_AT = 200
+"""Instants of a run at which the deformation is looked at."""
+
+
 def load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
     """:func:`kaneflex.solve.loading.load` of a mechanism in space."""
     ignored, scene = ignored_of(scene, options), acting(scene, options)
@@ -55,6 +59,8 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     warnings = (*model.warnings, *implausible(scene), *ignored)
     if motion.module.FREE and options.dynamics not in ("rigid", "coupled"):
         warnings = (*warnings, ONE_WAY.format(joints=", ".join(motion.module.FREE)))
+    if coupled:
+        warnings = (*warnings, *taken_turns(motion, np.linspace(0.0, options.duration, _LOOKED_AT)))
     model = replace(model, energy=energy, warnings=warnings)
     return timed(model, started, derived, compiled)
 
