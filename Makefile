@@ -29,14 +29,21 @@ run: $(READY)  ## run the reference engine; results, summary and pictures in .bu
 	$(BIN)/kaneflex run engine -o $(BUILD)/engine --force
 	@echo "Results, summary and pictures are in $(BUILD)/engine"
 
-# One thread a process, since the tests run one process a core. The kernels are compiled before the processes
-# start: two that fill numba's cache at the same time can overwrite each other's entries.
+# What compiles for long, longest first: the engine of coupled motion with friction, with contacts and without either,
+# motions in space, the loops of linear equations, elements in space.
+SLOW := stick-slip bouncing-bar double-pendulum spinning-top engine spatial-slider-crank-elastic
+
+# One thread a process, since the tests run one process a core. The kernels are compiled before these start, each once:
+# two that fill numba's cache at the same time would both compile them, and can overwrite each other's entries. Each
+# takes half the files and then from the other's rest: tests of one file share what they ran.
 test: export OMP_NUM_THREADS := 1
 test: export OPENBLAS_NUM_THREADS := 1
 test: export NUMBA_NUM_THREADS := 1
 test: $(READY)  ## run the tests
-	$(BIN)/kaneflex run engine -o $(BUILD)/warm --no-plots --force
-	$(BIN)/pytest -n 2
+	@echo "compiling the kernels ..."
+	@printf '%s\n' $(SLOW) | xargs -P 2 -I SCENE $(BIN)/kaneflex run SCENE -o $(BUILD)/warm/SCENE --no-plots --force \
+		> $(BUILD)/warm.log
+	$(BIN)/pytest -n 2 --dist worksteal
 
 extremes: export OMP_NUM_THREADS := 1
 extremes: export OPENBLAS_NUM_THREADS := 1

@@ -1,17 +1,29 @@
-"""What every test may ask for: the outside tools that only some tests compare with."""
+"""What every test may ask for: the outside tools that only some tests compare with, and a cache of derived modules."""
 
 import importlib
 import os
 import shutil
+import tempfile
 from collections.abc import Callable
 from types import ModuleType
 
+import matplotlib
 import pytest
 
 REQUIRED = os.environ.get("KANEFLEX_REQUIRE_PEERS") == "1"
 EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": "vtk", "playwright": "browser",
           "imageio_ffmpeg": "mp4"}  # fmt: skip
 """Which extra of the package brings what some tests need."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What is derived in tests is kept for this session, in all its processes: never for a user, nor from one."""
+    if hasattr(config, "workerinput"):
+        return
+    os.environ.setdefault("MPLCONFIGDIR", matplotlib.get_cachedir())  # its list of fonts takes seconds to make
+    folder = tempfile.TemporaryDirectory(prefix="kaneflex-tests-")
+    config.add_cleanup(folder.cleanup)
+    os.environ["XDG_CACHE_HOME"] = folder.name
 
 
 def absent(what: str, cure: str) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
 from kaneflex.mechanism.affine import Affine
@@ -34,12 +33,10 @@ def model(scene: str, *settings: str) -> Model:
 
 
 def derived_on_the_fly(text: str, folder: Path, *settings: str) -> Model:
-    """The model of a scene, given by its text, that no shipped module serves; with a cache of its own in `folder`."""
+    """The model of a scene, given by its text and written into `folder`, that no shipped module serves."""
     file = folder / "scene.toml"
     file.write_text(text)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        found = load(with_settings(read_scene(str(file)), list(settings)))
+    found = load(with_settings(read_scene(str(file)), list(settings)))
     assert not found.module.__name__.startswith("kaneflex.generated.")
     return found
 

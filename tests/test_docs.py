@@ -41,13 +41,6 @@ SCENES = {re.match(r"# (\S+)\.toml\n", block)[1]: block for block in BLOCKS if "
 FRAGMENTS = [block for block in BLOCKS if "schema = 1" not in block]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _modules_derived_here_stay_here(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 def section(heading: str) -> str:
     """The text under a heading, down to the next one of any level."""
     return re.search(rf"^#+ {re.escape(heading)}\n(.*?)(?=^#+ |\Z)", TEXT, flags=re.DOTALL | re.MULTILINE)[1]

@@ -111,11 +111,8 @@ def check(raw: Raw, before: tuple[dict, dict], transformation) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """For tables, and for modules that are derived here."""
-    found = tmp_path_factory.mktemp("transformed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(found))
-        yield found
+    """For tables."""
+    return tmp_path_factory.mktemp("transformed")
 
 
 def transformation(how: str, folder):

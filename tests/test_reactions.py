@@ -135,10 +135,9 @@ preset = "quasistatic"
 """
 
 
-def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is(tmp_path, monkeypatch):
+def test_a_guide_on_a_moving_body_is_pushed_where_the_slider_is(tmp_path):
     """A block that slides along a driven arm: its push has a lever about the arm's bearing."""
     (tmp_path / "swinging.toml").write_text(SWINGING)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     solution = simulate(load(read_scene(tmp_path / "swinging.toml")))
     for name in ("torque", "bearing", "slot", "foot"):
         rigid = solution.series[f"{name}_rigid"].values

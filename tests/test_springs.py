@@ -23,13 +23,6 @@ DRIVEN = BAR + '[drives]\npivot = {speed = "100 rpm", cycle = "360 deg"}\n'
 RIGID = '[solve]\npreset = "rigid"\nsteps = 360\n'
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _modules_derived_here_stay_here(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture
 def solve(tmp_path):
     def solved(text):
