@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -131,7 +132,7 @@ class Engine:
         self.openings(t)
         plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
         G = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
-        joints, shapes = self._free_columns()
+        joints, shapes = self._free_columns
         cut_rows = self.count(at.JOINT_ROWS)
         resting = self._rest()
         kept: list[int] = []
@@ -146,8 +147,8 @@ class Engine:
             for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
                 columns = [k for k in columns if k not in dependent]
                 while left and columns:
-                    part = abs(G[np.ix_(left, columns)])
-                    i, j = np.unravel_index(int(part.argmax()), part.shape)
+                    part = abs(G[left][:, columns])
+                    i, j = divmod(int(part.argmax()), len(columns))
                     if part[i, j] < least:
                         break
                     row, column = left.pop(i), columns.pop(j)
@@ -156,15 +157,11 @@ class Engine:
                     for other in left + later:
                         G[other] -= G[other, column] / G[row, column] * G[row]
             dropped += left
-        order = np.argsort(kept)
-        chosen, following = (np.array(part, int)[order] for part in (kept, dependent))
-        acts = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT]
-        cuts = np.searchsorted(acts, chosen, side="right") - 1
-        touching = chosen >= cut_rows
-        cuts[touching] = [resting[row] for row in chosen[touching].tolist()]
-        for where, values in ((at.ROW_OF, chosen), (at.DEPENDENT, following), (at.CUT_OF, cuts)):
-            first = self.count(where)
-            plan[first : first + len(chosen)] = values
+        chosen = sorted(zip(kept, dependent, strict=True))
+        acts = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT].tolist()
+        for k, (row, column) in enumerate(chosen):
+            plan[self.count(at.ROW_OF) + k], plan[self.count(at.DEPENDENT) + k] = row, column
+            plan[self.count(at.CUT_OF) + k] = bisect_right(acts, row) - 1 if row < cut_rows else resting[row]
         plan[at.KEPT], plan[at.BENDS] = len(chosen), bool(set(dependent) & set(shapes))
         ends = self.tables.bodies[:, at.MODAL] + self.tables.bodies[:, at.SHAPES]  # of every body's own coordinates
         plan[at.LED] = np.searchsorted(ends, min(dependent, default=n), side="right")
@@ -172,6 +169,8 @@ class Engine:
 
     def _rest(self) -> dict[int, int]:
         """Rows of the contacts that rest by Newton's law, and are held from now on, with their places in ``acts``."""
+        if not len(self.contacts):
+            return {}
         first = self.count(at.CONTACTS)
         acts = self.tables.acts[first : self.count(at.ACTS)]
         rigid, contacts = acts[:, at.LAW] == NEWTON, self.contacts
@@ -180,11 +179,12 @@ class Engine:
         self.numbers(at.TOUCH, at.SHARED)[at.RESTED] = 0.0
         return dict(zip(acts[rests, at.ROW_AT].tolist(), (first + np.flatnonzero(rests)).tolist(), strict=True))
 
+    @cached_property
     def _free_columns(self) -> tuple[list[int], list[int]]:
         """Coordinates of joints that no drive prescribes, and of shapes."""
         joints: list[int] = []
         shapes: list[int] = []
-        for row in self.tables.bodies:
+        for row in self.tables.bodies.tolist():
             if row[at.COURSE_OF] < 0:
                 joints += range(row[at.FIRST], row[at.FIRST] + row[at.DOF])
             shapes += range(row[at.MODAL], row[at.MODAL] + row[at.SHAPES])
@@ -199,7 +199,7 @@ class Engine:
     @property
     def independent(self) -> np.ndarray:
         """Coordinates that neither drives nor loops determine."""
-        joints, shapes = self._free_columns()
+        joints, shapes = self._free_columns
         return np.setdiff1d(joints + shapes, self.dependent).astype(int)
 
     @property
@@ -210,7 +210,7 @@ class Engine:
     @property
     def shapes(self) -> np.ndarray:
         """Whether each coordinate is a shape's."""
-        return np.isin(np.arange(self.size), self._free_columns()[1])
+        return np.isin(np.arange(self.size), self._free_columns[1])
 
     @property
     def inputs(self) -> int:
