@@ -1,7 +1,7 @@
 # `make` alone lists the targets.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice docs lint clean
+.PHONY: help setup run test extremes derive check-derived bench bench-quick bench-derive bench-choice docs wheel lint clean
 
 PYTHON ?= python3
 # EXTRAS=test,peer,cluster,zarr,vtk,docs,bench installs what is optional, too; without it the tests of it skip and say
@@ -82,6 +82,12 @@ docs: $(READY)  ## build the site of docs/ into .build/site, its notebook run, i
 	$(BIN)/python -c "import myst_nb" 2> /dev/null || $(BIN)/pip install --quiet --editable '.[docs]'
 	$(BIN)/sphinx-build --fail-on-warning --keep-going -q -b html -d $(BUILD)/site-made docs $(BUILD)/site
 	@echo "The site is in $(BUILD)/site/index.html"
+
+wheel: $(READY)  ## build a wheel whose kernels come compiled for this platform into .build/dist; SCENES="engine ..." of some
+	$(BIN)/python -c "import build, wheel" 2> /dev/null || $(BIN)/pip install --quiet --editable '.[package]'
+	rm -rf build $(BUILD)/dist
+	$(BIN)/python -m build --no-isolation --outdir $(BUILD)/dist .
+	$(BIN)/python .ci/ship_kernels.py $(BUILD)/dist/*.whl $(SCENES)
 
 lint: $(READY)  ## check the style of the sources, and their types against a baseline that only falls
 	$(BIN)/ruff check .

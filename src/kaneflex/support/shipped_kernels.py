@@ -1,0 +1,134 @@
+"""Kernels that an installation brings compiled, so that its first runs don't wait for numba.
+
+Machine code is one processor's. What is shipped is what numba makes it of, LLVM's bitcode of the optimised functions,
+which depends on the platform alone: a tenth of the time makes machine code of it, for this processor, and numba then
+keeps that as if it had compiled the function. Four fifths of compiling are numba's own work, in Python.
+
+An archive is for one platform and for the versions of Python, numba and llvmlite in its name, and it says of which
+sources it was made. Where anything differs, or nothing was shipped, as in a checkout, functions are compiled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import pickle
+import sys
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PACKAGE = Path(__file__).parents[1]
+_SOURCES = "sources"
+"""Member of an archive that holds the digest of what it was made of."""
+_LOG = logging.getLogger(__name__)
+
+
+def use() -> None:
+    """Have numba look here before it compiles a function of kaneflex; where nothing fitting was shipped, do nothing."""
+    if _archive_here().is_file():
+        _look_here()
+
+
+@contextmanager
+def recording(archive: Path) -> Iterator[None]:
+    """Keep all functions of kaneflex that are compiled meanwhile, with nothing in numba's cache, in a new archive."""
+    from numba.core.caching import FunctionCache
+    from numba.core.serialize import dumps
+
+    save = FunctionCache._save_overload
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_LZMA) as kept:
+
+        def save_here_too(self, sig, result) -> None:
+            save(self, sig, result)
+            if _ours(self) and self._impl.check_cachable(result):
+                (name, _, (_, shared)), *rest = result._reduce()
+                whole = result.library.serialize_using_bitcode()[-1]
+                kept.writestr(_key(self, sig, result.codegen), dumps((name, whole, shared, rest)))
+
+        FunctionCache._save_overload = save_here_too
+        try:
+            yield
+        finally:
+            FunctionCache._save_overload = save
+            kept.writestr(_SOURCES, _sources())
+
+
+def archive_name() -> str:
+    """Name of the archive for this platform and these versions."""
+    import llvmlite
+    import numba
+    from llvmlite.binding import get_process_triple
+
+    python = f"py{sys.version_info.major}{sys.version_info.minor}"
+    return f"kernels-{get_process_triple()}-{python}-numba{numba.__version__}-llvmlite{llvmlite.__version__}.zip"
+
+
+def _archive_here() -> Path:
+    return PACKAGE / "support" / archive_name()
+
+
+@cache
+def _look_here() -> None:
+    """Once in a process."""
+    from numba.core.caching import FunctionCache
+
+    load = FunctionCache._load_overload
+
+    def load_or_make(self, sig, context):
+        found = load(self, sig, context)
+        if found is None and self._enabled and _ours(self):
+            found = _made(self, sig, context)
+        return found
+
+    FunctionCache._load_overload = load_or_make
+
+
+def _made(kept: Any, sig: Any, context: Any) -> Any:
+    """A function made of its bitcode, and kept by numba; None where it was not shipped, or can't be read."""
+    from llvmlite.binding import parse_bitcode
+
+    codegen = context.codegen()
+    try:
+        archive = _open()
+        name = _key(kept, sig, codegen)
+        if archive is None or name not in archive.NameToInfo:
+            return None
+        library, whole, shared, rest = pickle.loads(archive.read(name))
+        payload = ((library, "object", (codegen._tm.emit_object(parse_bitcode(whole)), shared)), *rest)
+        found = kept._impl.rebuild(context, payload)
+        kept._impl.locator.ensure_cache_path()
+        kept._cache_file.save(kept._index_key(sig, codegen), payload)
+    except Exception as error:  # of a damaged archive, of LLVM: then it is compiled
+        _LOG.info("%s is compiled, since what was shipped of it can't be used: %s", kept._name, error)
+        return None
+    return found
+
+
+@cache
+def _open() -> zipfile.ZipFile | None:
+    """The archive, if it was made of these sources."""
+    archive = zipfile.ZipFile(_archive_here())
+    return archive if archive.read(_SOURCES) == _sources() else None
+
+
+def _sources() -> bytes:
+    """Digest of all modules of the package."""
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest().encode()
+
+
+def _ours(kept: Any) -> bool:
+    return kept._py_func.__module__.startswith("kaneflex.")
+
+
+def _key(kept: Any, sig: Any, codegen: Any) -> str:
+    """Name of a function, of what it encloses and of the types it is called with."""
+    function, enclosed = kept._py_func, kept._index_key(sig, codegen)[-1]
+    said = "\0".join((function.__module__, function.__qualname__, str(sig), *enclosed))
+    return hashlib.sha256(said.encode()).hexdigest()

@@ -1,0 +1,98 @@
+"""Kernels that an installation brings compiled: used where they fit, also on another processor, and else compiled."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+RUN = """
+import json, sys
+from pathlib import Path
+
+from numba.core import event
+
+from kaneflex import load, read_scene, simulate, with_settings
+from kaneflex.support import shipped_kernels
+
+compiled = []
+
+
+class Listener(event.Listener):
+    def on_start(self, found):
+        compiled.append(found.data["dispatcher"].py_func.__qualname__)
+
+    def on_end(self, found):
+        pass
+
+
+event.register("numba:compile", Listener())
+
+
+def values():
+    scene = with_settings(read_scene("rotating-cantilever"), ["solve.preset=rigid", "solve.steps=20"])
+    solution = simulate(load(scene))
+    return {name: solution.series[name].values.tolist() for name in solution.keys()}
+
+
+archive = Path(sys.argv[2])
+if sys.argv[1] == "record":
+    with shipped_kernels.recording(archive):
+        found = values()
+else:
+    shipped_kernels._archive_here = lambda: archive
+    found = values()
+print(json.dumps([compiled, found]))
+"""
+
+
+def run(folder, what, archive, **environment):
+    """Names of what was compiled, and the sensors' values, by a process with a cache of its own."""
+    own = {"NUMBA_CACHE_DIR": str(folder / f"cache-{what}-{archive.stem}")} | environment
+    command = [sys.executable, "-W", "ignore", "-c", RUN, what, str(archive)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, env=os.environ | own)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shipped")
+    archive = folder / "kernels.zip"
+    return folder, archive, *run(folder, "record", archive)
+
+
+def changed(archive, name, change):
+    """The archive with some of its members changed."""
+    other = archive.with_name(name)
+    with zipfile.ZipFile(archive) as old, zipfile.ZipFile(other, "w", zipfile.ZIP_LZMA) as new:
+        for member in old.namelist():
+            new.writestr(member, change(member, old.read(member)))
+    return other
+
+
+def test_nothing_is_compiled_that_was_shipped(recorded):
+    """For the plainest processor of this kind, whichever one recorded; and numba keeps what was made."""
+    folder, archive, compiled, values = recorded
+    assert "tabulate" in compiled
+    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    again, found = run(folder, "use", archive, **plain)
+    assert again == []
+    for name, series in values.items():
+        assert found[name] == pytest.approx(series, rel=1e-12, abs=1e-12), name
+    kept = changed(archive, archive.name.replace("kernels", "none"), lambda member, data: b"")
+    once_more, _ = run(folder, "use", kept, NUMBA_CACHE_DIR=str(folder / "cache-use-kernels"), **plain)
+    assert once_more == []
+
+
+@pytest.mark.parametrize("broken", ["sources", "kernels"])
+def test_what_was_made_of_other_sources_or_is_damaged_is_compiled(recorded, broken):
+    folder, archive, compiled, values = recorded
+
+    def spoilt(member, data):
+        return b"x" if (member == "sources") == (broken == "sources") else data
+
+    again, found = run(folder, "use", changed(archive, f"other-{broken}.zip", spoilt))
+    assert (again, found) == (compiled, values)
