@@ -12,7 +12,11 @@ from command_line import cli
 from kaneflex.plots.terms import figure
 from kaneflex.plots.trade import figure as trade_figure
 from kaneflex.scene import read_scene, with_settings
-from kaneflex.study.trade.candidates import ladder, neutral
+from kaneflex.solve.variants import Variant
+from kaneflex.study.differences import differences, worst
+from kaneflex.study.runs import run
+from kaneflex.study.trade.candidates import STIFFENED, ladder, neutral
+from kaneflex.study.trade.linear_prices import DOUBT, LinearPrices
 from kaneflex.study.trade.ranking import trade
 from kaneflex.study.trade.terms import Terms, groups, terms
 
@@ -65,7 +69,49 @@ def test_the_largest_change_comes_first_and_operations_are_counted(engine, effec
     assert engine.full.operations == 388
     counts = {name: effect.operations for name, effect in effects.items()}
     assert counts == {"spin": 10, "gyroscopic": 35, "geometric": 90, "dynamics": None, "load gas": 1}
-    assert effects["dynamics"].ns_per_step is not None  # a time, which a busy machine may turn round
+    assert {name for name, effect in effects.items() if not effect.priced} == {"load gas"}
+    assert effects["load gas"].ns_per_step is not None  # a time, which a busy machine may turn round
+    assert effects["dynamics"].ns_per_step is None  # priced, which takes no time a step
+
+
+def test_prices_are_what_runs_say_and_what_changes_the_loads_or_may_not_be_stable_has_none():
+    """Every sensor of the quick-return mechanism to DOUBT of the largest change, at the steps of the run."""
+    scene = neutral(read_scene("quick-return"))
+    prices = LinearPrices.of(scene, scene.sensors)
+    by_name = {candidate.name: candidate for candidate in ladder(scene)}
+    whole = run(STIFFENED.of(scene)).curves
+    for name in ("stiffened without geometric", "stiffened, 1 element", "quasistatic"):
+        ours, theirs = prices.curves(by_name[name]), run(by_name[name].of(scene)).curves
+        missed, changed = (
+            worst(differences(scene, scene.sensors, name, theirs, against, scene.period)).peak_share
+            for against in (ours, whole)
+        )
+        assert missed < DOUBT * changed and changed > 1e-3, name
+    for setting in ("solve.integrator=newmark", "solve.modes=2", "solve.preset=coupled", "solve.preset=rigid",
+                    "loads.cut=none", "solve.terms.damping=false"):  # fmt: skip
+        assert prices.curves(Variant(setting, (*STIFFENED.settings, setting))) is None, setting
+    for name in ("spin-up", "four-bar", "engine-paper"):  # from rest; corrections contract too slowly; no period
+        assert LinearPrices.of(neutral(read_scene(name)), ()) is None
+
+
+def test_the_doubt_about_prices_is_what_was_measured():
+    """On every shipped scene that has some: docs/accuracy.md."""
+    page = (Path(__file__).parents[1] / "docs" / "accuracy.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `[\w-]+` \| stiffened.* \| `\w+` \| (\S+) \| (\S+) \|$", page, re.MULTILINE)
+    assert len(rows) > 30
+    for change, missed in rows:
+        assert float(change) * float(missed) <= DOUBT * max(float(change), 1e-3)
+
+
+def test_what_a_price_leaves_in_doubt_is_decided_by_a_run():
+    scene = read_scene("engine")
+    first = LinearPrices.of(neutral(scene), ("mid_global_y",))
+    group = chosen(neutral(scene), "gyroscopic")
+    pair = (first.curves(each, every=True) for each in (group[0].dropped, group[0].kept))
+    (change,) = differences(first.scene, first.sensors, "", *pair, scene.period)
+    limits = [(1 + more) * change.peak_share for more in (-0.01, 0.05)]
+    near = [terms(scene, limit, 1e-3, ["mid_global_y"], chosen=group) for limit in limits]
+    assert [(found.effects[0].priced, found.effects[0].needed) for found in near] == [(False, True), (True, False)]
 
 
 def test_a_group_without_which_the_run_stops_is_needed():
@@ -87,7 +133,7 @@ def test_the_picture_has_a_bar_for_each_group_and_marks_what_is_needed(engine):
     stopped = replace(engine.effects[0], differences=(), operations=None, ns_per_step=None, noise_ns=None)
     changes, costs = figure(replace(engine, effects=(stopped, *engine.effects[1:]))).axes
     assert [label.get_text() for label in changes.get_yticklabels()][1:3] == ["geometric", "dynamics"]
-    assert len(changes.patches) == 2 * 4 and len(costs.patches) == 4
+    assert len(changes.patches) == 2 * 4 and len(costs.patches) == 3  # operations of dynamics are none
     assert "needed: does not run without" in {text.get_text() for text in changes.texts}
     assert changes.patches[0].get_width() == pytest.approx(2.267, rel=0.02)
 
@@ -117,7 +163,7 @@ def test_the_command_writes_its_folder_and_prints_the_table(tmp_path):
     assert set(about["left_out"]) == {"axial"} and about["groups"][0]["sensors"].keys() == {"tip_axial"}
     assert next(row["operations"] for row in rows if row["group"] == "geometric") == "90"
     line = next(line for line in result.stdout.splitlines() if line.startswith("geometric"))
-    assert line.split()[:6] == ["geometric", "axial", "force", "P", "no", "tip_axial"]
+    assert line.split()[:7] == ["geometric", "axial", "force", "P", "no", "price", "tip_axial"]
 
 
 def test_the_page_prints_what_it_says_and_its_commands_are_accepted(capsys):

@@ -73,7 +73,8 @@ def trade(asked: SceneArguments, target: Target, **limits: Any) -> None:
 def terms(asked: SceneArguments, target: Target, **limits: Any) -> None:
     """Say what each group of terms costs SCENE, what changes without it, and whether the tolerance needs it.
 
-    Every group is left out of preset stiffened alone: spin, gyroscopic, Euler and geometric terms, damping, axial
+    By its price, one linear solve on the harmonics, where the motion is periodic and linear and that decides; by a run
+    else. Every group is left out of preset stiffened alone: spin, gyroscopic, Euler and geometric terms, damping, axial
     deformation, each load, dynamics, two-way coupling and what else the scene has. The folder holds terms.csv,
     terms.json and a picture.
     """
@@ -196,8 +197,8 @@ def terms_table(found: Terms) -> str:
     """Every group, those that change most first."""
     from kaneflex.report.tables import table
 
-    head = ("group", "", "needed", "most in", "change", "rms", "operations", "ns a step", "noise")
-    return table(head, [_effect_row(effect) for effect in found.effects], left=4)
+    head = ("group", "", "needed", "by", "most in", "change", "rms", "operations", "ns a step", "noise")
+    return table(head, [_effect_row(effect) for effect in found.effects], left=5)
 
 
 def _effect_row(effect: Effect) -> tuple[str, ...]:
@@ -210,7 +211,8 @@ def _effect_row(effect: Effect) -> tuple[str, ...]:
         times = (f"{effect.ns_per_step:+.0f}", noise)
     operations = "" if effect.operations is None else f"{effect.operations:+d}"
     needed = "yes" if effect.needed else "no"
-    return (effect.group.name, effect.group.meaning, needed, *changes, operations, *times)
+    by = "price" if effect.priced else "run"
+    return (effect.group.name, effect.group.meaning, needed, by, *changes, operations, *times)
 
 
 def chosen_lines(choice: Choice) -> str:
@@ -219,10 +221,13 @@ def chosen_lines(choice: Choice) -> str:
     again = ", as found before" if choice.remembered else f", found in {choice.seconds:.1f} s"
     settings = " ".join(f"--set {setting}" for setting in choice.settings)
     note = f"\n  {_UNKNOWN}: {choice.reference_note}" if choice.reference_note else ""
+    judged = [each.priced for each in choice.attempts if each.error is not None]
+    by = ", by its price" if any(each.priced and each.model == choice.model for each in choice.attempts) else ""
     return (
         f"Chosen within {_percent(choice.tolerance)}: {choice.model}{again}\n  {settings}\n"
-        f"  {sensor} is {_percent(choice.errors[sensor])} off {choice.reference}, "
-        f"which itself is known to {_percent(max(choice.doubt.values()))}{note}"
+        f"  {sensor} is {_percent(choice.errors[sensor])} off {choice.reference}{by}, "
+        f"which itself is known to {_percent(max(choice.doubt.values()))}{note}\n"
+        f"  Of {len(judged)} models that were tried {sum(judged)} were priced, {len(judged) - sum(judged)} run"
     )
 
 
@@ -344,6 +349,7 @@ def _effect_data(effect: Effect) -> Row:
     return {
         "group": effect.group.name,
         "meaning": effect.group.meaning,
+        "priced": effect.priced,
         "change": None if most is None else most.peak_share,
         "worst_sensor": None if most is None else most.sensor,
         "rms": effect.rms,

@@ -117,19 +117,22 @@ def _judged(run: Run, orbit: Orbit, progress: Progress | None) -> tuple[Outcome,
     if run.step * steps / FEWEST * grid.fastest > LONGEST_STEP:
         return Outcome.COMPLETED, "whether disturbances grow is not known: the steps are too long to tell", None
     moved = monodromy(grid)
-    if _decay(moved) < _CLEAR:
+    if dies_away(moved):
         return Outcome.COMPLETED, "", partial(_eigenvalues, moved)
     cycle = replace(run, method="radau", n_steps=steps)
     judged = periodic_state(set_up(cycle, progress), steps)
     return judged.outcome, judged.message, judged.multipliers
 
 
-def _decay(matrix: np.ndarray) -> float:
-    """No less than its spectral radius, and not much more: the root of a power's norm."""
-    power = matrix
+def dies_away(moved: np.ndarray) -> bool:
+    """Whether what a cycle makes of disturbances leaves no doubt that they do.
+
+    The root of a power's norm is no less than its spectral radius, and not much more.
+    """
+    power = moved
     for _ in range(_SQUARED):
         power = power @ power
-    return float(np.linalg.norm(power)) ** (0.5**_SQUARED)
+    return float(np.linalg.norm(power)) ** (0.5**_SQUARED) < _CLEAR
 
 
 def _eigenvalues(matrix: np.ndarray) -> np.ndarray:

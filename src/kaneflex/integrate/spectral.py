@@ -219,13 +219,13 @@ def at_instants(z: np.ndarray, count: int) -> np.ndarray:
     return _sampled(harmonics, z.shape[1], count)
 
 
-def improved(grid: Grid, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """z, z', z'' (n, N) with what the equations of the grid still ask for, to a share SURE of it.
+def improved(grid: Grid, z: np.ndarray, share: float = SURE) -> Orbit | None:
+    """The motion z (n, N) with what the equations of the grid still ask for, to a share of it.
 
     None where corrections contract too slowly.
     """
-    found = grid.corrected(z, 0.0, SURE, 0.0, _SLOWEST_ESTIMATE)
-    return None if found.reason else (found.z, *grid.rates(found.z))
+    found = grid.corrected(z, 0.0, share, 0.0, _SLOWEST_ESTIMATE)
+    return None if found.reason else found
 
 
 def periodic_orbit(system: AffineSystem, table: Table, t0: float, period: float, tolerance: float) -> Orbit:

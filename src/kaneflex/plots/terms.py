@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -18,7 +17,7 @@ _LEAST = 1e-6
 
 
 def figure(found: Terms) -> Figure:
-    """A bar for each group: the largest change of a sensor, its rms in it, and beside it the time of a step."""
+    """A bar for each group: the largest change of a sensor, its rms in it, and beside it its operations."""
     names = [effect.group.name for effect in found.effects]
     page = new_figure(9.6, 1.6 + 0.42 * len(names), f"{found.scene.name}: each group of terms left out of stiffened")
     changes, costs = page.subplots(1, 2, sharey=True, width_ratios=(2, 1))
@@ -56,19 +55,14 @@ def _changes(axes: Axes, found: Terms) -> None:
 
 
 def _costs(axes: Axes, found: Terms) -> None:
+    most = 1
     for row, effect in enumerate(found.effects):
-        if effect.ns_per_step is not None:
-            axes.barh(row, 1e-3 * effect.ns_per_step, height=0.7, color=GREY)
-        if effect.noise_ns is not None:
-            axes.errorbar(1e-3 * effect.ns_per_step, row, xerr=1e-3 * effect.noise_ns, color="black", linewidth=0.9)
         if effect.operations is not None:
-            axes.annotate(
-                f"{effect.operations:+d} op.", (1.0, row), xycoords=("axes fraction", "data"), ha="right",
-                va="center", fontsize=7.5,
-            )  # fmt: skip
-    times = [1e-3 * effect.ns_per_step for effect in found.effects if effect.ns_per_step is not None]
-    reach = np.max(np.abs([*times, 1e-3 * found.full.ns_per_step]))
-    axes.set_xlim(min(0.0, *times, -0.1 * reach) * 1.3, 1.6 * reach)
-    axes.set_title("what it adds to a step, with the noise")
-    axes.set_xlabel("time [µs]")
+            axes.barh(row, effect.operations, height=0.7, color=GREY)
+            axes.annotate(f"{effect.operations}", (effect.operations, row), xytext=(3, 0), textcoords="offset points",
+                          va="center", fontsize=7.5)  # fmt: skip
+            most = max(most, effect.operations)
+    axes.set_xlim(0, 1.3 * most)
+    axes.set_title(f"of {found.full.operations} operations")
+    axes.set_xlabel("multiply-adds of M, C, K and F")
     axes.grid(axis="y", visible=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from typing import cast
 
@@ -24,11 +24,16 @@ class Series:
     meaning: str
 
 
-def measure(motion: Motion) -> dict[str, Series]:
-    """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``."""
+def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Series]:
+    """Every sensor of the scene, and the rigid value of every force beside it as ``NAME_rigid``.
+
+    only: those of these names
+    """
     reader = _reader(motion)
     measured = {}
     for name, sensor in motion.model.scene.sensors.items():
+        if only is not None and name not in only:
+            continue
         meaning = reader.meaning(sensor)
         measured[name] = Series(reader.read(sensor), sensor.unit, meaning)
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces and reader.is_rigid_known(sensor):

@@ -138,13 +138,13 @@ def _refined(solution: Solution) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     for kind, richer in _richer(model):
         if not_repeated(richer):
             raise _Unknown("the motion or its loads don't repeat themselves")
-        z = motion.coordinates[0] if richer is model else _embedded(richer, motion)
+        z = motion.coordinates[0] if richer is model else embedded(richer, motion)
         grid = Grid.of(richer.system, richer.scalars, 0.0, period, count)
         basis = richer.modal_basis
         found = improved(grid, z if basis is None else np.linalg.lstsq(basis, z, rcond=None)[0])
         if found is None:
             raise _Unknown(f"corrections by {kind} contract too slowly")
-        z, v, a = found if basis is None else (basis @ part for part in found)
+        z, v, a = (part if basis is None else basis @ part for part in (found.z, *grid.rates(found.z)))
         rigid = rigid if richer.motion is motion.model.motion else richer.motion.at(instants)
         motion = elastic_motion(richer, rigid, (z, v, a))
         z, v, a = (at_instants(part, steps) for part in motion.coordinates)
@@ -187,7 +187,7 @@ def _halved(body: Body) -> Body:
     return body.model_copy(update={"beam": body.beam.model_copy(update={"elements": 2 * body.beam.elements})})
 
 
-def _embedded(richer: Model, motion: ElasticMotion) -> np.ndarray:
+def embedded(richer: Model, motion: ElasticMotion) -> np.ndarray:
     """The motion in the coordinates of a richer model, shape (n, n_times): at its nodes by the elements' own shapes."""
     known = dict(zip(motion.model.coordinates, motion.coordinates[0], strict=True))
     z = np.zeros((len(richer.coordinates), len(motion.times)))

@@ -90,7 +90,7 @@ def run(scene: Scene, judged: bool = False, progress: Progress = lambda stage: N
     times = (once, loaded - started - once, solved - loaded, ended - solved)
     notes = solution.warnings if judged else model.warnings
     curves = Curves(solution.times, values, {}, tuple(notes), solution.seconds, tuple(between_steps(model)))
-    return Run(curves, Timing(*times, model.options.steps, _operations(model)), judged)
+    return Run(curves, Timing(*times, model.options.steps, operations(model)), judged)
 
 
 def _values(solution: Solution) -> dict[str, np.ndarray]:
@@ -100,7 +100,8 @@ def _values(solution: Solution) -> dict[str, np.ndarray]:
     return {name: solution.series[name].values for name in solution.model.scene.sensors}
 
 
-def _operations(model: Model) -> int | None:
+def operations(model: Model) -> int | None:
+    """Multiply-adds of its equations, see :class:`Timing`."""
     if model.options.dynamics != "dynamic":
         return None
     return sum(int(getattr(model.system, name).count_nonzero()) for name in "MCKF")

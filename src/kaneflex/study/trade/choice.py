@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
+from kaneflex.solve.curves import Curves
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.quasistatic import LARGEST_DENSE
 from kaneflex.solve.variants import Variant
@@ -19,6 +20,7 @@ from kaneflex.study.plan import digest, file_places
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import elements_of, ladder, neutral, neutral_settings, terms_of
 from kaneflex.study.trade.indicators import indicators
+from kaneflex.study.trade.linear_prices import LinearPrices, decided
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.study.trade.record import Attempt, Choice
 from kaneflex.study.trade.reference import Reference, find_reference
@@ -61,8 +63,8 @@ def choose(
     basis = neutral(scene)
     progress("indicators along the rigid motion")
     found = indicators(basis)
-    runs = Runs(basis, progress)
-    trials = Trials(runs, sensors, tolerance, find_reference(runs, sensors, tolerance))
+    runs, priced = Runs(basis, progress), LinearPrices.of(basis, sensors)
+    trials = Trials(runs, sensors, tolerance, find_reference(runs, sensors, tolerance, priced), priced)
     candidate = cheapest(trials, found)
     candidate, dropped = _without_terms(trials, candidate, found)
     return Choice(
@@ -91,41 +93,49 @@ class Trials:
     sensors: tuple[str, ...]
     tolerance: float
     reference: Reference
+    priced: LinearPrices | None = None
     attempts: list[Attempt] = field(default_factory=list)
     errors: dict[Variant, tuple[Difference, ...]] = field(default_factory=dict)
     kept: set[Variant] = field(default_factory=set)
 
     def within(self, candidate: Variant) -> bool:
-        """Whether it is within the tolerance, by a run; one that can't be run is not."""
+        """Whether it is within the tolerance: by a price that leaves no doubt, or a run; what can't be run is not."""
         if candidate not in self.errors:
-            self._try(candidate)
+            self.errors[candidate] = ()
+            try:
+                price = None if self.priced is None else self.priced.curves(candidate)
+                if not self._judge(candidate, price):
+                    self._judge(candidate, self.runs.run(candidate).curves, run=True)
+            except SceneError as error:
+                self.note(candidate.name, str(error))
         return candidate in self.kept
 
-    def _try(self, candidate: Variant) -> None:
-        self.errors[candidate] = ()
-        try:
-            curves = self.runs.run(candidate).curves
-        except SceneError as error:
-            self.note(candidate.name, str(error))
-            return
-        reference = self.reference
-        found = differences(
-            self.runs.scene, self.sensors, candidate.name, curves, reference.curves, reference.period
-        )
+    def _judge(self, candidate: Variant, curves: Curves | None, run: bool = False) -> bool:
+        """Whether curves tell if a candidate is within the tolerance; those of a run do."""
+        if curves is None:
+            return False
+        reference, tolerance = self.reference, self.tolerance
+        compared = (candidate.name, curves, reference.curves, reference.period)
+        found = differences(self.runs.scene, self.sensors, *compared)
+        if not run and not decided(found, tolerance, reference.doubt):
+            return False
         self.errors[candidate] = found
-        most, within = worst(found), reference.within(found, self.tolerance, curves.unseen)
+        most, within = worst(found), reference.within(found, tolerance, curves.unseen)
         if within:
             self.kept.add(candidate)
         self.attempts.append(
             Attempt(
                 model=candidate.name, error=most.peak_share, worst_sensor=most.sensor,
-                within=within, reason="; ".join(curves.unseen),
+                within=within, priced=not run, reason="; ".join(curves.unseen),
             )
         )  # fmt: skip
+        return True
 
     def note(self, name: str, reason: str) -> None:
         """Keep why a model was not run to its end."""
-        self.attempts.append(Attempt(model=name, error=None, worst_sensor=None, within=False, reason=reason))
+        self.attempts.append(
+            Attempt(model=name, error=None, worst_sensor=None, within=False, priced=False, reason=reason)
+        )
 
 
 def cheapest(trials: Trials, found: Mapping[str, float | None]) -> Variant:

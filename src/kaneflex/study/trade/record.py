@@ -8,12 +8,13 @@ from kaneflex.support.plain_table import PlainTable
 
 
 class Attempt(PlainTable):
-    """A model that was run, or why it was not."""
+    """A model that was weighed, or why it was not."""
 
     model: str = Field(description="its name, as `kaneflex trade` names it")
-    error: float | None = Field(description="largest error of a sensor as a share of its peak; null if it was not run")
+    error: float | None = Field(description="largest error of a sensor as a share of its peak; null if it has none")
     worst_sensor: str | None = Field(description="the sensor with that error")
     within: bool = Field(description="whether every sensor is within the tolerance, with the reference's doubt on top")
+    priced: bool = Field(description="whether by its price, a correction of another motion, not by a run")
     reason: str = Field(description="why it was not run to the end, or what it stepped over; empty if neither")
 
 
@@ -25,7 +26,7 @@ class Choice(PlainTable):
     model: str = Field(description="the chosen model, as `kaneflex trade` names it")
     settings: list[str] = Field(description="what makes the scene this model, as path=value")
     dropped: list[str] = Field(description="groups of terms that it leaves out beyond its preset")
-    errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak, by a run of it")
+    errors: dict[str, float] = Field(description="by sensor: largest error as a share of its peak")
     reference: str = Field(description="the finest model, which errors are measured against")
     reference_settings: list[str] = Field(description="what makes the scene the reference, as path=value")
     reference_note: str = Field(description="what is not known of the reference; empty if nothing")

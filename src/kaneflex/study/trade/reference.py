@@ -13,6 +13,7 @@ from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
 from kaneflex.study.runs import Runs
 from kaneflex.study.trade.candidates import COUPLED, elements_of, repeated_cycle
+from kaneflex.study.trade.linear_prices import LinearPrices
 from kaneflex.support.errors import SceneError
 
 _FINER = (1, 2, 4)
@@ -24,6 +25,8 @@ _FINE_ENOUGH, _KNOWN = 0.1, 0.25
 
 Preset coupled, which is derived for each number of modes, is refined no further than that.
 """
+_PROBED = 180
+"""Steps of a cycle at which coupled is compared, at least."""
 _LEFT_BETWEEN = 0.5
 """Share of a change between a model's instants that is left between those of one with twice as many."""
 
@@ -73,7 +76,9 @@ class Reference:
         return bool(found) and close and not unseen
 
 
-def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float) -> Reference:
+def find_reference(
+    runs: Runs, sensors: Sequence[str], tolerance: float, priced: LinearPrices | None = None
+) -> Reference:
     """Preset ``stiffened``, refined until it stands; ``coupled`` where that changes a sensor by too much.
 
     The change by a refinement is taken at the coarser model's instants. Between them, where the finer one has twice as
@@ -88,6 +93,8 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float) -> Refe
     tolerance : float
         Error that candidates may have, as a share of each sensor's peak. Coupled is needed where it changes a sensor
         by a quarter of it.
+    priced : LinearPrices, optional
+        What gives the curves of preset ``stiffened`` without runs.
 
     Raises
     ------
@@ -96,9 +103,13 @@ def find_reference(runs: Runs, sensors: Sequence[str], tolerance: float) -> Refe
         two steps of the finest model: nothing can be ranked against that.
     """
     scene = runs.scene
-    stiffened = _refined(runs, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH)
+    stiffened = _refined(runs, sensors, tolerance, _stiffened_levels(scene), _FINE_ENOUGH, priced)
+    probe = COUPLED
+    if priced is not None:  # compared at its own instants, of which a few hundred do
+        steps = max(_PROBED, resolve_options(scene).steps // 4)
+        probe = Variant(f"coupled, {steps} steps", (*COUPLED.settings, f"solve.steps={steps}"))
     try:
-        coupled = runs.run(COUPLED).curves
+        coupled = runs.run(probe).curves
     except SceneError as error:
         unknown = f"preset coupled can't be run: {error}"
         return replace(stiffened, note="; ".join(filter(None, (unknown, stiffened.note))))
@@ -135,12 +146,14 @@ def _coupled_levels(scene: Scene) -> list[Variant]:
 
 
 def _refined(
-    runs: Runs, sensors: Sequence[str], tolerance: float, levels: Sequence[Variant], enough: float
-) -> Reference:
+    runs: Runs, sensors: Sequence[str], tolerance: float, levels: Sequence[Variant], enough: float,
+    priced: LinearPrices | None = None,
+) -> Reference:  # fmt: skip
     scene, period = runs.scene, repeated_cycle(runs.scene)
     coarse: Curves | None = None
     for model in levels:
-        curves = runs.run(model, judged=True).curves
+        found = None if priced is None else priced.curves(model, every=True)
+        curves = runs.run(model, judged=True).curves if found is None else found
         if coarse is not None:
             changes = _changes(scene, sensors, coarse, curves, period)
             if max(changes.values()) <= enough * tolerance:

@@ -11,8 +11,9 @@ from kaneflex.scene import Scene
 from kaneflex.solve.loading import Progress
 from kaneflex.solve.variants import Variant
 from kaneflex.study.differences import Difference, differences, worst
-from kaneflex.study.runs import Cost, Runs, cost
+from kaneflex.study.runs import Cost, Runs, cost, operations
 from kaneflex.study.trade.candidates import COUPLED, STIFFENED, elements_of, neutral, repeated_cycle, terms_of
+from kaneflex.study.trade.linear_prices import LinearPrices, decided
 from kaneflex.study.trade.ranking import check_request
 from kaneflex.support.errors import SceneError, StoppedEarly
 
@@ -57,6 +58,9 @@ class Effect:
         Half the larger spread of the two, in ns per step; None of a single repeat.
     reason : str
         Why the run without it stopped.
+    priced : bool
+        Whether the differences are its price, see :mod:`kaneflex.study.trade.linear_prices`, not those of two runs:
+        then there is no time.
     """
 
     group: Group
@@ -66,6 +70,7 @@ class Effect:
     ns_per_step: float | None
     noise_ns: float | None
     reason: str = ""
+    priced: bool = False
 
     @property
     def worst(self) -> Difference | None:
@@ -137,6 +142,8 @@ def terms(
 ) -> Terms:
     """Leave each group of terms out of preset ``stiffened``, one at a time, at the scene's own elements and steps.
 
+    By one linear solve each where the motion is periodic and linear and that decides, else by a run each.
+
     Parameters
     ----------
     scene, tolerance, budget, sensors, progress
@@ -152,15 +159,18 @@ def terms(
     sensors = check_request(scene, tolerance, budget, sensors)
     basis = neutral(scene)
     chosen = groups(basis) if chosen is None else chosen
-    runs = Runs(basis, progress)
+    runs, priced = Runs(basis, progress), LinearPrices.of(basis, sensors)
     runs.run(STIFFENED)
-    for model in (each for group in chosen for each in (group.kept, group.dropped)):
+    prices = {group: None if priced is None else _priced(basis, priced, tolerance, group) for group in chosen}
+    effects = [effect for effect in prices.values() if effect is not None]
+    to_run = [group for group, effect in prices.items() if effect is None]
+    for model in (each for group in to_run for each in (group.kept, group.dropped)):
         with suppress(SceneError):  # it is kept, too
             runs.run(model)
     repeats = runs.repeats(list(runs.kept), time.perf_counter() + budget)
     costs = {model: cost(first.timing, repeats[model]) for model, first in runs.kept.items()}
-    effects, left_out = [], {}
-    for group in chosen:
+    left_out = {}
+    for group in to_run:
         stopped = runs.failed.get(group.dropped)
         if isinstance(stopped, StoppedEarly):
             effects.append(Effect(group, (), True, None, None, None, str(stopped)))
@@ -170,6 +180,26 @@ def terms(
             effects.append(_effect(runs, sensors, tolerance, group, costs))
     effects.sort(key=lambda effect: -(effect.worst.peak_share if effect.worst else float("inf")))
     return Terms(scene, sensors, tolerance, tuple(effects), costs[STIFFENED], left_out)
+
+
+def _priced(scene: Scene, prices: LinearPrices, tolerance: float, group: Group) -> Effect | None:
+    """An effect by its price; None of what has none, or one that leaves in doubt whether the group is needed."""
+    try:
+        whole, without = prices.curves(group.kept, every=True), prices.curves(group.dropped)
+    except SceneError:  # a run says why
+        return None
+    if whole is None or without is None:
+        return None
+    found = differences(scene, prices.sensors, group.dropped.name, without, whole, repeated_cycle(scene))
+    if not decided(found, tolerance):
+        return None
+    kept, dropped = (operations(prices.model_of(model)) for model in (group.kept, group.dropped))
+    added = None if kept is None or dropped is None else kept - dropped
+    return Effect(group, found, _needed(found, tolerance), added, None, None, priced=True)
+
+
+def _needed(found: Sequence[Difference], tolerance: float) -> bool:
+    return any((difference.peak_share or 0.0) > tolerance for difference in found)
 
 
 def _effect(
@@ -185,7 +215,7 @@ def _effect(
     return Effect(
         group,
         found,
-        needed=any(difference.peak_share > tolerance for difference in found),
+        needed=_needed(found, tolerance),
         operations=operations,
         ns_per_step=kept.ns_per_step - dropped.ns_per_step,
         noise_ns=0.5 * max(spreads) if spreads else None,
