@@ -60,7 +60,7 @@ pull = {spring_force = "rope"}
 twist = {spring_torque = "coil"}
 [solve]
 preset = "rigid"
-duration = "1 s"
+duration = "0.5 s"
 """
 SLIDING = """
 gravity = [0, 0, -9.81]
@@ -89,7 +89,7 @@ rail_moment = {joint_force = "rail", component = "angle_z", body = "ground"}
 pull = {spring_force = "rope"}
 [solve]
 preset = "rigid"
-duration = "1 s"
+duration = "0.5 s"
 """
 
 
@@ -134,7 +134,7 @@ def test_drives_loads_and_springs(peer, tmp_path):
     springs of both kinds, all motions, accelerations, forces and moments."""
     peer("exudyn")
     scene = scene_of(tmp_path, TURNING)
-    found = shares(scene, 2000)
+    found = shares(scene, 1000)
     assert set(found) == set(scene.sensors)
     assert all(found[name] < 2e-5 for name in ("angle", "turning_rate", "tip_x", "tip_v", "pull", "twist"))
     assert all(share < 1e-3 for share in found.values())
@@ -143,7 +143,7 @@ def test_drives_loads_and_springs(peer, tmp_path):
 def test_slides(peer, tmp_path):
     peer("exudyn")
     scene = scene_of(tmp_path, SLIDING)
-    found = shares(scene, 2000)
+    found = shares(scene, 1000)
     assert set(found) == set(scene.sensors)
     assert all(found[name] < 1e-5 for name in ("out", "along", "along_rate", "bead_x", "bead_z"))
     assert all(found[name] < 1e-5 for name in ("push", "pin", "rail_moment", "pull"))

@@ -103,13 +103,13 @@ def test_what_slides_on_the_level_stops_in_time_and_place(tmp_path):
 
 
 def test_a_block_on_an_incline_sticks_for_ever(tmp_path):
-    """A million steps; pushed and shaken by less than what holds it, it hasn't moved by a rounding at the end."""
+    """After 100,000 steps, pushed and shaken by less than what holds it, it has not moved by a rounding."""
     text = BLOCK.replace("[sensors]", """[loads]
 shake = {force_on = "block", direction = [1, 0], law = "1.5 * sin(700 * t)"}
 [sensors]""")
-    settings = ["slide.friction.mu=0.7", "drives.slide.position=0.37 m", "solve.duration=1000 s", "solve.steps=1000000"]
+    settings = ["slide.friction.mu=0.7", "drives.slide.position=0.37 m", "solve.duration=100 s", "solve.steps=100000"]
     found = solved(tmp_path, text, *settings)
-    assert found.trajectory.steps >= 10**6
+    assert found.trajectory.steps >= 10**5
     assert abs(found.series["x"].values - 0.37).max() == 0.0
     assert (found.trajectory.frictions.mode == 2).all() and found.trajectory.frictions.lost[-1, 0] == 0.0
 

@@ -15,7 +15,10 @@ from kaneflex.mechanism.floating_frames import shape_counts
 from kaneflex.multibody.binding import bind_parameters, find_coupled_module, find_module, find_spatial_module
 from kaneflex.scene import read_scene, shipped_scenes, with_settings
 
-SHORTER = {"engine-rig-clearance": ("solve.duration=0.1 s", "solve.steps=1000")}
+SHORTER = {
+    "engine-rig-clearance": ("solve.duration=0.1 s", "solve.steps=1000"), "crankshaft-torsion": ("solve.steps=90",),
+    "robot-arm-elastic": ("solve.duration=0.5 s", "solve.steps=50"), "engine-torque": ("solve.duration=0.1 s",),
+}  # fmt: skip
 
 
 def quiet(stage):

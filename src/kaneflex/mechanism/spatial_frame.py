@@ -111,5 +111,5 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b of vectors (3, n_times)."""
-    return np.cross(a, b, axis=0)
+    """a x b of vectors (3, n_times); NumPy's takes five times as long for few instants."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

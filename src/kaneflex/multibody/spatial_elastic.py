@@ -246,20 +246,19 @@ def _open_scalars(deforming: Deforming, motion: SpatialKinematics, times: np.nda
     system, names, found = motion.module.system, [name for name, *_ in deforming.scalars], set[str]()
     joints = {name: [motion.column[f"{name}.{part}"] for part in COMPONENTS] for name in deforming.mechanism.joints}
     for t in times:
-        state = motion.curve(float(t))
-        if not any(True for _ in without_work(system, state)):
+        open_ones = [
+            {name: own for name, (own,) in joint_wrenches(system, system.passed_on(multipliers)).items()}
+            for multipliers in without_work(system, motion.curve(float(t)))
+        ]
+        if not open_ones:
             continue
-        here = motion.at(float(t))
-        for multipliers in without_work(system, motion.curve(float(t))):
-            wrenches = {name: own for name, (own,) in joint_wrenches(system, system.passed_on(multipliers)).items()}
-            tables = []
-            for sign in (1.0, -1.0):
-                values = here.values.copy()
-                for name, columns in joints.items():
-                    values[0, columns] = sign * wrenches[name]
-                tables.append(deforming.table(replace(here, values=values))[0])
-            apart = abs(tables[0] - tables[1])
-            reach = deforming.mechanism.size
+        here = motion.at(np.full(2 * len(open_ones), t))  # an instant for each, and for what is opposite to it
+        for k, wrenches in enumerate(open_ones):
+            for name, columns in joints.items():
+                here.values[2 * k, columns], here.values[2 * k + 1, columns] = wrenches[name], -wrenches[name]
+        table = deforming.table(here)
+        reach = deforming.mechanism.size
+        for wrenches, apart in zip(open_ones, abs(table[::2] - table[1::2]), strict=True):
             largest = max(max(abs(wrench[:3]).max(), abs(wrench[3:]).max() / reach) for wrench in wrenches.values())
             found |= {name for name, value in zip(names, apart, strict=True) if value > _NONE * largest}
     return frozenset(found)
