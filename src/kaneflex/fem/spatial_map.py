@@ -13,7 +13,7 @@ J and its rates follow from how the bodies turn; the entries of L that vary are 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,8 @@ _LEAST = 1e-4
 measure."""
 _VARY = 1e-9
 """Change of an entry of L over the run, in its own measure, that counts as none."""
+_AT_ONCE = 64
+"""Instants whose rows and maps are in memory together: more of them take it longer to have than to fill."""
 
 APART = ("along", "x", "y", "z")
 """How far the ends of a spring part by the deformation: along the spring, and along global axes [m]."""
@@ -325,9 +327,13 @@ class SpatialMap:
         """The scalars at the instants of a motion, (n_times, 3 n)."""
         if not len(self.varying):
             return np.zeros((len(motion.times), 0))
-        L = self.joined.maps(motion, self.choice)
         rows, columns = self.varying.T
-        return L[:, :, rows, columns].transpose(1, 2, 0).reshape(len(motion.times), -1)
+        found = np.empty((len(motion.times), len(rows), 3))
+        for first in range(0, len(motion.times), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            some = replace(motion, times=motion.times[part], values=motion.values[part])
+            found[part] = self.joined.maps(some, self.choice)[:, :, rows, columns].transpose(1, 2, 0)
+        return found.reshape(len(motion.times), -1)
 
     def of(self, body: str) -> Affine:
         """L of a part, or how far the ends of a spring part."""
