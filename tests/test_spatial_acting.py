@@ -105,6 +105,21 @@ def test_a_load_along_a_cantilever(tmp_path):
             assert solution["tip"].values == pytest.approx(60 * (1 / 8 + 2 * 11 / 120) / EI, rel=1e-9)
 
 
+def test_a_load_along_a_cantilever_whose_shapes_carry_it(tmp_path):
+    """The same under preset coupled, of a hundredth of the load, so that it bends by 3 mm: the tip by its shapes."""
+    more = 'shear = {shear_force = "arm.third", component = "z"}\n'
+    more += '[loads]\nwind = {spread_on = "arm", direction = [0, 0, 1], value = "0.6 N/m", profile = [1, 3]}'
+    text = CANTILEVER.replace("MORE", more).replace("PRESET", "coupled")
+    text = text.replace('"zero"', '"quasistatic"\nmodes = 4').replace('"1 s"', '"1 ms"')
+    solution = simulate(load(written(tmp_path, text)))
+    assert solution["root_force"].values == pytest.approx(-1.2, rel=1e-9)
+    assert solution["shear"].values == pytest.approx(0.6 * (1.6 * 0.7 + 0.7**2), rel=1e-7)
+    for sensor, x in (("moment", 0.0), ("between", 0.3)):
+        wanted = -0.6 * ((1 + 2 * x) * (1 - x) ** 2 / 2 + 2 * (1 - x) ** 3 / 3)
+        assert solution[sensor].values == pytest.approx(wanted, rel=1e-7), sensor
+    assert solution["tip"].values == pytest.approx(0.6 * (1 / 8 + 2 * 11 / 120) / EI, rel=1e-4)
+
+
 def test_a_spring_holds_a_cantilever(tmp_path):
     """Two springs in parallel with its own 3 E I/l^3: one along z, already 50 mm too long, one without free length."""
     more = '''above = {spring_force = "above"}

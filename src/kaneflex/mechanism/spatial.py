@@ -100,7 +100,8 @@ class SpatialLoad:
     """A force along a direction, global or in the body's axes, or a torque at a joint, about its axis.
 
     ``at``: where it acts; None of a torque, and of a force that is spread along a body. ``pushes``: forces at points
-    of a body, with their shares of the load's size, that are statically the same.
+    of a body, with their shares of the load's size, that are statically the same; of one that is spread, the part that
+    falls linearly to zero at the body's end, and the one that rises from there at its start.
     """
 
     at: Side | None
@@ -238,7 +239,11 @@ def _with_mass(body: SpatialBody, mass: float, at: np.ndarray, inertia: np.ndarr
 def _pushes(scene: Scene, name: str) -> tuple[tuple[Side, float], ...]:
     """Where a load pushes a body, with the share of its size there."""
     load = scene.loads[name]
-    body = load.spread_on if load.force_on is None else load.force_on.body
-    if body is None:
+    if load.force_on is not None:
+        return ((Side(load.force_on.body, scene.point(load.force_on)), 1.0),)
+    if load.spread_on is None:
         return ()
-    return tuple((Side(body, scene.point(at)), share) for by, _, at, share in scene.pushes(body) if by == name)
+    length = scene.bodies[load.spread_on].length
+    assert length is not None  # of what a load is spread on
+    return tuple((Side(load.spread_on, (k * length / 3, 0.0, 0.0)), factor * length / 2)
+                 for k, factor in enumerate(load.profile, start=1))  # fmt: skip

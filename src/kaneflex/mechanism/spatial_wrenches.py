@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.mechanism.spatial import Side, SpatialMechanism
+from kaneflex.mechanism.spatial_frame import SpatialFrame
+
+Carried = Callable[[Side], tuple[SpatialFrame, Side]]
+"""Point of a body -> the axes that it turns with, and where it is in these."""
 
 
 class Wrench(NamedTuple):
@@ -24,15 +28,19 @@ class Wrench(NamedTuple):
     moment: np.ndarray
 
 
-def wrenches_on(mechanism: SpatialMechanism, motion: RigidMotion, body: str) -> Iterator[Wrench]:
-    """Everything but inertia and weight that acts on a body."""
+def wrenches_on(
+    mechanism: SpatialMechanism, motion: RigidMotion, body: str, carried: Carried | None = None
+) -> Iterator[Wrench]:
+    """Everything but inertia and weight that acts on a body; ``carried``: by bodies that deform."""
     frame, none = motion.frame(body), np.zeros((3, len(motion.times)))
+    carry: Carried = carried or (lambda side: (cast(SpatialFrame, motion.frame(side.body)), side))
 
     def local(vector: np.ndarray) -> np.ndarray:
         return frame.to_body(vector)
 
     def point(side: Side) -> np.ndarray:
-        return motion.frame(side.body).place(side.at)
+        axes, there = carry(side)
+        return axes.place(there.at)
 
     for name, joint in mechanism.joints.items():
         for side, sign in zip(joint.sides, (-1.0, 1.0), strict=True):
@@ -44,14 +52,14 @@ def wrenches_on(mechanism: SpatialMechanism, motion: RigidMotion, body: str) -> 
     for name, load in mechanism.loads.items():
         for pushed, share in load.pushes:
             if pushed.body == body:
-                direction = np.broadcast_to(share * load.direction[:, None], none.shape)
-                force = motion[name] * (direction if load.in_body else local(direction))
-                yield Wrench(name, pushed.at, none + np.reshape(pushed.at, (3, 1)), force, none)
+                direction = share * load.direction
+                force = motion[name] * local(carry(pushed)[0].to_global(direction) if load.in_body else direction)
+                yield Wrench(name, pushed.at, local(point(pushed) - frame.origin), force, none)
         if load.joint is not None:
-            yield from _at_joint(mechanism, motion, body, name, load.joint, motion[name])
+            yield from _at_joint(mechanism, motion, body, name, load.joint, motion[name], carry)
     for name, spring in mechanism.springs.items():
         if spring.joint is not None:
-            yield from _at_joint(mechanism, motion, body, name, spring.joint, -motion[f"{name}.torque"])
+            yield from _at_joint(mechanism, motion, body, name, spring.joint, -motion[f"{name}.torque"], carry)
             continue
         first, second = spring.sides
         for side, other in ((first, second), (second, first)):
@@ -60,15 +68,16 @@ def wrenches_on(mechanism: SpatialMechanism, motion: RigidMotion, body: str) -> 
                 pull = spring.numbers[0] * along
                 if spring.is_directed:
                     pull = motion[f"{name}.tension"] * along / np.linalg.norm(along, axis=0)
-                yield Wrench(name, side.at, none + np.reshape(side.at, (3, 1)), local(pull), none)
+                yield Wrench(name, side.at, local(point(side) - frame.origin), local(pull), none)
 
 
 def _at_joint(
-    mechanism: SpatialMechanism, motion: RigidMotion, body: str, name: str, joint: str, torque: np.ndarray
-) -> Iterator[Wrench]:
+    mechanism: SpatialMechanism, motion: RigidMotion, body: str, name: str, joint: str, torque: np.ndarray,
+    carried: Carried,
+) -> Iterator[Wrench]:  # fmt: skip
     """A torque about a joint's axis, on its second body."""
     of = mechanism.joints[joint]
-    axis = motion.frame(of.sides[0].body).to_global(of.axes[0])
+    axis = carried(of.sides[0])[0].to_global(of.axes[0])
     for side, sign in zip(of.sides, (-1.0, 1.0), strict=True):
         if side.body == body:
             none = np.zeros((3, len(motion.times)))

@@ -19,7 +19,7 @@ from kaneflex.fem.spatial_links import SpatialLink
 from kaneflex.generated.spatial_shapes import PAIR, SINGLE
 from kaneflex.mechanism.floating_frames import axial_modes
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
-from kaneflex.multibody.spatial_damping import shape_damping
+from kaneflex.multibody.spatial_damping import against_axes, shape_damping
 from kaneflex.scene import Scene
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
@@ -60,13 +60,28 @@ class SpatialShapes:
         rows, H = self.at(x)
         return np.concatenate([rows[:6].ravel(), H.ravel()])
 
+    def spread(self, rises: bool) -> tuple[float, np.ndarray]:
+        """The mean of such numbers, and of x, by a weight that falls linearly to zero at the end, or rises from there
+        at the start."""
+        x, _, _, rows, H, lengths = self._slices
+        weight = lengths * (x if rises else self.link.nodes[-1] - x)
+        weight /= weight.sum()
+        mean = np.einsum("g,gaj->aj", weight, rows[:, :6]), np.einsum("g,gjk->jk", weight, H - self._start)
+        return float(weight @ x), np.concatenate([part.ravel() for part in mean])
+
+    @cached_property
+    def turn(self) -> np.ndarray:
+        """How far each shape turns the axes of the planar model about the body's x, y, z, (3, count) [rad/m]."""
+        M = self.link.part.matrices["M"].at({}).toarray()
+        return (self.basis - against_axes(self.scene, self.link, self.basis, M))[3:6]
+
     def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of the shapes, (8, count), and H (count, count) [1/m]."""
         return self._rows(x), self._shortening(x) - self._start
 
     def numbers(self) -> np.ndarray:
         """Those of :mod:`kaneflex.generated.spatial_shapes`: SINGLE of every shape, PAIR of every two."""
-        x, dm, (I_y, I_z), rows, H = self._slices
+        x, dm, (I_y, I_z), rows, H, _ = self._slices
         H = H - self._start
         N, psi = rows[:, :3], rows[:, 3:6].copy()
         profile = self.scene.bodies[self.link.name].spatial_profile
@@ -132,9 +147,9 @@ class SpatialShapes:
         return self.link.shape(e, local) @ self.basis[6 * e : 6 * e + 12]
 
     @cached_property
-    def _slices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _slices(self) -> tuple[np.ndarray, ...]:
         """Places of the slices [m], their masses, rotary inertias about y and z (2, n), rows (n, 8, count), H from
-        the start."""
+        the start, and how long they are."""
         profile, x, weights = self.scene.bodies[self.link.name].spatial_profile, [], []
         for a, b in pairwise(self.link.nodes):
             x.append((a + b) / 2 + (b - a) / 2 * _GAUSS[0])
@@ -145,7 +160,7 @@ class SpatialShapes:
         ]).T  # fmt: skip
         rows = np.array([self._rows(place) for place in places])
         H = np.array([self._shortening(place) for place in places])
-        return places, rho * A * lengths, rho * lengths * np.array([I_y, I_z]), rows, H
+        return places, rho * A * lengths, rho * lengths * np.array([I_y, I_z]), rows, H, lengths
 
     def _shortening(self, x: float) -> np.ndarray:
         """int v_j' v_k' + w_j' w_k' + I_p / A theta_x,j' theta_x,k' dx from the start to x [m]."""
@@ -175,7 +190,7 @@ class SpatialShapes:
         """The same where the shortening begins: at the point that holds the axes, else in the mean of the mass."""
         if self.held is not None:
             return self._shortening(self.held)
-        _, dm, _, _, H = self._slices
+        _, dm, _, _, H, _ = self._slices
         return np.einsum("g,gjl->jl", dm / dm.sum(), H)
 
 

@@ -100,6 +100,10 @@ class Deformable(Protocol):
     def station(self, x: float) -> np.ndarray:
         """The same one after the other."""
 
+    def spread(self, rises: bool) -> tuple[float, np.ndarray]:
+        """The mean of all places by what falls linearly to zero at the end, or rises from there at the start: distance
+        from the start [m], and numbers like a station's."""
+
 
 Flexible = Mapping[str, Callable[[float | None, str], Deformable]]
 """Body that deforms -> its shapes, by where its axes are held [m], None: in the mean of its mass; and by those of x, y,
@@ -215,17 +219,29 @@ class _Maker:
         """The node that carries a point of a body, and where in its axes; of a body that deforms, a station."""
         x = float(side.at[0])
         if side.body in self.shapes and (side.body, x) not in self.stations:
-            frame = self.node_of[side.body]
-            node = self.node(STATION, frame, (), place=(x, 0.0, 0.0))
-            self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
-            self.nodes[node][COUNT] = self.shapes[side.body].count
-            self.nodes[node][AT] = self.stored(self.shapes[side.body].station(x))
-            self.stations[side.body, x] = node
+            self.stations[side.body, x] = self.station(side.body, x, self.shapes[side.body].station(x))
         return carried(self.node_of, self.stations, side)
+
+    def station(self, body: str, x: float, numbers: np.ndarray) -> int:
+        """Node of a point of a body that deforms."""
+        frame = self.node_of[body]
+        node = self.node(STATION, frame, (), place=(x, 0.0, 0.0))
+        self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
+        self.nodes[node][COUNT] = self.shapes[body].count
+        self.nodes[node][AT] = self.stored(numbers)
+        return node
 
     def section(self, side: Side) -> int:
         """Number of the section at a point of a body."""
         self.sections.append(self.on(side))
+        return len(self.sections) - 1
+
+    def mean(self, body: str, rises: bool) -> int:
+        """Number of the section in the mean of a body's places, by a load along it that falls or rises.
+
+        The mean is affine in the places, and so the load's power that of its sum there.
+        """
+        self.sections.append((self.station(body, *self.shapes[body].spread(rises)), np.zeros(3)))
         return len(self.sections) - 1
 
     def axis(self, side: Side, vector: np.ndarray) -> int:
@@ -390,9 +406,12 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
     mechanism = maker.mechanism
     forces, torques, springs, stiffness, twists, torsion = ([] for _ in range(6))
     for number, load in enumerate(mechanism.loads.values()):
-        for at, share in load.pushes:
-            turning = at if load.in_body else Side(GROUND, (0.0, 0.0, 0.0))
-            forces.append((maker.section(at), maker.axis(turning, share * load.direction), number))
+        for k, (at, share) in enumerate(load.pushes):
+            spread = load.is_spread and at.body in maker.shapes
+            section = maker.mean(at.body, rises=k > 0) if spread else maker.section(at)
+            turning = at if load.at is not None else Side(at.body, (0.0, 0.0, 0.0))
+            turning = turning if load.in_body else Side(GROUND, (0.0, 0.0, 0.0))
+            forces.append((section, maker.axis(turning, share * load.direction), number))
         if load.joint is not None:
             joint = mechanism.joints[load.joint]
             first, second = (maker.section(side) for side in joint.sides)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -14,6 +15,8 @@ from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.multibody.spatial_motion import SpatialMotion
 from kaneflex.multibody.spatial_sections import Deformed, deformed, section_frame
 from kaneflex.response.motion import Motion, Section
+from kaneflex.response.spatial_dalembert import SpatialBalance
+from kaneflex.response.spatial_deformation import rigid_section
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +84,16 @@ class SpatialCoupledMotion(Motion):
         between = self.model.scene.springs[name].torsional_at is None
         return self.rigid[f"{name}.{'tension' if between else 'torque'}"]
 
-    def _elastic_section(self, link: str, x: float) -> Section:
-        raise LookupError(link)
+    def section(self, link: str, x: float) -> Section:
+        if link in self._balances:
+            return cast(Section, self._balances[link].section(x))
+        return cast(Section, rigid_section(self.model.scene, self.rigid, link, x))
+
+    _elastic_section = section
+
+    @cached_property
+    def _balances(self) -> dict[str, SpatialBalance]:
+        return {body: SpatialBalance(self._moving, body) for body in self._moving.system.layout.shapes}
 
     def _deformed(self, body: str, at: tuple[float, ...]) -> Deformed:
         return deformed(self._moving, Side(body, at))

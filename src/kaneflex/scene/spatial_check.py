@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.scene import Scene, given_value, given_vectors
-from kaneflex.scene.sensors import SECTION_KINDS, Sensor
+from kaneflex.scene.sensors import Sensor
 from kaneflex.support.errors import Fault, Problem, SceneError
 
 _SENSORS = (
@@ -92,10 +92,6 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     for table in ("contacts", "events"):
         for name in getattr(scene, table):
             yield Problem(f"{table}.{name}", None, reason, cure)
-    for name, load in scene.loads.items():
-        if load.spread_on in scene.bodies and scene.bodies[load.spread_on].elastic and scene.solve.preset == "coupled":
-            why, right = "in space preset coupled has no such loads so far", "Let forces act on points"
-            yield Problem(f"loads.{name}.spread_on", load.spread_on, why, right)
     if scene.solve.preset == "paper":
         cure = "Choose rigid, quasistatic, linear, stiffened or coupled"
         yield Problem("solve.preset", scene.solve.preset, "only planar scenes have this preset so far", cure)
@@ -204,9 +200,6 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         key = f"sensors.{name}"
         if sensor.kind not in _SENSORS:
             yield Problem(f"{key}.{sensor.kind}", None, "only planar scenes have this so far", "Leave it out")
-        elif sensor.kind in SECTION_KINDS and scene.solve.preset == "coupled":
-            cure = "Read the force of a joint, cut the body there and weld it, or take preset stiffened"
-            yield Problem(f"{key}.{sensor.kind}", None, "in space preset coupled has no section forces so far", cure)
         elif sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
             what = "bends about" if sensor.kind == "bending_moment" else "is sheared along"
             yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or its z", "Give y or z")
