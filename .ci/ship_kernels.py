@@ -1,8 +1,8 @@
 """Add kernels compiled for this platform to a wheel: python .ci/ship_kernels.py WHEEL [SCENE ...]
 
-The wheel is installed into an environment of its own, which runs the scenes, all that it brings where none is named,
-with a cache of its own. What numba compiles of the package meanwhile goes into the wheel: see
-kaneflex.support.shipped_kernels.
+The wheel is installed into an environment of its own, which runs the scenes with a cache of its own; where none is
+named all that it brings, and the engine under every preset. What numba compiles of the package meanwhile goes into the
+wheel: see kaneflex.support.shipped_kernels.
 """
 
 import os
@@ -28,7 +28,7 @@ VARIANTS = {"engine": [[f"solve.preset={name}"] for name in ("rigid", "quasistat
 folder, *scenes = sys.argv[1:]
 with recording(Path(folder) / archive_name()):
     for name in scenes or shipped_scenes():
-        for settings in ([], *VARIANTS.get(name, ())):
+        for settings in ([], *(VARIANTS.get(name, ()) if not scenes else ())):
             solution = simulate(load(with_settings(read_scene(name), settings)))
             {each: solution.series[each] for each in solution.keys()}
             print(name, *settings, flush=True)
