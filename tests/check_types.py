@@ -19,7 +19,7 @@ BASELINE = {
     "peers": 23,
     "plots": 46,
     "report": 6,
-    "response": 57,
+    "response": 56,
     "scene": 87,
     "solve": 42,
     "study": 85,

@@ -147,9 +147,8 @@ class CoupledMotion(Motion):
         t = self.trajectory
         return tuple(part[:, rows].T for part in (t.q, t.v, t.a))
 
-    def nodes(self, link: str) -> Rates:
-        shapes = self.system.shapes[link].all
-        return tuple(shapes @ part for part in self.modal(link))
+    def nodes(self, link: str) -> np.ndarray:
+        return self.system.shapes[link].all @ self.modal(link)[0]
 
     def moving_place(self, body: str, at: tuple[float, float] = (0.0, 0.0)) -> Rates:
         """x, y [m] and section angle [rad] of a point, global, its deformation included; (3, n_times).

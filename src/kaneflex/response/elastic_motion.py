@@ -64,9 +64,8 @@ class ElasticMotion(Motion):
         local = self.rigid.frame(body).components(*(part[:2] for part in moved))
         return tuple(np.vstack([d, part[2]]) for d, part in zip(local, moved, strict=True))
 
-    def nodes(self, link: str) -> Rates:
-        found = self._deformed[link]
-        return found.q, found.q_rate, found.q_accel
+    def nodes(self, link: str) -> np.ndarray:
+        return self._deformed[link].q
 
     def reaction(self, name: str) -> np.ndarray:
         """Of the rigid mechanism where the equations don't balance at every instant."""

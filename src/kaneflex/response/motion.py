@@ -68,7 +68,7 @@ class Motion(ABC):
         """Displacement (x, y) and rotation of a point in its body's axes, and their rates there; each (3, n_times)."""
 
     @abstractmethod
-    def nodes(self, link: str) -> Rates:
+    def nodes(self, link: str) -> np.ndarray:
         """u, v, theta of an elastic link's nodes in the axes of its equations, less foreshortening; (3 n, n_times)."""
 
     @abstractmethod

@@ -74,7 +74,7 @@ class SpatialCoupledMotion(Motion):
         """The rigid mechanism at these instants."""
         return cast(CoupledKinematics, self._moving.motion).rigid.at(self.times)
 
-    def nodes(self, link: str) -> Rates:
+    def nodes(self, link: str) -> np.ndarray:
         raise LookupError(link)
 
     def reaction(self, name: str) -> np.ndarray:

@@ -193,7 +193,7 @@ def embedded(richer: Model, motion: ElasticMotion) -> np.ndarray:
     z = np.zeros((len(richer.coordinates), len(motion.times)))
     nodes, names = {}, SPATIAL_NODE if motion.model.scene.is_spatial else DOFS
     for name, link in motion.model.links.items():
-        q = motion.nodes(name)[0]
+        q = motion.nodes(name)
         places = (link.locate(x) for x in richer.links[name].nodes)
         n = link.dofs
         nodes[name] = [link.shape(e, local)[:n] @ q[n * e : n * (e + 2)] for e, local in places]

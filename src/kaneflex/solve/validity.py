@@ -61,7 +61,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     if not coupled:
         found += lost_stiffness(model, solution.times)
     motion = solution.motion
-    nodes = {name: motion.nodes(name)[0] for name in model.links}
+    nodes = {name: motion.nodes(name) for name in model.links}
     shares = {}
     for name, q in nodes.items():
         link = model.links[name]
@@ -308,7 +308,7 @@ def _loose(solution: Solution) -> list[str]:
     if solution.trajectory.steps == 0:
         return []
     allowed = model.options.tolerance * longest(model.scene)
-    moved = (np.delete(motion.nodes(name)[0], np.s_[2::3], axis=0) for name in model.links)
+    moved = (np.delete(motion.nodes(name), np.s_[2::3], axis=0) for name in model.links)
     largest = max((abs(series).max() for series in moved), default=0.0)
     if allowed <= LARGEST_ERROR * largest or largest == 0.0:
         return []
