@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from kaneflex import SceneError, load, read_scene, simulate
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top
-from kaneflex.report.presentation import description
+from kaneflex.report.checked import description
 from kaneflex.response.undersampling import between_steps
 
 PENDULUM = """
