@@ -1,15 +1,20 @@
 """Points of a sweep: the records of each alone, whatever the chunks, and those that fail among them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kaneflex.report.summary import sensor_summaries
+from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
-from kaneflex.solve.simulation import simulate
+from kaneflex.solve.simulation import simulate, solve
+from kaneflex.solve.solution import read_together
+from kaneflex.solve.variants import Variants
 from kaneflex.study.plan import Plan, make_plan
 from kaneflex.study.records import Record, solve_points
+from kaneflex.support.errors import SceneError
 
 STUDY = """
 scene = "engine"
@@ -57,6 +62,23 @@ def test_chunks_of_any_size_give_the_same_bits(solved, size):
             assert record.statistics == expected.statistics and record.labels == expected.labels
             for name, values in expected.series.items():
                 assert np.array_equal(record.series[name], values)
+
+
+def test_sensors_read_in_one_pass_are_those_of_each_run_and_one_without_a_value_harms_no_other():
+    variants = Variants(read_scene("engine"))
+    runs = [solve(variants.load([f"main.speed={rpm} rpm", "solve.steps=90"])) for rpm in (2000, 3000, 5000)]
+    lost = replace(runs[1].trajectory, z=np.full_like(runs[1].trajectory.z, np.inf))
+    broken = replace(runs[1], trajectory=lost)
+    with np.errstate(invalid="ignore"):
+        read_together(runs)
+        read_together(both := [replace(runs[2]), broken])
+        with pytest.raises(SceneError, match="no finite value at t = 0 s"):
+            _ = broken.series
+    for name, series in runs[2].series.items():
+        assert np.array_equal(both[0].series[name].values, series.values), name
+        alone = replace(runs[2]).series[name]
+        assert (series.unit, series.meaning) == (alone.unit, alone.meaning)
+        np.testing.assert_allclose(series.values, alone.values, rtol=0, atol=1e-14 * abs(alone.values).max())
 
 
 def test_an_unstable_point_is_recorded_with_its_reason_and_disturbs_no_other(tmp_path):

@@ -75,16 +75,11 @@ class View:
 
     @cached_property
     def drive(self) -> str | None:
-        """The drive whose angle is the abscissa: the one with the cycle that the run covers, where it turns one way."""
+        """The drive whose angle is the abscissa: the one with the cycle that the run covers, where it turns."""
         scene = self.solution.model.scene
         if not self.solution.model.options.cycles:
             return None
-        return next((name for name, drive in scene.drives.items()
-                     if drive.period and not scene.slides(name) and self._turns_one_way(name)), None)  # fmt: skip
-
-    def _turns_one_way(self, drive: str) -> bool:
-        steps = np.diff(self.rigid[f"{drive}.angle"])
-        return bool((steps > 0.0).all() or (steps < 0.0).all())
+        return next((name for name, drive in scene.drives.items() if drive.period and not scene.slides(name)), None)
 
     @cached_property
     def _time(self) -> tuple[float, str]:

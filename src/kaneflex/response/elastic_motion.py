@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +16,9 @@ from kaneflex.response.deformation import Deformation, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
 from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.response.reactions import consistent_reactions, spring_tension
+
+_BLOCK = 16
+"""Instants that a product of matrices computes at once, or a multiple of them; what is left may round otherwise."""
 
 
 def elastic_motion(
@@ -88,3 +91,34 @@ class ElasticMotion(Motion):
     @cached_property
     def _reactions(self) -> dict[str, np.ndarray]:
         return consistent_reactions(self.model, self.rigid, self.coordinates, self._displaced.links)
+
+
+@dataclass(frozen=True, eq=False)
+class Consecutive(ElasticMotion):
+    """Motions of models with the same equations as one, to be read in one pass: each begins after another's end.
+
+    ``instants`` are those of ``parts`` by their numbers, each of which is filled up with its last one: what products of
+    matrices round to then does not depend on the parts beside it.
+    """
+
+    parts: Sequence[ElasticMotion]
+    instants: np.ndarray
+
+    @classmethod
+    def of(cls, parts: Sequence[ElasticMotion]) -> Consecutive:
+        counts = np.array([len(part.times) for part in parts])
+        filled, ends = counts + -counts % _BLOCK, np.cumsum(counts)
+        at = np.arange(filled.sum()) - np.repeat(np.cumsum(filled) - filled - (ends - counts), filled)
+        at = np.minimum(at, np.repeat(ends - 1, filled))
+        rigid = (np.concatenate([getattr(part.rigid, name) for part in parts])[at] for name in ("times", "values"))
+        series = zip(*(part.coordinates for part in parts), strict=True)
+        z, v, a = (np.concatenate(each, axis=1)[:, at] for each in series)
+        return cls(parts[0].model, RigidMotion(parts[0].rigid.motion, *rigid), (z, v, a), parts, at)
+
+    def turned(self, body: str) -> np.ndarray:
+        return np.concatenate([part.turned(body) for part in self.parts])[self.instants]
+
+    def apart(self, values: np.ndarray) -> list[np.ndarray]:
+        """A series of this motion as those of its parts."""
+        ends = np.cumsum([len(part.times) for part in self.parts])
+        return np.split(values[np.diff(self.instants, prepend=-1) > 0], ends[:-1])

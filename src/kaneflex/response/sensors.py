@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 
 from kaneflex.mechanism.body_frame import Rates, rotate_back
+from kaneflex.response.elastic_motion import Consecutive, ElasticMotion
 from kaneflex.response.motion import Motion, Section
 from kaneflex.response.section_forces import joint_force
 from kaneflex.scene.quantities import Address
@@ -40,6 +41,16 @@ def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Ser
             meaning = f"{meaning}, of the rigid mechanism"
             measured[f"{name}_rigid"] = Series(reader.read_rigid(sensor), sensor.unit, meaning)
     return measured
+
+
+def measure_together(motions: Sequence[ElasticMotion]) -> list[dict[str, Series]]:
+    """:func:`measure` of motions of models with the same equations and sensors, in one pass over all of them."""
+    whole = Consecutive.of(motions)
+    found: list[dict[str, Series]] = [{} for _ in motions]
+    for name, series in measure(whole).items():
+        for each, values in zip(found, whole.apart(series.values), strict=True):
+            each[name] = Series(values, series.unit, series.meaning)
+    return found
 
 
 def sensor_values(motion: Motion, sensor: Sensor) -> np.ndarray:
