@@ -102,11 +102,8 @@ class Grid:
         return float(np.sqrt(squares[np.isfinite(squares)].max(initial=0.0)))
 
     def rates(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """z' and z'' at the instants of the trigonometric polynomial through z (n, N)."""
-        harmonics, rate = np.fft.rfft(z, axis=1), 1j * self.frequencies
-        slow, fast = harmonics * rate, harmonics * rate**2
-        slow[:, -1] = 0.0  # the highest harmonic of an even number has no derivative at the instants
-        return np.fft.irfft(slow, self.instants, axis=1), np.fft.irfft(fast, self.instants, axis=1)
+        """See :func:`rates`."""
+        return rates(z, self.omega)
 
     def corrected(
         self, z: np.ndarray | None, tolerance: float, share: float = 0.0, over_tail: float = _OVER_TAIL,
@@ -132,6 +129,15 @@ class Grid:
             factor = (left[-1] / left[0]) ** (1.0 / (len(left) - 1))
             reason = f"a correction leaves {factor:.2f} of the remainder"
         return Orbit(self, found, len(left) - 1, left[-1], tail, reason)
+
+
+def rates(z: np.ndarray, omega: float) -> tuple[np.ndarray, np.ndarray]:
+    """z' and z'' at the instants of the trigonometric polynomials through z (n, N), with 2 pi / period [rad/s]."""
+    instants = z.shape[1]
+    harmonics, rate = np.fft.rfft(z, axis=1), 1j * omega * np.arange(instants // 2 + 1)
+    slow, fast = harmonics * rate, harmonics * rate**2
+    slow[:, -1] = 0.0  # the highest harmonic of an even number has no derivative at the instants
+    return np.fft.irfft(slow, instants, axis=1), np.fft.irfft(fast, instants, axis=1)
 
 
 def _modes(n: int, w: int, sums: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

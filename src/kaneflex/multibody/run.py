@@ -108,14 +108,20 @@ def by_themselves(
     return CoupledTrajectory(times, q, v, a, multipliers, energy, zero, zero, *ended)
 
 
-def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
-    """q and v of the undeformed bodies at the first time of a rigid motion."""
-    q, v = np.zeros(system.size), np.zeros(system.size)
+def rigid_states(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
+    """q and v (n_times, size) of the undeformed bodies of a rigid motion, their angles without jumps."""
+    q, v = np.zeros((2, len(rigid.times), system.size))
     for name, k in system.start.items():
-        c, s = rigid[f"{name}.c"][0], rigid[f"{name}.s"][0]
-        q[k : k + BODY] = rigid[f"{name}.x"][0], rigid[f"{name}.y"][0], np.arctan2(s, c)
-        v[k : k + BODY] = rigid[f"{name}.v_x"][0], rigid[f"{name}.v_y"][0], rigid[f"{name}.omega"][0]
+        turn = np.unwrap(np.arctan2(rigid[f"{name}.s"], rigid[f"{name}.c"]))
+        q[:, k : k + BODY] = np.column_stack([rigid[f"{name}.x"], rigid[f"{name}.y"], turn])
+        v[:, k : k + BODY] = np.column_stack([rigid[f"{name}.{rate}"] for rate in ("v_x", "v_y", "omega")])
     return q, v
+
+
+def rigid_state(system: CoupledSystem, rigid: RigidMotion) -> tuple[np.ndarray, np.ndarray]:
+    """The same at the first time."""
+    q, v = rigid_states(system, rigid)
+    return q[0], v[0]
 
 
 Stop = Callable[[CoupledTrajectory], bool]

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from kaneflex.integrate.outcome import Outcome
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.orbit import orbit_start
 from kaneflex.multibody.returning import returning
 from kaneflex.multibody.rigid_twin import FollowedKinematics, TwinKinematics
-from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state
+from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state, rigid_states
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.response.coupled_motion import CoupledMotion
 from kaneflex.scene import Scene
@@ -31,6 +33,9 @@ _CYCLES = 100
 """Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
 _REPEATS = 1e-5
 """Change of the deformation over a cycle, against its largest value, below which it repeats."""
+
+_HARMONICS = 1e-6
+"""The same of a start that is found by harmonics."""
 
 
 def simulate_coupled(
@@ -51,7 +56,8 @@ def simulate_coupled(
         return happens(as_solution(model, part, 0.0), stops)
 
     if options.start == "periodic":
-        trajectory = _periodic(system, q, v, times, method, progress)
+        start = orbit_start(system, partial(_undeformed, model, q), 0.0, float(times[-1]), _HARMONICS)
+        trajectory = _periodic(system, *(start or (q, v)), times, method, progress)
     else:
         trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
     return as_solution(model, trajectory, time.perf_counter() - started)
@@ -181,11 +187,23 @@ def _settled(model: Model, q: np.ndarray, rigid: RigidMotion) -> np.ndarray:
     )
 
 
+def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """q and v (n_times, size) of the undeformed bodies, each with as many whole turns as in ``first`` (size,)."""
+    system = model.coupled
+    assert system is not None
+    q, v = rigid_states(system, model.motion.at(times))
+    turns = [k + 2 for k in system.start.values()]
+    q[:, turns] += 2.0 * math.pi * np.round((first[turns] - q[0, turns]) / (2.0 * math.pi))
+    return q, v
+
+
 def _periodic(
     system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method,
     progress: Callable[[float], None] | None,
 ) -> CoupledTrajectory:  # fmt: skip
     """Cycle after cycle until the deformation repeats, each from where Newton's method has the last one's end lead to.
+
+    The first one does where it begins on the motion's harmonics.
 
     The tangent is that of the first cycle, mended by every further one (Broyden 1965); where it is none, or leads away,
     a cycle goes on from the end of the last one.
