@@ -82,10 +82,12 @@ def _sensor(sensor, raw, name):
     entry.pop("body", None)
     moving = sensor.kind in ("displacement", "velocity", "acceleration", "position", "joint_force")
     of_joint = sensor.kind == "position" and "." not in str(sensor.target)
-    if sensor.kind == "strain" or (moving and sensor.axes == "global") or of_joint:
+    if (moving and sensor.axes == "global") or of_joint:
         return None
     if sensor.kind in ("shear_force", "bending_moment"):
         entry["component"] = {"shear_force": "y", "bending_moment": "z"}[sensor.kind]
+    elif sensor.kind == "strain":
+        entry["fibre"] = [sensor.fibre, 0.0]
     elif sensor.component == "angle" and moving:
         entry["component"] = "angle_z"
     return entry

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from command_line import cli
 
+from kaneflex.solve.validity import FEWEST_STEPS
+
 PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", TEXT, flags=re.DOTALL) for line in block.splitlines()]
@@ -22,14 +24,14 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def outputs(folder) -> dict[str, str]:
-    """What each command of the page prints, run one after the other in one folder."""
+    """What each command of the page prints, on stderr too, run one after the other in one folder."""
     found = {}
     for command in COMMANDS:
         program, *arguments = shlex.split(command)
         assert program == "kaneflex"
         result = cli(*arguments)
         assert result.exit_code == 0, (command, result.output)
-        found[command] = result.stdout
+        found[command] = result.output
     return found
 
 
@@ -37,7 +39,7 @@ def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
     pictures = {"press.png", "engine.svg", "explored.png"}
     assert files == pictures | {"press.toml", "engine.npz", "engine.mat", "engine.tex", "engine-c", "modal", "moved"}
-    used = {"new", "show", "explore", "linearise", "equations", "derive", "modes", "run"}
+    used = {"new", "show", "check", "explore", "linearise", "equations", "derive", "modes", "run"}
     assert {command.split()[1] for command in outputs} == used
 
 
@@ -59,6 +61,15 @@ def test_the_count_is_printed_as_the_page_shows_it(outputs):
     first = printed.index(expected[0])
     assert printed[first : first + len(expected)] == expected
     assert printed[first + len(expected)] == "where it is shown"  # the joints' places follow, as the page says
+
+
+def test_check_says_what_the_page_shows(outputs):
+    section = TEXT[TEXT.index("## What to doubt before a run") : TEXT.index("## Sliders")]
+    shown = re.findall(r"^    (.*)$", section, flags=re.MULTILINE)
+    (command,) = (command for command in COMMANDS if " check " in command)
+    assert len(shown) == 4 and {*shown} <= {*outputs[command].splitlines()}
+    limits = re.findall(r"^\| (\w+): .* \| .* \|$", section, flags=re.MULTILINE)
+    assert (limits.count("Warning"), limits.count("Note")) == (7, 2) and f"fewer than {FEWEST_STEPS:g}" in section
 
 
 def test_the_file_has_the_names_of_the_table(outputs):

@@ -20,7 +20,7 @@ from kaneflex.multibody.run import Method, Run, integrate
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.plots import motion, sensors
 from kaneflex.plots.style import styled
-from kaneflex.report.presentation import description
+from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
 from kaneflex.scene.read import read_scene
 

@@ -11,7 +11,7 @@ from scipy.special import ellipk
 
 import kaneflex
 from kaneflex.multibody import tables as at
-from kaneflex.report.presentation import description
+from kaneflex.report.checked import description
 from kaneflex.report.summary import summarise
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.solve.coupled import beginning

@@ -264,6 +264,7 @@ torsion = {torsional_moment = "arm.mid"}
 shear = {shear_force = "arm.mid", component = "z"}
 pull = {axial_force = "arm.start"}
 bent = {bending_moment = "arm.start", component = "y"}
+gauge = {strain = "arm.mid", fibre = ["4 mm", "-5 mm"]}
 place = {position = "fork.end", component = "x"}
 speed = {velocity = "arm.end", component = "z"}
 accel = {acceleration = "arm.end", component = "x", axes = "body"}
@@ -282,7 +283,7 @@ def test_sections_rotations_and_rates_of_an_elastic_arm(peer, tmp_path):
     peer("exudyn")
     soft = elastic_shares(scene_of(tmp_path, CANTILEVER), 16, 180)
     stiff = elastic_shares(scene_of(tmp_path, CANTILEVER.replace("70 GPa", "560 GPa")), 16, 180)
-    assert len(stiff) == 14 and all(share < 0.02 for share in stiff.values())
+    assert len(stiff) == 15 and all(share < 0.02 for share in stiff.values())
     assert all(4 * stiff[each] < soft[each] < 0.06 for each in ("motor", "moment", "shear", "place"))
 
 

@@ -33,7 +33,7 @@ SETTINGS = {
     "rigid": ("solve.steps=144", "solve.preset=rigid"),
 }
 ALL = tuple(SETTINGS)
-CYCLE = {"loads", "motion", "modes", "nodal_displacements", "mid_rod", "surfaces_rod", "sensors"}
+CYCLE = {"loads", "motion", "paths", "modes", "nodal_displacements", "mid_rod", "surfaces_rod", "sensors"}
 OF_ROD = {"mid_rod", "surfaces_rod"}
 EXPECTED = {
     "engine": CYCLE,
@@ -41,7 +41,7 @@ EXPECTED = {
     "engine-3": CYCLE - OF_ROD | {f"{picture}_{k}" for picture in OF_ROD for k in (1, 2, 3)},
     "engine-transient": CYCLE | {"records", "spectra"},
     "engine-rig": CYCLE - {"loads"} | {"records", "spectra"},
-    "rigid": {"loads", "motion", "sensors"},
+    "rigid": {"loads", "motion", "paths", "sensors"},
 }  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def test_every_panel_has_a_title_and_units_on_its_axes(name):
 def test_panels_with_several_curves_have_a_legend_that_names_each(name):
     for picture, axes in panels(name):
         names = axes.get_legend_handles_labels()[1]
-        if picture not in ("modes", "spectra") and len(names) > 1:
+        if picture not in ("modes", "paths", "spectra") and len(names) > 1:
             assert [text.get_text() for text in axes.get_legend().get_texts()] == names, (picture, axes.get_title())
             assert len(set(names)) == len(names) or picture == "records"
 

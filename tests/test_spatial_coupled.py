@@ -228,6 +228,7 @@ profile = [1, -0.4]
 tension = {{axial_force = "rod.mid"}}
 shear = {{shear_force = "rod.mid"}}
 moment = {{bending_moment = "rod.mid"}}
+gauge = {{strain = "rod.mid", fibre = "2 mm"}}
 root_tension = {{axial_force = "rod.start"}}
 root_moment = {{bending_moment = "rod.start"}}
 """)

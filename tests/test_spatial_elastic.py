@@ -106,6 +106,7 @@ tip = {{displacement = "leg.end", component = "z", axes = "global"}}
 torque = {{torsional_moment = "arm.mid"}}
 bending = {{bending_moment = "arm.start", component = "y"}}
 shear = {{shear_force = "arm.mid", component = "z"}}
+gauge = {{strain = "arm.start", fibre = ["3 mm", "8 mm"]}}
 root_force = {{joint_force = "root", component = "z"}}
 root_moment = {{joint_force = "root", component = "angle_y"}}
 corner_moment = {{joint_force = "corner", component = "angle_x"}}
@@ -124,7 +125,7 @@ def test_a_bent_frame_bends_and_twists(tmp_path):
     EI, GJ = E * math.pi * d**4 / 64, G * math.pi * d**4 / 32
     wanted = {
         "tip": P * (long**3 + h**3) / (3 * EI) + P * h**2 * long / GJ, "torque": P * h, "bending": P * long,
-        "shear": P, "root_force": -P, "root_moment": P * long, "corner_moment": -P * h,
+        "shear": P, "gauge": -0.008 * P * long / EI, "root_force": -P, "root_moment": P * long, "corner_moment": -P * h,
     }  # fmt: skip
     signs = {"bending": -1.0}  # M_y = -E I_y w''
     for sensor, value in wanted.items():

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from kaneflex import SceneError, load, read_scene, simulate
 from kaneflex.cli import main
 from kaneflex.generated import spinning_top
-from kaneflex.report.presentation import description
+from kaneflex.report.checked import description
 from kaneflex.response.undersampling import between_steps
 
 PENDULUM = """
@@ -65,6 +65,8 @@ def scene_of(tmp_path, *changes):
         ('{position = "hinge", component = "angle"}', '{velocity = "hinge", component = "angle_y"}',
          r"sensors.angle.component = 'angle_y'.*not that joint's coordinate"),
         ("[solve]", '[contacts]\nstop = {between = ["ground", "bar.end"], kind = "point-line"}\n[solve]', r"contacts"),
+        ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = "5 mm"}',
+         r"sensors.gauge.fibre = 0.005.*Give both, like"),
         ("[joints]", '[bodies.loose]\nmass = 1\n[joints]', r"bodies.loose: nothing holds it, nor says where it is"),
         ("[joints]", "[joints]\nother = {revolute = ['ground', 'bar.start'], axis = [1, 0, 0]}",
          r"drives.hinge = 'free': joints and drives leave the mechanism no freedom"),
@@ -88,6 +90,8 @@ PLANAR = (
         ("mass", "rotation = {axis = [0, 1], angle = 1}\nmass", r"bodies.bar.rotation.*turns by its joints alone"),
         ('"bar.start"]', '"bar.start"], axis = [0, 1]', r"joints.hinge.axis.*planar joints turn across the plane"),
         ("free = true", "free = true, angular_velocity = [1, 2]", r"drives.hinge.angular_velocity"),
+        ('angle = {position = "hinge", component = "angle"}', 'gauge = {strain = "bar.end", fibre = ["5 mm", 0]}',
+         r"sensors.gauge.fibre.*a planar beam bends in one plane"),
         ("free = true", "free = true, initial_speeds = [1, 2]", r"drives.hinge.initial_speeds: a planar joint has one"),
     ],
 )

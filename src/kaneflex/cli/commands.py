@@ -138,9 +138,11 @@ def _print_schema(ctx: click.Context, parameter: click.Parameter, wanted: bool) 
 def check(asked: SceneArguments) -> None:
     """Say what SCENE is and whether it can be run; nothing is solved.
 
-    Every entry is checked, and the linkage is closed over the whole range of its drives.
+    Every entry is checked, and the linkage is closed over the whole range of its drives. How far its joints go, how
+    near its loops come to dead centres and how many freedoms it has, by count and by rank, is printed. What a run
+    would warn of is warned of, such as a rod a thousand times its crank; what may be meant is noted.
     """
-    from kaneflex.report.presentation import description
+    from kaneflex.report.checked import description, notes, warnings
     from kaneflex.solve.loading import load
     from kaneflex.support.terminal import Waiting
 
@@ -148,8 +150,10 @@ def check(asked: SceneArguments) -> None:
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
     click.echo(description(model))
-    for warning in model.warnings:
+    for warning in warnings(model):
         click.echo(f"Warning: {warning}", err=True)
+    for note in notes(model):
+        click.echo(f"Note: {note}", err=True)
 
 
 @main.command()

@@ -35,11 +35,12 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
 
     Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
     """
-    from kaneflex.fem.mobility import count_freedom, elastic_coordinates
+    from kaneflex.fem.mobility import count_freedom, elastic_coordinates, mobility_by_rank
+    from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place, with_branches
     from kaneflex.mechanism.reach import followed, reach_lines
-    from kaneflex.report.presentation import block, mobility_lines, parts
+    from kaneflex.report.presentation import block, closing_lines, mobility_lines, parts
     from kaneflex.support.atomic_output import write_bytes
 
     scene = asked.read()
@@ -56,13 +57,25 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
     except SceneError as error:
         click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
         elastic = None
-    click.echo(mobility_lines(count_freedom(mechanism_of(scene)), elastic))
-    scene = with_branches(scene)
-    placement = place(scene, at)
+    count = count_freedom(mechanism_of(scene))
+    try:
+        scene = with_branches(scene)
+        placement = place(scene, at)
+    except SceneError:
+        click.echo(mobility_lines(count, elastic))  # what says why it can't be placed
+        raise
+    here = {name: pose[:, None] for name, pose in placement.poses.items()}
+    courses = here if at else followed(scene, placement)
+    by_rank = None if scene.is_frame else mobility_by_rank(mechanism_of(scene), courses)
+    click.echo(mobility_lines(count, elastic, by_rank))
     if not scene.is_frame:
-        courses = {name: pose[:, None] for name, pose in placement.poses.items()} if at else followed(scene, placement)
         several = len(next(iter(courses.values()))[0]) > 1
-        click.echo(block("over the run" if several else "where it is shown", reach_lines(scene, courses)))
+        found = closings(scene, courses)
+        lines = reach_lines(scene, courses) | closing_lines(found)
+        click.echo(block("over the run" if several else "where it is shown", lines))
+        for each in found:
+            if each.note:
+                click.echo(f"Note: {each.note}", err=True)
     from kaneflex.plots.scheme import scheme_picture
 
     write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))

@@ -14,6 +14,7 @@ from kaneflex.mechanism.mechanism import NumericMechanism
 from kaneflex.mechanism.parts import Mechanism
 from kaneflex.mechanism.planar import GROUND
 from kaneflex.mechanism.position_analysis import Placement
+from kaneflex.mechanism.reach import Courses
 from kaneflex.scene import Scene
 from kaneflex.support.errors import SceneError
 
@@ -79,6 +80,23 @@ def count_freedom(mechanism: Mechanism) -> Freedom:
     )
 
 
+def mobility_by_rank(mechanism: NumericMechanism, courses: Courses) -> int:
+    """Freedoms that the joints leave the bodies where they stand, drives left out: 3 bodies less the largest rank of
+    the constraints' Jacobian at some instants of a motion."""
+    bodies, joints = [*mechanism.bodies], [*mechanism.joints]
+    if not joints:
+        return 3 * len(bodies)
+    count, ranks = courses[bodies[0]].shape[1], []
+    for k in sorted({round(share * (count - 1)) for share in (0.0, 0.13, 0.29, 0.41, 0.58, 0.77)}):
+        poses = {GROUND: np.zeros(3)} | {name: course[:, k] for name, course in courses.items()}
+        jacobian = Constraints(mechanism, {}).jacobian(poses, bodies, joints)
+        jacobian[:, 2::3] /= mechanism.size
+        ranks.append(int(np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2))))
+    return 3 * len(bodies) - max(ranks)
+
+
+_HELD = 1e-7
+"""Share of the largest singular value below which rows of joints say the same where the bodies were placed."""
 _IN_WORDS = {
     "force_x": "across x", "force_y": "across y", "moment": "in rotation", "normal": "across its guide",
     "drive": "by its drive",
@@ -192,17 +210,12 @@ def check_held_twice(mechanism: NumericMechanism, placement: Placement, spare: S
     SceneError
         Naming the rows ``spare`` where the joints lock the mechanism at its first place.
     """
-    bodies, joints = [*mechanism.bodies], [*mechanism.joints]
-    jacobian = Constraints(mechanism, {}).jacobian({GROUND: np.zeros(3), **placement.poses}, bodies, joints)
-    jacobian[:, 2::3] /= mechanism.size
-    free = jacobian.shape[1] - np.linalg.matrix_rank(jacobian, tol=_HELD * np.linalg.norm(jacobian, 2))
+    free = mobility_by_rank(mechanism, {name: pose[:, None] for name, pose in placement.poses.items()})
     if free < len(mechanism.drives):
         reason, cure = _in_words(mechanism, spare, (), ())
         raise SceneError("joints", None, f"{reason}; where it starts they let nothing move", cure)
 
 
-_HELD = 1e-7
-"""Share of the largest singular value below which rows of joints say the same where the bodies were placed."""
 _REGULAR = 1e-6
 """Share of the largest singular value that the least one has where none of the rows is taken for dependent."""
 _DEPENDENT = 1e-9

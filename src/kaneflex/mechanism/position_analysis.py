@@ -8,7 +8,7 @@ dyad's two solutions the branch of the joint that closes its loop chooses, as th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,7 +17,7 @@ import numpy as np
 from kaneflex.mechanism.joints import Constraints, Poses
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import Joint
-from kaneflex.mechanism.planar import GROUND, Pose, cross, dot, minus, pose_at
+from kaneflex.mechanism.planar import GROUND, BodyPoint, Pose, cross, dot, minus, pose_at
 from kaneflex.scene import Scene
 from kaneflex.scene.drives import Drive
 from kaneflex.scene.laws import parse_law
@@ -109,13 +109,7 @@ def with_branches(scene: Scene) -> Scene:
 
 def larger_group(mechanism: NumericMechanism) -> tuple[str, ...]:
     """The first bodies that are neither driven or welded nor a dyad, whose loop has no closed form; or none."""
-    placed = _standing(mechanism)
-    while len(placed) <= len(mechanism.bodies):
-        group = _next_group(mechanism, placed)
-        if _is_larger(group, _joints_of(mechanism, placed, group)):
-            return group
-        placed |= dict.fromkeys(group, _GROUND)
-    return ()
+    return next((group for group, joints, _ in closing_groups(mechanism) if _is_larger(group, joints)), ())
 
 
 def coordinate_at(drive: Drive, t: float) -> float:
@@ -276,29 +270,68 @@ def _on_branch(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequ
     return closing is None or side is None or side * closing.branch >= 0.0
 
 
+@dataclass(frozen=True)
+class Dyad:
+    """Two bodies that three joints place: the middle one between them, and by ``outer`` ones each on what stands.
+
+    ``pivots`` are the sides of the outer joints on what stands, in the order of the middle joint's bodies.
+    """
+
+    middle: Joint
+    outer: tuple[Joint, Joint]
+    pivots: tuple[BodyPoint, BodyPoint]
+
+    @property
+    def kinds(self) -> tuple[str, str, str]:
+        """Of its joints from one pivot to the other."""
+        return self.outer[0].kind, self.middle.kind, self.outer[1].kind
+
+    @property
+    def guide(self) -> int | None:
+        """Which of the outer joints is a guide, where a pin is in the middle and the other one is a pin, too."""
+        slider = sorted(self.kinds[::2]) == ["prismatic", "revolute"] and self.kinds[1] == "revolute"
+        return self.kinds[::2].index("prismatic") if slider else None
+
+
+def closing_groups(mechanism: NumericMechanism) -> Iterator[tuple[tuple[str, ...], list[Joint], Dyad | None]]:
+    """Groups of bodies in the order in which they are placed, the joints around them, and the dyad that they are."""
+    placed = _standing(mechanism)
+    while len(placed) <= len(mechanism.bodies):
+        group = _next_group(mechanism, placed)
+        joints = _joints_of(mechanism, placed, group)
+        yield group, joints, _dyad_of(placed, group, joints)
+        placed |= dict.fromkeys(group, _GROUND)
+
+
+def _dyad_of(placed: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> Dyad | None:
+    between = [joint for joint in joints if {*joint.bodies} == {*group}]
+    outer = [joint for joint in joints if joint not in between]
+    if len(group) != 2 or len(between) != 1 or len(outer) != 2:
+        return None
+    (middle,) = between
+    first, last = sorted(outer, key=lambda joint: middle.first.body not in joint.bodies)
+    start, end = (next(side for side in joint.sides if side.body in placed) for joint in (first, last))
+    return Dyad(middle, (first, last), (start, end))
+
+
 def _side_of_dyad(placed: Poses, poses: Poses, group: tuple[str, ...], joints: Sequence[Joint]) -> float | None:
     """A number whose sign is the branch of a dyad (see the functions of kaneflex.derive.closure); None for others.
 
     Slider: the rod's span along the guide. Three revolutes: the middle joint to the left of the line between the
     pivots. Lever: the slider ahead of the lever's pivot.
     """
-    between = [joint for joint in joints if {*joint.bodies} == {*group}]
-    outer = [joint for joint in joints if joint not in between]
-    if len(group) != 2 or len(between) != 1 or len(outer) != 2:
+    dyad = _dyad_of(placed, group, joints)
+    if dyad is None:
         return None
-    (middle,) = between
-    outer = sorted(outer, key=lambda joint: middle.first.body not in joint.bodies)
-    kinds = (outer[0].kind, middle.kind, outer[1].kind)
+    middle = dyad.middle
     stands = {name: pose_at(*pose.tolist()) for name, pose in poses.items()}
-    pivots = [next(side for side in joint.sides if side.body in placed) for joint in outer]
-    start, end = (stands[pivot.body].place(pivot.at) for pivot in pivots)
+    start, end = (stands[pivot.body].place(pivot.at) for pivot in dyad.pivots)
     head = stands[middle.first.body].place(middle.first.at)
-    if kinds == ("revolute", "revolute", "revolute"):
+    if dyad.kinds == ("revolute", "revolute", "revolute"):
         return cross(minus(end, start), minus(head, start))
-    if kinds == ("revolute", "prismatic", "revolute"):
+    if dyad.kinds == ("revolute", "prismatic", "revolute"):
         return dot(stands[middle.first.body].turn(middle.direction), minus(end, start))
-    if sorted(kinds[::2]) == ["prismatic", "revolute"] and middle.kind == "revolute":
-        guide = next(joint for joint in outer if joint.slides)
-        foot = start if outer[0].kind == "revolute" else end
+    if dyad.guide is not None:
+        guide, foot = dyad.outer[dyad.guide], end if dyad.guide == 0 else start
         return dot(stands[guide.first.body].turn(guide.direction), minus(head, foot))
     return None

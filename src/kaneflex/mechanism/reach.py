@@ -37,22 +37,36 @@ def courses_of(scene: Scene, rigid: RigidMotion) -> Courses:
 
 
 def followed(scene: Scene, placement: Placement) -> Courses:
-    """Those of the run, by numbers alone; of one instant where a joint is free or the linkage locks on the way."""
+    """Those of the run, by numbers alone; of one instant where a joint is free, joints and drives don't determine the
+    motion by their count, or the linkage locks on the way."""
     from kaneflex.mechanism.closure_continuation import follow
 
     here = {name: pose[:, None] for name, pose in placement.poses.items()}
+    mechanism = mechanism_of(scene)
+    held = len(mechanism.drives) + sum(len(joint.rows) for joint in mechanism.joints.values())
     if scene.is_frame or not scene.drives or any(drive.free for drive in scene.drives.values()):
         return here
-    turning = {name: abs(drive.speed) for name, drive in scene.drives.items() if drive.speed and not scene.slides(name)}
-    steady = all(scene.drives[name].kind == "constant speed" for name in turning) and len(scene.drives) == len(turning)
-    horizon = min(scene.horizon, math.tau / min(turning.values())) if steady else scene.horizon
-    turns = max(turning.values(), default=0.0) * horizon / math.tau
-    times = np.linspace(0.0, horizon, min(_MOST, max(_TURN, math.ceil(_TURN * turns))) + 1)
+    if held != 3 * len(mechanism.bodies):
+        return here
+    times = instants(scene)
     try:
         poses = follow(scene, times, lambda t: {name: coordinate_at(drive, t) for name, drive in scene.drives.items()})
     except SceneError:
         return here  # loading says where it locks
     return {name: poses[:, k].T for k, name in enumerate(scene.bodies)}
+
+
+def instants(scene: Scene) -> np.ndarray:
+    """Times [s] of a run at which it is looked where the mechanism goes: of one turn where that repeats itself, so that
+    no even number of samples a turn falls on the same places again and again."""
+    drives, horizon = scene.drives, scene.horizon
+    turning = [abs(drive.speed) for name, drive in drives.items() if drive.speed and not scene.slides(name)]
+    slowest = min(turning, default=0.0)
+    steady = all(drive.kind == "constant speed" for drive in drives.values()) and len(turning) == len(drives) > 0
+    if steady and all(math.isclose(speed / slowest, round(speed / slowest)) for speed in turning):
+        horizon = min(horizon, math.tau / slowest)
+    turns = max(turning, default=0.0) * horizon / math.tau
+    return np.linspace(0.0, horizon, min(_MOST, max(_TURN, math.ceil(_TURN * turns))) + 1)
 
 
 def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
@@ -61,7 +75,7 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
     for name, joint in mechanism_of(scene).joints.items():
         if joint.kind == "weld":
             continue
-        course = coordinate(joint, *(_pose(courses, side.body).section(side.at) for side in joint.sides))
+        course = coordinate(joint, *(pose_over(courses, side.body).section(side.at) for side in joint.sides))
         if joint.slides:
             course = 1e3 * course
             found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
@@ -78,7 +92,8 @@ def _range(course: np.ndarray) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _pose(courses: Courses, body: str) -> Pose:
+def pose_over(courses: Courses, body: str) -> Pose:
+    """Where a body or the ground stands over the motion."""
     return pose_at(*(np.zeros((3, 1)) if body == GROUND else courses[body]), cos=np.cos, sin=np.sin)
 
 

@@ -150,8 +150,7 @@ class DeformingKinematics(SpatialKinematics):
     """ARMS that no equation determines: they are left out."""
 
     def table(self, times: np.ndarray) -> np.ndarray:
-        bare = SpatialKinematics(replace(self.module, more=(), open_reactions=frozenset()), self.parameters, self.curve)
-        rigid = bare.at(times)
+        rigid = self.bare.at(times)
         out = np.hstack([rigid.values, self.deforming.table(rigid)])
         out[:, [self.column[name] for name in self.arms]] = 0.0
         out[:, [self.column[name] for name in self.module.open_reactions if name in self.column]] = np.nan

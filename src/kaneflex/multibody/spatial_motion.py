@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
 from kaneflex.multibody.spatial_curves import Curve
@@ -234,6 +235,12 @@ class SpatialKinematics(RigidKinematics):
             out[k, columns] = system.magnitudes(t, coordinates[k], speeds[k])
         return SpatialMotion(self, times, out)
 
+    @property
+    def bare(self) -> SpatialKinematics:
+        """The same without the scalars that elastic bodies read of it."""
+        module = replace(self.module, more=(), open_reactions=frozenset())
+        return SpatialKinematics(module, self.parameters, self.curve)
+
     def at(self, times: np.ndarray | float) -> SpatialMotion:
         """The rigid motion at ``times`` [s], scalar by name."""
         times = np.atleast_1d(np.asarray(times, dtype=float))
@@ -254,6 +261,19 @@ class SpatialMotion(RigidMotion):
     def frame(self, body: str) -> SpatialFrame:  # type: ignore[override]
         """The axes of a body, or of the ground."""
         return SpatialFrame(self, body)
+
+
+def firmness(motion: SpatialKinematics, times: np.ndarray) -> list[Closing]:
+    """How firmly the loops of a mechanism in space are held at some instants [s]."""
+    system = motion.module.system
+    if not system.layout.cuts:
+        return []
+    rows = motion.curve.rows(times)
+    values = system.firmness(system.instants(rows).q)
+    at = motion.bare.at(times[[values.argmin()]])
+    told = {name: float(at[f"{name}.angle"][0]) for name in system.scene.drives if f"{name}.angle" in motion.column}
+    stand = ", ".join(f"{name} = {system.scene.written_coordinate(name, value)}" for name, value in told.items())
+    return [Closing(", ".join(system.layout.cuts), False, values, stand)]
 
 
 def _side_by_side(columns: list[np.ndarray], count: int) -> np.ndarray:

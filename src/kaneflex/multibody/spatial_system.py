@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -406,6 +406,13 @@ class SpatialSystem:
         """J of the rows by the speeds, both in their measures, where the mechanism stands."""
         self.place(q)
         return self.work.J * self.measure / self.row_measure[:, None]
+
+    def firmness(self, rows: Iterable[np.ndarray]) -> np.ndarray:
+        """Smallest singular value, at each of some instants, of the rows by the speeds that no drive prescribes, in the
+        measures of both; as many rows as follow from others at all of these instants are left out."""
+        sizes = [np.linalg.svd(self.jacobian(q)[:, self.open_speeds], compute_uv=False) for q in rows]
+        rank = max(int((each > _RANK * each[:1]).sum()) for each in sizes)
+        return np.array([each[rank - 1] if rank else 0.0 for each in sizes])
 
     def choose(self, q: np.ndarray, prefer: bool = False) -> Choice:
         """Rows and speeds by pivoted QR where the mechanism stands; ``prefer``: named speeds are independent."""

@@ -15,7 +15,7 @@ from kaneflex.mechanism.spatial import spatial_mechanism_of
 from kaneflex.mechanism.spatial_frame import SpatialFrame, slide_of, turn_of
 from kaneflex.peers.exudyn_spatial import OF_BODIES, Bodies
 from kaneflex.peers.readings import NO_COUNTERPART, address_of
-from kaneflex.response.spatial_sensors import displacement_of
+from kaneflex.response.spatial_sensors import displacement_of, strain_of
 from kaneflex.scene.quantities import Address
 from kaneflex.scene.sensors import SECTION_KINDS, Sensor
 
@@ -179,6 +179,10 @@ class SpatialRecorder:
 
     def _bending_moment(self, sensor: Sensor) -> np.ndarray:
         return self._section(sensor, "TorqueLocal")["xyz".index(sensor.component)]
+
+    def _strain(self, sensor: Sensor) -> np.ndarray:
+        _, M_y, M_z = self._section(sensor, "TorqueLocal")
+        return strain_of(self.scene, sensor, self._section(sensor, "ForceLocal")[0], M_y, M_z)
 
     def _coordinate(self, name: str, turns: bool) -> Rates:
         """Angle of a joint, counted on from where it starts, or its slide, and its rates."""

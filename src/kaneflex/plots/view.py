@@ -75,11 +75,16 @@ class View:
 
     @cached_property
     def drive(self) -> str | None:
-        """The drive whose angle is the abscissa: the one with the cycle that the run covers, where it turns."""
+        """The drive whose angle is the abscissa: the one with the cycle that the run covers, where it turns one way."""
         scene = self.solution.model.scene
         if not self.solution.model.options.cycles:
             return None
-        return next((name for name, drive in scene.drives.items() if drive.period and not scene.slides(name)), None)
+        return next((name for name, drive in scene.drives.items()
+                     if drive.period and not scene.slides(name) and self._turns_one_way(name)), None)  # fmt: skip
+
+    def _turns_one_way(self, drive: str) -> bool:
+        steps = np.diff(self.rigid[f"{drive}.angle"])
+        return bool((steps > 0.0).all() or (steps < 0.0).all())
 
     @cached_property
     def _time(self) -> tuple[float, str]:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
+from kaneflex.mechanism.reach import courses_of, instants, reach_lines
+from kaneflex.multibody.spatial_motion import SpatialKinematics
 from kaneflex.report.contacts import contact_line, friction_line
 from kaneflex.scene.options import has_term
 from kaneflex.scene.parts import TERM_NAMES
 from kaneflex.scene.spatial_check import SEVERAL_FREEDOMS
-from kaneflex.solve.initial import start_coordinates
 
 if TYPE_CHECKING:
     from kaneflex.fem.mobility import Freedom
+    from kaneflex.mechanism.dead_centres import Closing
+    from kaneflex.mechanism.rigid_motion import RigidMotion
     from kaneflex.multibody.model import Model
     from kaneflex.multibody.spatial_dynamics import Choice
     from kaneflex.multibody.spatial_system import SpatialSystem
@@ -36,51 +39,36 @@ PRESETS_IN_WORDS = {
 }
 
 
-def description(model: Model) -> str:
-    """What a scene is, for ``kaneflex check``: one line for each part of the mechanism."""
-    equations = {
-        "degrees of freedom": str(model.degrees_of_freedom),
-        "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
-        **({} if model.coupled is None else {"coordinates of a state": " ".join(start_coordinates(model))}),
-        "structure": model.motion.module.STRUCTURE,
-        "module": _module(model),
-    }
-    return "\n".join((modelled(model), block("equations", equations)))
-
-
 def modelled(model: Model) -> str:
     """The mechanism and the options in force, as they are the same on any machine."""
     scene = model.scene
     blocks = [
         parts(scene),
         block("assumptions", scene.assumptions),
-        block("over the run" if _followed(model) else "at the start", _reach(model)),
+        block("over the run" if is_followed(model) else "at the start", _reach(model)),
         block("options in force", _options(model)),
     ]
     return "\n".join(filter(None, blocks))
 
 
-def _followed(model: Model) -> bool:
+def is_followed(model: Model) -> bool:
     """Whether the rigid motion is that of the run: not under preset coupled where joints are free."""
     return bool(model.scene.drives) and not (model.coupled is not None and model.module.FREE)
 
 
 def _reach(model: Model) -> dict[str, str]:
     """Where the joints go in the rigid mechanism."""
-    from kaneflex.mechanism.reach import courses_of, reach_lines
-
     if model.scene.is_frame:
         return {}
-    times = np.linspace(0.0, model.options.duration, 721) if _followed(model) else np.zeros(1)
-    if model.scene.is_spatial:
-        return _ranges(model, times)
+    times = instants(model.scene) if is_followed(model) else np.zeros(1)
+    if isinstance(model.motion, SpatialKinematics):
+        return _ranges(model, model.motion.bare.at(times))
     return reach_lines(model.scene, courses_of(model.scene, model.motion.at(times)))
 
 
-def _ranges(model: Model, times: np.ndarray) -> dict[str, str]:
+def _ranges(model: Model, rigid: RigidMotion) -> dict[str, str]:
     """Least and greatest coordinates of the joints in space that have one."""
-    rigid, joints = model.motion.at(times), model.scene.joints
-    found = {}
+    joints, found = model.scene.joints, {}
     for name in model.module.coordinates:
         low, high = (float(pick(rigid[f"{name}.angle"])) for pick in (np.min, np.max))
         sliding = joints[name].kind == "prismatic"
@@ -183,8 +171,9 @@ def parts(scene: Scene) -> str:
     return "\n".join(filter(None, blocks))
 
 
-def mobility_lines(count: Freedom, elastic: int | None) -> str:
-    """The count of the degrees of freedom; ``elastic`` is None where that part is not known."""
+def mobility_lines(count: Freedom, elastic: int | None, by_rank: int | None = None) -> str:
+    """The count of the degrees of freedom; ``elastic`` and ``by_rank``, what the joints leave where the bodies stand,
+    are None where that is not known."""
     taken = ", ".join(f"{name} {number}" for name, number in count.constraints.items())
     rows = {
         "bodies": (3 * count.bodies, f"{count.bodies} of 3 each"),
@@ -197,9 +186,27 @@ def mobility_lines(count: Freedom, elastic: int | None) -> str:
     for what, names in (("free joints", count.free), ("free bodies", count.floating)):
         if not names:
             del rows[what]
+    if by_rank is not None and by_rank != count.mobility and not count.still:
+        rows["by rank"] = (by_rank, _overconstrained(by_rank - count.mobility))
     if elastic is not None:
         rows["elastic"] = (elastic, "displacements and rotations of the links, before any reduction to modes")
     return block("degrees of freedom", {name: f"{number:4d}  {text}".rstrip() for name, (number, text) in rows.items()})
+
+
+def _overconstrained(twice: int) -> str:
+    """What it means that joints leave more freedoms than Gruebler's formula counts."""
+    return (
+        f"that the joints leave, drives not counted: {twice} of their constraints follow from the others by just "
+        "these lengths and angles, so that it moves, but rigid bodies don't say how those joints share forces; preset "
+        "coupled runs it"
+    )
+
+
+def closing_lines(found: Sequence[Closing]) -> dict[str, str]:
+    """How near loops come to dead centres, below what :func:`~kaneflex.mechanism.reach.reach_lines` has."""
+    kinds = {"transmission angle": True, "smallest singular value": False}
+    told = {kind: "; ".join(each.told for each in found if each.is_angle is angle) for kind, angle in kinds.items()}
+    return {kind: text for kind, text in told.items() if text}
 
 
 def block(title: str, entries: Mapping[str, str]) -> str:
@@ -209,11 +216,6 @@ def block(title: str, entries: Mapping[str, str]) -> str:
     width = max(map(len, entries))
     lines = [f"  {name:<{width}}  {text}" for name, text in entries.items()]
     return "\n".join([click.style(title, bold=True), *lines])
-
-
-def _module(model: Model) -> str:
-    name = model.module.__name__
-    return name if name.startswith("kaneflex.generated.") else f"{model.module.__file__}, derived from this structure"
 
 
 def _body(body: Body) -> str:

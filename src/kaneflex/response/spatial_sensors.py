@@ -44,6 +44,15 @@ def displacement_of(
     return d[3 * sensor.component.startswith("angle") + "xyz".index(sensor.component[-1])]
 
 
+def strain_of(scene: Scene, sensor: Sensor, N: np.ndarray, M_y: np.ndarray, M_z: np.ndarray) -> np.ndarray:
+    """u' - y v'' - z w'' of a fibre along a link, by the force N and the moments E I_z v'' = M_z, -E I_y w'' = M_y."""
+    address = address_of(sensor)
+    (A, I_y, I_z, *_), made_of = scene.bodies[address.body].spatial_profile.at(scene.point(address)[0])
+    y, z = cast(tuple[float, float], sensor.fibre)
+    assert made_of.E is not None  # checked with the scene
+    return (N / A + z * M_y / I_y - y * M_z / I_z) / made_of.E
+
+
 class SpatialReader(Reader):
     """Series of one motion in space.
 
@@ -90,17 +99,19 @@ class SpatialReader(Reader):
         return super().read_rigid(sensor)
 
     def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
-        """The component of N, V_y, V_z, T, M_y, M_z that a sensor reads."""
+        """What a sensor reads of N, V_y, V_z, T, M_y, M_z."""
         if sensor.kind == "axial_force":
             return section[0]
         if sensor.kind == "torsional_moment":
             return section[3]
+        if sensor.kind == "strain":
+            return strain_of(self.scene, sensor, section[0], section[4], section[5])
         return section["xyz".index(sensor.component) + 3 * (sensor.kind == "bending_moment")]
 
     def _axial_force(self, sensor: Sensor) -> np.ndarray:
         return self._of_section(sensor, self._section(sensor))
 
-    _torsional_moment = _shear_force = _bending_moment = _axial_force
+    _torsional_moment = _shear_force = _bending_moment = _strain = _axial_force
 
     def _position(self, sensor: Sensor) -> np.ndarray:
         address = address_of(sensor)

@@ -2,20 +2,152 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
 import numpy as np
 
+from kaneflex.scene.bodies import Body
 from kaneflex.scene.scene import Scene, given_value
 from kaneflex.scene.tables import largest_of_block, overshoot_of_block
 
 _LONG = 10.0
 """Length [m] of a link beyond which a plain number is taken to be one of millimetres by mistake."""
+_APART = 1e3
+"""Times that the longest body of a mechanism may be the shortest one's length without a word."""
+_MODULI, _DENSITIES = (1e5, 1.3e12), (0.1, 2.3e4)
+"""Young's moduli [Pa] from silicone gel to diamond, densities [kg/m^3] from aerogel to osmium."""
+_SOUND = (8.0, 2e4)
+"""Speeds of sound sqrt(E / rho) in a thin bar [m/s], from gel's to beyond diamond's 18 km/s."""
+_FASTEST = 2e3
+"""Speed [m/s] of a rim beyond which no material holds it together: sqrt(strength / density), 1.8 km/s of the
+strongest carbon fibres."""
+_GRAVITIES = (0.05, 300.0)
+"""Acceleration of gravity [m/s^2], from an asteroid's to the sun's."""
+_FAR = 30.0
+"""Times its mechanism's size that a rigid body's radius of gyration may be without a word."""
+_STUBBY, _STUBBIEST = 10.0, 3.0
+"""Slenderness, length over radius of gyration, below which shear adds a tenth and more to the bending of a cantilever,
+and below which a beam by any theory is none."""
 _BEYOND_ROWS = 0.02
 """How far a table's curve may go beyond the two rows beside it, as a share of its largest value, without a warning."""
 
 
 def implausible(scene: Scene) -> tuple[str, ...]:
-    """Warnings of what is read from the scene alone: lengths without a unit, and tables' curves where no row is."""
-    return (*_long_links(scene), *_overshooting_tables(scene))
+    """Warnings of what is read from the scene alone: numbers in a wrong unit, and tables' curves where no row is."""
+    long = _long_links(scene)
+    apart = () if long else _far_apart(scene)
+    found = (apart, _materials(scene), _speeds(scene), _gravity(scene), _inertias(scene))
+    return (*long, *(text for each in found for text in each), *_overshooting_tables(scene))
+
+
+def stubby_links(scene: Scene) -> Iterator[str]:
+    """What is to be known of elastic links too short for the beams that they are taken for.
+
+    Shear adds 3 E I / (kappa G A length^2) to the deflection of a cantilever's tip (Timoshenko 1921), which is 9.36
+    over the slenderness squared for nu = 0.3 and kappa = 5/6.
+    """
+    for name, body in scene.bodies.items():
+        if body.beam is None or body.length is None:
+            continue
+        slenderness = body.length / _radius_of_gyration(scene, body, body.length / 2)
+        if slenderness >= (_STUBBIEST if body.beam.shear else _STUBBY):
+            continue
+        told = f"bodies.{name} is {slenderness:.2g} of its section's radii of gyration long"
+        if slenderness < _STUBBIEST:
+            yield f"{told}, which is no beam by any theory: leave its beam out, or take modal_data of finite elements"
+        else:
+            share = 9.36 / slenderness**2
+            yield f"{told}: shear would add some {share:.0%} to its bending; give theory = 'timoshenko' and nu"
+
+
+def _radius_of_gyration(scene: Scene, body: Body, x: float) -> float:
+    """Of a section of an elastic body about the axis that it bends about, the larger one in space [m]."""
+    if not scene.is_spatial:
+        middle = body.profile.at(x)
+        return math.sqrt(middle.E_I / middle.E_A)
+    section, _ = body.spatial_profile.at(x)
+    return math.sqrt(max(section.I_y, section.I_z) / section.A)
+
+
+def _far_apart(scene: Scene) -> Iterator[str]:
+    """A warning where the lengths of two bodies are as far apart as units are."""
+    lengths = {name: body.length for name, body in scene.bodies.items() if body.length}
+    if not lengths:
+        return
+    shortest, longest = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
+    if (times := lengths[longest] / lengths[shortest]) > _APART:
+        yield (
+            f"bodies.{longest}.length is {times:.4g} times bodies.{shortest}.length, {lengths[longest]:.4g} m beside "
+            f"{lengths[shortest]:.4g} m: look at the units of both"
+        )
+
+
+def _materials(scene: Scene) -> Iterator[str]:
+    """Warnings of moduli and densities that no material has."""
+    for name, body in scene.bodies.items():
+        if body.beam is None:
+            continue
+        for key, part in body.beam.sections.items():
+            made_of, where = body.beam.made_of(part), f"bodies.{name}.{key}"
+            E, rho = made_of.E, made_of.rho
+            if E is None or rho is None:
+                continue
+            numbers = ("E", E, "Pa", _MODULI, "210 GPa"), ("rho", rho, "kg/m^3", _DENSITIES, "7850 kg/m^3")
+            strange = [each for each in numbers if not each[3][0] <= each[1] <= each[3][1]]
+            for field, value, unit, (low, high), steel in strange:
+                yield (
+                    f"{where}.{field} = {value:.4g} {unit} is that of no material, {low:g} to {high:g} {unit}: "
+                    f"steel has '{steel}'"
+                )
+            if not strange and not _SOUND[0] <= (sound := math.sqrt(E / rho)) <= _SOUND[1]:
+                yield (
+                    f"{where}: sound would travel at {sound:.3g} m/s in it, by E = {E:.4g} Pa and rho = {rho:.4g} "
+                    "kg/m^3, as in no material; steel has '210 GPa' and '7850 kg/m^3'"
+                )
+
+
+def _speeds(scene: Scene) -> Iterator[str]:
+    """Warnings of drives that move what they drive faster than anything holds together."""
+    for name, drive in scene.drives.items():
+        if not drive.speed:
+            continue
+        speed, of = abs(drive.speed), "it"
+        if not scene.slides(name):
+            moved = [side.body for side in scene.joints[name].addresses if side.body in scene.bodies]
+            of, reach = max(((body, _reach(scene, body)) for body in moved), key=lambda each: each[1])
+            speed *= reach
+        if speed > _FASTEST:
+            yield (
+                f"drives.{name}.speed = {scene.written_speed(name, drive.speed)} moves {of} at {speed:.4g} m/s: "
+                f"nothing that turns holds together beyond some {_FASTEST:g} m/s; a plain number is in "
+                f"{'m/s' if scene.slides(name) else 'rad/s'}"
+            )
+
+
+def _reach(scene: Scene, body: str) -> float:
+    """How far the furthest point of a body is from its start [m]."""
+    return max(math.hypot(*place) for place in scene.bodies[body].points_all.values())
+
+
+def _gravity(scene: Scene) -> Iterator[str]:
+    g = math.hypot(*scene.gravity)
+    if g and not _GRAVITIES[0] <= g <= _GRAVITIES[1]:
+        yield f"gravity is {g:.4g} m/s^2, where the earth's is 9.81: a plain number is in m/s^2"
+
+
+def _inertias(scene: Scene) -> Iterator[str]:
+    """Warnings of rigid bodies whose inertia asks for mass far beyond the mechanism, as one in kg mm^2 does."""
+    reach = max((_reach(scene, name) for name in scene.bodies), default=0.0)
+    size = max([reach, *(math.hypot(*place) for place in scene.ground.values())])
+    for name, body in scene.bodies.items():
+        inertia = max(body.inertia) if isinstance(body.inertia, tuple) else body.inertia
+        radius = math.sqrt(inertia / body.mass) if body.mass else 0.0
+        if size and radius > _FAR * size:
+            yield (
+                f"bodies.{name}.inertia = {inertia:.4g} kg m^2 of {body.mass:.4g} kg is a radius of gyration of "
+                f"{radius:.4g} m, in a mechanism of {size:.4g} m: a plain number is in kg m^2"
+            )
 
 
 def _long_links(scene: Scene) -> list[str]:

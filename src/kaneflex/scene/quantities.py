@@ -152,6 +152,15 @@ def _inertia(value: object) -> float | tuple[float, ...]:
     return found
 
 
+def _fibre(value: object) -> float | tuple[float, ...]:
+    """Height above the axis; in space y and z of the section."""
+    if not isinstance(value, (list, tuple)):
+        return to_si(value, units.LENGTH)
+    if len(value) != 2:
+        raise Fault("not a place in a section", "Write y and z, like ['10 mm', 0]")
+    return tuple(to_si(component, units.LENGTH) for component in value)
+
+
 def _check_inertia(found: tuple[float, ...]) -> None:
     """Principal moments of any body are not negative, and none is more than the two others together."""
     import numpy as np
@@ -308,6 +317,12 @@ BodyInertia = Annotated[
     WithJsonSchema(
         {"type": ["number", "string", "array"], "description": "kg m^2; in space [J_x, J_y, J_z, J_xy, J_yz, J_zx]"}
     ),
+]
+Fibre = Annotated[
+    Any,  # a number in the plane, in space two
+    BeforeValidator(_fibre),
+    WithJsonSchema({"type": ["number", "string", "array"], "description": "a length, m; in space [y, z]"}),
+    units.LENGTH,
 ]
 AddressField = Annotated[Address, BeforeValidator(_address), _text_schema("'body', 'body.point' or 'ground'")]
 AddressPair = Annotated[

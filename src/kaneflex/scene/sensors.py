@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from kaneflex.scene.quantities import Address, AddressField, Length
+from kaneflex.scene.quantities import Address, AddressField, Fibre
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
 
@@ -60,7 +60,8 @@ class Sensor(SceneTable):
     spring_force: the tension of a spring and its damper; spring_torque: what a torsional one opposes to the joint's
     turning. In space components are x, y, z, and angle_x, angle_y, angle_z for rotations, angular velocities and
     accelerations, and moments about these axes; a bending_moment is about the link's y or z, a shear_force along them,
-    and there is torsional_moment, about x. contact_force: the normal force of a contact; contact_gap: how far
+    there is torsional_moment, about x, and a strain's `fibre` is at y and z of the section.
+    contact_force: the normal force of a contact; contact_gap: how far
     its sides are apart, below zero where they are in each other. contact_torque, contact_angle: the same of a flank
     of a joint's backlash. friction_force: what friction exerts on the second side of a contact or a guide;
     friction_torque: that of a pin.
@@ -91,7 +92,7 @@ class Sensor(SceneTable):
     axes: Literal["body", "global"] = Field(default_factory=_default_axes)
     reading: Literal["accelerometer", "kinematic"] = Field(default_factory=_default_reading)
     body: str | None = None
-    fibre: Length | None = None
+    fibre: Fibre | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Sensor:
@@ -135,7 +136,8 @@ class Sensor(SceneTable):
         if self.kind == "acceleration" and self.reading == "accelerometer":
             text += ", as an accelerometer reads (a - g)"
         if self.kind == "strain":
-            text += f", fibre {self.fibre:g} m above the axis"
+            place: tuple[float, ...] = self.fibre if isinstance(self.fibre, tuple) else (self.fibre or 0.0,)
+            text += ", fibre {} m above the axis".format(" and ".join(f"{at:g}" for at in place))
         return text
 
     @cached_property

@@ -11,7 +11,7 @@ from kaneflex.support.errors import Fault, Problem, SceneError
 
 _SENSORS = (
     "displacement", "position", "velocity", "acceleration", "axial_force", "shear_force", "bending_moment",
-    "torsional_moment", "joint_force", "drive_torque", "drive_force", "spring_force", "spring_torque",
+    "torsional_moment", "strain", "joint_force", "drive_torque", "drive_force", "spring_force", "spring_torque",
 )  # fmt: skip
 SEVERAL_FREEDOMS = ("cylindrical", "universal", "spherical")
 """Kinds of joints with more than one freedom."""
@@ -73,6 +73,9 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
             yield Problem(f"sensors.{name}.torsional_moment", None, "planar beams don't twist", "Leave it out")
         if sensor.kind in ("shear_force", "bending_moment") and "component" in sensor.model_fields_set:
             yield Problem(f"sensors.{name}.component", sensor.component, "a planar section has one", "Leave it out")
+        if isinstance(sensor.fibre, tuple):
+            right = "Give its height above the axis"
+            yield Problem(f"sensors.{name}.fibre", sensor.fibre, "a planar beam bends in one plane", right)
         if sensor.component in ("z", "angle_x", "angle_y", "angle_z"):
             yield Problem(f"sensors.{name}.component", sensor.component, "a planar scene has none", cure)
 
@@ -203,6 +206,9 @@ def _sensors(scene: Scene) -> Iterator[Problem]:
         elif sensor.kind in ("shear_force", "bending_moment") and sensor.component not in ("y", "z"):
             what = "bends about" if sensor.kind == "bending_moment" else "is sheared along"
             yield Problem(f"{key}.component", sensor.component, f"a link in space {what} its y or its z", "Give y or z")
+        elif sensor.kind == "strain" and not isinstance(sensor.fibre, tuple):
+            reason = "a fibre in space is at y and z of the section"
+            yield Problem(f"{key}.fibre", sensor.fibre, reason, "Give both, like ['10 mm', 0]")
         elif sensor.component == "angle" and joint_read(scene, sensor) is None:
             yield Problem(f"{key}.component", "angle", "a rotation in space is about an axis", "Write like angle_z")
         elif sensor.component.startswith("angle_") and sensor.kind == "position":

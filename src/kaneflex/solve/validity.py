@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import lost_stiffness
 from kaneflex.response.undersampling import between_steps
 from kaneflex.solve.quasistatic import lost_digits, mechanism_modes
@@ -52,7 +53,7 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
     found: list[str] = []
     if lowest is not None and model.options.dynamics in ("dynamic", "coupled"):
-        found += _coarse(solution, lowest)
+        found += few_steps(model, lowest)
     found += [*_parted(solution), *_ill_conditioned(solution), *between_steps(model), *_unbalanced(solution)]
     if coupled:
         found += [*_loose(solution), *_left_ringing(solution), *_lost(solution), *_jammed(solution)]
@@ -151,9 +152,8 @@ def _uncoupled(solution: Solution, shares: dict[str, float]) -> list[str]:
     ]
 
 
-def _coarse(solution: Solution, lowest: float) -> list[str]:
+def few_steps(model: Model, lowest: float) -> list[str]:
     """A warning where a period of the lowest mode [Hz] has few steps, or few of the instants that are stored."""
-    model = solution.model
     per_period = 1.0 / (lowest * model.step)
     if per_period >= FEWEST_STEPS:
         return []

@@ -13,7 +13,7 @@ from kaneflex.support.errors import SceneError
 _TABLES = ("gravity", "ground", "bodies", "masses", "drives", "loads", "springs", "joints", "damping", "sensors")
 """Entries of the scene whose numbers the equations or the sensors hold."""
 _UNITS_IN_LISTS = {"gravity": "m/s^2", "ground": "m", "points": "m", "centre": "m", "section": "m", "taper": "m",
-                   "rayleigh": "Hz"}  # fmt: skip
+                   "rayleigh": "Hz", "fibre": "m"}  # fmt: skip
 """Word on the path of a list of numbers -> their unit; the others are plain numbers."""
 
 

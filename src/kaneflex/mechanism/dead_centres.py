@@ -1,0 +1,154 @@
+"""How near a mechanism comes to its dead centres, where no force moves on what closes a loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaneflex.mechanism.joints import Constraints, coordinate
+from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
+from kaneflex.mechanism.parts import BodyPoint
+from kaneflex.mechanism.planar import GROUND, Vector, cross, dot, minus
+from kaneflex.mechanism.position_analysis import Dyad, closing_groups
+from kaneflex.mechanism.reach import Courses, pose_over
+from kaneflex.scene import Scene
+
+_NEAR = math.radians(10.0)
+"""Transmission angle below which forces grow more than fivefold."""
+_WEAK = 0.1
+"""Share of its greatest over the motion to which the smallest singular value may fall without a word: at a fold of the
+closure it falls as the root of what is left of the length."""
+_INSTANTS = 180
+"""Instants at most at which singular values are found."""
+
+
+@dataclass(frozen=True)
+class Closing:
+    """How firmly a group of bodies is held over a motion.
+
+    Attributes
+    ----------
+    name : str
+        The joint between the two bodies of a dyad; the bodies of a larger group.
+    is_angle : bool
+        Whether ``values`` are transmission angles [rad], 0 at a dead centre and pi/2 at best, or smallest singular
+        values of the group's constraints, lengths in sizes of the mechanism.
+    values : ndarray (n,)
+    stand : tuple of str
+        Where the drives stand when they are smallest.
+    """
+
+    name: str
+    is_angle: bool
+    values: np.ndarray
+    stand: str
+
+    @property
+    def told(self) -> str:
+        """Its range, in words."""
+        scaled = np.degrees(self.values) if self.is_angle else self.values
+        low, high = (f"{value:.3g}" for value in (scaled.min(), scaled.max()))
+        unit = " deg" if self.is_angle else ""
+        at = f", least at {self.stand}" if self.stand and low != high else ""
+        return f"{self.name} {low if low == high else f'{low} to {high}'}{unit}{at}"
+
+    @property
+    def note(self) -> str:
+        """What is to be known of it; empty where it keeps clear of dead centres."""
+        least, at = float(self.values.min()), f"at {self.stand} " if self.stand else ""
+        if self.is_angle and least < _NEAR:
+            return (
+                f"{at}{self.name} is {math.degrees(least):.2g} deg from a dead centre: its joints bear up to "
+                f"{1.0 / max(math.sin(least), 1e-9):.3g} times what they pass on, and play decides how it goes on; 40 "
+                "deg and more are usual"
+            )
+        if not self.is_angle and least < _WEAK * self.values.max():
+            return (
+                f"{at}what holds {self.name} is {least / self.values.max():.2g} of its firmest: it is near a dead "
+                "centre or a change of branch, where forces grow without bound"
+            )
+        return ""
+
+
+def closings(scene: Scene, courses: Courses) -> list[Closing]:
+    """How near each loop of a planar mechanism comes to its dead centres over a motion.
+
+    The transmission angle (Alt 1932; Norton, Design of Machinery) of three pins is that between the two links at the
+    middle one; of a rod and a slider that between the rod and the guide's normal; of a slider on a lever that between
+    the line of the pivots and the slide's normal. All three are zero where the loop's constraints are singular.
+    """
+    mechanism = mechanism_of(scene)
+    if mechanism.frame or not mechanism.joints:
+        return []
+    found = []
+    for group, joints, dyad in closing_groups(mechanism):
+        if len(group) == 1:
+            continue
+        values = None if dyad is None else _transmission(dyad, courses)
+        name, is_angle, every = ", ".join(group), values is not None, 1
+        if values is None:
+            every = -(-courses[group[0]].shape[1] // _INSTANTS)
+            values = _smallest(mechanism, group, [joint.name for joint in joints], courses, every)
+        elif dyad is not None:
+            name = dyad.middle.name
+        found.append(Closing(name, is_angle, values, _stand(scene, courses, every * int(values.argmin()))))
+    return found
+
+
+def _poses(courses: Courses, k: int) -> dict[str, np.ndarray]:
+    return {GROUND: np.zeros(3)} | {name: course[:, k] for name, course in courses.items()}
+
+
+def _smallest(
+    mechanism: NumericMechanism, group: tuple[str, ...], joints: list[str], courses: Courses, every: int
+) -> np.ndarray:
+    """Smallest singular value of what joints and drives demand of a group, lengths in sizes of the mechanism; of every
+    so many instants."""
+    constraints, found = Constraints(mechanism, dict.fromkeys(mechanism.drives, 0.0)), []
+    turning = [row == "moment" for name in joints for row in mechanism.joints[name].rows]
+    turning += [not mechanism.joints[name].slides for name in constraints.driven(joints)]
+    rows = np.where(turning, 1.0, 1.0 / mechanism.size)
+    columns = np.tile([mechanism.size, mechanism.size, 1.0], len(group))
+    for k in range(0, courses[group[0]].shape[1], every):
+        jacobian = constraints.jacobian(_poses(courses, k), group, joints)
+        found.append(np.linalg.svd(rows[:, None] * jacobian * columns, compute_uv=False)[-1])
+    return np.array(found)
+
+
+def _transmission(dyad: Dyad, courses: Courses) -> np.ndarray | None:
+    """Transmission angle of a dyad over the motion [rad], (n,); None for one that has none."""
+    start, end = (_place(courses, pivot) for pivot in dyad.pivots)
+    head = _place(courses, dyad.middle.first)
+    if dyad.kinds == ("revolute", "revolute", "revolute"):
+        one, other = minus(head, start), minus(end, head)
+        return np.arctan2(abs(cross(one, other)), abs(dot(one, other)))
+    if dyad.guide is not None:
+        guide = dyad.outer[dyad.guide]
+        foot = end if dyad.guide == 0 else start
+        along, link = _turned(courses, guide.first.body, guide.direction), minus(head, foot)
+    elif dyad.kinds == ("revolute", "prismatic", "revolute"):
+        along, link = _turned(courses, dyad.middle.first.body, dyad.middle.direction), minus(end, start)
+    else:
+        return None
+    return np.arctan2(abs(dot(along, link)), abs(cross(along, link)))
+
+
+def _place(courses: Courses, point: BodyPoint) -> Vector:
+    return pose_over(courses, point.body).place(point.at)
+
+
+def _turned(courses: Courses, body: str, direction: Vector) -> Vector:
+    return pose_over(courses, body).turn(direction)
+
+
+def _stand(scene: Scene, courses: Courses, k: int) -> str:
+    """Where the drives stand at an instant, "main = 90 deg"."""
+    here = {name: course[:, k : k + 1] for name, course in courses.items()}
+    mechanism, found = mechanism_of(scene), []
+    for name in mechanism.drives:
+        joint = mechanism.joints[name]
+        value = float(coordinate(joint, *(pose_over(here, side.body).section(side.at) for side in joint.sides))[0])
+        found.append(f"{name} = {scene.written_coordinate(name, value if joint.slides else value % math.tau)}")
+    return ", ".join(found)

@@ -1,0 +1,110 @@
+"""What `kaneflex check` says of a model before anything is solved: what it is, how far from trouble, what to doubt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from kaneflex.fem.mobility import count_freedom, mobility_by_rank
+from kaneflex.mechanism.dead_centres import Closing, closings
+from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.reach import Courses, courses_of, instants
+from kaneflex.multibody.building import reference_modes
+from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_motion import SpatialKinematics, firmness
+from kaneflex.report.presentation import (
+    block,
+    closing_lines,
+    is_followed,
+    mobility_lines,
+    modelled,
+    spatial_mobility_lines,
+)
+from kaneflex.scene.plausible import stubby_links
+from kaneflex.solve.initial import start_coordinates
+from kaneflex.solve.validity import few_steps
+from kaneflex.support.kept import Kept
+
+_CLOSINGS: Kept[Model, list[Closing]] = Kept()
+
+
+def description(model: Model) -> str:
+    """What a scene is: one line for each part of the mechanism, then how its loops are held and what is solved."""
+    equations = {
+        "degrees of freedom": str(model.degrees_of_freedom),
+        "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
+        **({} if model.coupled is None else {"coordinates of a state": " ".join(start_coordinates(model))}),
+        **_lowest(model),
+        "structure": model.motion.module.STRUCTURE,
+        "module": _module(model),
+    }
+    blocks = [
+        modelled(model),
+        block("loops over the run" if is_followed(model) else "loops at the start", closing_lines(_closings(model))),
+        _mobility(model),
+        block("equations", equations),
+    ]
+    return "\n".join(filter(None, blocks))
+
+
+def warnings(model: Model) -> tuple[str, ...]:
+    """What a run would warn of that is known before it: numbers that are hardly meant, vibrations in too few steps."""
+    lowest = _lowest_hz(model)
+    return (*model.warnings, *([] if lowest is None else few_steps(model, lowest)))
+
+
+def notes(model: Model) -> Iterator[str]:
+    """What may be meant, but should be known: loops near dead centres, and beams that are none."""
+    yield from (found.note for found in _closings(model) if found.note)
+    yield from stubby_links(model.scene)
+
+
+def _closings(model: Model) -> list[Closing]:
+    def find() -> list[Closing]:
+        times = _times(model)
+        if isinstance(model.motion, SpatialKinematics):
+            return firmness(model.motion, times)
+        return closings(model.scene, _courses(model, times))
+
+    return _CLOSINGS.of(model, find)
+
+
+def _times(model: Model) -> np.ndarray:
+    return instants(model.scene) if is_followed(model) else np.zeros(1)
+
+
+def _courses(model: Model, times: np.ndarray) -> Courses:
+    return courses_of(model.scene, model.motion.at(times))
+
+
+def _mobility(model: Model) -> str:
+    if isinstance(model.motion, SpatialKinematics):
+        system = model.motion.module.system
+        (start,) = system.instants(model.motion.curve.rows(np.zeros(1))).q
+        return spatial_mobility_lines(system, system.choose(start, prefer=True))
+    mechanism = mechanism_of(model.scene)
+    by_rank = None if mechanism.frame else mobility_by_rank(mechanism, _courses(model, _times(model)))
+    return mobility_lines(count_freedom(mechanism), None, by_rank)
+
+
+def _lowest(model: Model) -> dict[str, str]:
+    """The lowest natural frequency beside the steps."""
+    lowest = _lowest_hz(model)
+    if lowest is None:
+        return {}
+    return {"lowest mode": f"{lowest:.4g} Hz, {1.0 / (lowest * model.step):.3g} steps in a period"}
+
+
+def _lowest_hz(model: Model) -> float | None:
+    """The lowest natural frequency [Hz] at the reference configuration; None where nothing vibrates."""
+    if model.options.dynamics != "dynamic" or not model.equations.size:
+        return None
+    (omega,), _ = reference_modes(model, 1)
+    return float(omega) / (2.0 * math.pi) or None
+
+
+def _module(model: Model) -> str:
+    name = model.module.__name__
+    return name if name.startswith("kaneflex.generated.") else f"{model.module.__file__}, derived from this structure"

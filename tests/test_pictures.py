@@ -1,0 +1,91 @@
+"""Pictures that a mechanism engineer expects: what is drawn on them, by numbers known from elsewhere."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kaneflex.plots import figures, paths
+from kaneflex.plots.style import readable, styled
+from kaneflex.plots.view import view
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+from kaneflex.solve.solution import Solution
+
+DOCS = Path(__file__).parents[1] / "docs"
+SWINGING = """
+schema = 1
+like = "four-bar"
+[drives]
+main = {speed = "none", cycle = "none", law = "1.5 + 0.3 * sin(2 * pi * t)", period = "1 s"}
+[solve]
+preset = "rigid"
+start = "periodic"
+steps = 144
+"""
+
+
+@cache
+def solved(name: str, *settings: str) -> Solution:
+    return simulate(load(with_settings(read_scene(name), list(settings))))
+
+
+@cache
+def drawn(kind: str, name: str, *settings: str):
+    with styled():
+        (figure,) = kind.figures(solved(name, *settings)).values()
+    return figure
+
+
+def curves(axes) -> dict[str, np.ndarray]:
+    """Those with a name, (2, n)."""
+    lines = axes.get_lines()
+    return {line.get_label(): np.array(line.get_data()) for line in lines if not line.get_label().startswith("_")}
+
+
+def test_paths_and_hodographs_are_those_of_the_closed_form():
+    """Middle of a centred slider-crank's rod: half-way between pin and wrist, whose height is r sin(theta)."""
+    rigid = ("engine", "solve.preset=rigid", "solve.steps=144")
+    path, hodograph = drawn(paths, *rigid).axes
+    theta, r, l, omega = np.radians(view(solved(*rigid)).x), 40.0, 137.0, 200 * np.pi
+    root = np.sqrt(l**2 - (r * np.sin(theta)) ** 2)
+    x, y = r * np.cos(theta) + root / 2, r * np.sin(theta) / 2
+    v_x = -r * np.sin(theta) * (1 + r * np.cos(theta) / (2 * root))
+    v_y = r * np.cos(theta) / 2
+    assert curves(path)["rod.mid"] == pytest.approx(np.array([x, y]), abs=1e-9)
+    assert curves(hodograph)["rod.mid"] == pytest.approx(1e-3 * omega * np.array([v_x, v_y]), abs=1e-9)
+    assert {*curves(path)} == {*curves(hodograph)} == {"rod.end, piston.start", "rod.mid"}
+    assert [text.get_text() for text in hodograph.get_legend().get_texts()] == [*curves(path)]
+    assert "a dot each 30 deg" in path.get_title(loc="left")
+    dots = next(line for line in path.get_lines() if line.get_marker() == "o" and line.get_markersize() == 3)
+    assert len(dots.get_xdata()) == 24
+
+
+def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
+    """Over its angle, curves would fold back on themselves."""
+    (tmp_path / "swinging.toml").write_text(SWINGING)
+    shown = view(solved(tmp_path / "swinging.toml"))
+    assert shown.x_label == "time [s]" and (np.diff(shown.x) > 0).all()
+    assert view(solved("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
+    backwards = view(solved("four-bar", "solve.preset=rigid", "main.speed=-300 rpm"))
+    assert backwards.x_label == "crank angle [deg]" and (np.diff(backwards.x) < 0).all()
+
+
+@pytest.mark.parametrize(("unit", "largest", "expected"), [
+    ("m", 12.0, "12 m"), ("m", 9.0, "9000 mm"), ("N m", 2e5, "200 kN m"), ("N", 3e6, "3 MN"), ("N m", 4e6, "4 MN m"),
+    ("N/m", 700.0, "0.7 kN/m"), ("J", 2.5e-3, "2.5 mJ"), ("J", 40e3, "40 kJ"), ("rad", 1e-3, "1 mrad"),
+])  # fmt: skip
+def test_units_are_those_on_drawings_and_nameplates(unit, largest, expected):
+    factor, label = readable(unit, np.array([largest]))
+    assert f"{factor * largest:.4g} {label}" == expected
+
+
+def test_the_page_names_every_picture():
+    text = (DOCS / "results.md").read_text(encoding="utf-8")
+    named = re.findall(r"`([\w.]+)`", "".join(re.findall(r"^\| (`.*?) \|", text.split("## Pictures")[1], re.MULTILINE)))
+    drawn = {*figures(solved("four-bar", "solve.steps=144")), *figures(solved("engine", "solve.steps=144"))}
+    general = {re.sub(r"_(rod|crank|coupler|follower)$", "_NAME", name) for name in drawn}
+    assert general <= {*named} and len(general) > 7

@@ -1,0 +1,68 @@
+"""Numbers that no machine has are warned of, those of the shipped scenes are not."""
+
+import math
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.plausible import implausible, stubby_links
+
+SCENES = [Path(entry.name) for entry in files("kaneflex.scenes").iterdir()]
+SHIPPED = sorted(path.stem for path in SCENES if path.suffix == ".toml")
+STUBBY = {"engine-elastic-crank", "engine-paper"}
+"""Of the paper's own choice: its crank is 40 mm long, and its section has a radius of gyration of 16 mm."""
+
+
+@pytest.mark.parametrize(("name", "settings", "told"), [
+    ("engine", ["rod.length=136 m"], "bodies.rod.length is 3400 times bodies.crank.length, 136 m beside 0.04 m"),
+    ("engine", ["main.speed=1e9 rpm"], "drives.main.speed = 1e+09 rpm moves crank at 4.189e+06 m/s"),
+    ("stick-slip", ["way.speed=1e4 m/s"], "a plain number is in m/s"),
+    ("four-bar", ["coupler.E=71"], "bodies.coupler.beam.E = 71 Pa is that of no material"),
+    ("four-bar", ["coupler.rho=0.05"], "bodies.coupler.beam.rho = 0.05 kg/m^3 is that of no material"),
+    ("four-bar", ["coupler.rho=2.7"], "bodies.coupler.beam: sound would travel at 1.62e+05 m/s in it"),
+    ("engine", ["gravity=[0, -9810]"], "gravity is 9810 m/s^2, where the earth's is 9.81"),
+    ("engine", ["crank.inertia=300.0"], "bodies.crank.inertia = 300 kg m^2 of 0.952 kg"),
+    ("spatial-slider-crank", ["rod.inertia=[1.0, 4000.0, 4000.0]"], "bodies.rod.inertia = 4000 kg m^2"),
+    ("spatial-slider-crank-elastic", ["rod.length=300"], "bodies.rod.length"),
+])  # fmt: skip
+def test_what_is_hardly_meant_is_warned_of(name, settings, told):
+    (warning,) = implausible(with_settings(read_scene(name), settings))
+    assert told in warning
+
+
+def test_what_may_be_meant_is_not():
+    """Rubber and lead, the moon's gravity and a centrifuge's, a watch and a crane, a turbine's rim at 600 m/s."""
+    for name, settings in (
+        ("four-bar", ["coupler.E=1 MPa", "coupler.rho=1100 kg/m^3"]),
+        ("four-bar", ["coupler.E=16 GPa", "coupler.rho=11340 kg/m^3"]),
+        ("engine", ["gravity=[0, -1.62]"]),
+        ("engine", ["main.speed=1.4e5 rpm"]),
+        ("engine", ["crank.length=0.4 mm", "rod.length=1.37 mm"]),
+    ):
+        assert not implausible(with_settings(read_scene(name), settings)), settings
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenes_are_plausible(name):
+    scene = read_scene(name)
+    assert not implausible(scene)
+    assert bool([*stubby_links(scene)]) == (name in STUBBY)
+
+
+def test_beams_that_are_none_are_noted():
+    """A square section's radius of gyration is its side over sqrt(12); shear adds 3 E I / (kappa G A l^2) to a tip."""
+
+    def noted(length: float, *theory: str) -> list[str]:
+        settings = [f"coupler.length={length} mm", "coupler.A=100 mm^2", "coupler.I=833.333333 mm^4", *theory]
+        return [*stubby_links(with_settings(read_scene("four-bar"), settings))]
+
+    gyration = 10.0 / math.sqrt(12.0)
+    (note,) = noted(5.0 * gyration)
+    share = 3.0 * 2.0 * 1.3 / (5.0 / 6.0) / 5.0**2
+    assert "bodies.coupler is 5 of its section's radii" in note and f"some {share:.0%} to its bending" in note
+    shear = ("coupler.theory=timoshenko", "coupler.nu=0.3", "coupler.kappa=0.83")
+    assert not noted(5.0 * gyration, *shear) and not noted(10.1 * gyration)
+    (note,) = noted(2.5 * gyration, *shear)
+    assert "no beam by any theory" in note
