@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kaneflex.plots import figures, paths
+from kaneflex.multibody.building import reference_modes
+from kaneflex.plots import figures, orders, paths
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, with_settings
@@ -64,12 +65,44 @@ def test_paths_and_hodographs_are_those_of_the_closed_form():
     assert len(dots.get_xdata()) == 24
 
 
+def test_orders_are_those_of_the_series():
+    """A centred piston's place is r cos(theta) + l sqrt(1 - q^2 sin(theta)^2), q = r/l: orders 1, 2, 4 .. by the
+    binomial series; a cycle of two turns has half orders, too, which are zero here."""
+    rigid = ("engine", "solve.preset=rigid", "solve.steps=144")
+    r, l, q = 40.0, 137.0, 40.0 / 137.0
+    (place,) = (axes for axes in drawn(orders, *rigid).axes if axes.get_title(loc="left") == "Position")
+    order, amplitude = curves(place)["piston_position"]
+    of = dict(zip(np.round(order, 6).tolist(), amplitude, strict=True))
+    assert place.get_ylabel() == "position [mm]" and order[0] == pytest.approx(0.5)
+    assert of[1.0] == pytest.approx(r, rel=1e-9) and max(of[0.5], of[1.5], of[3.0]) < 1e-9
+    assert of[2.0] == pytest.approx(l * (q**2 / 4 + q**4 / 16 + 15 * q**6 / 512 + 35 * q**8 / 2048), rel=1e-5)
+    assert of[4.0] == pytest.approx(l * (q**4 / 64 + 3 * q**6 / 256 + 35 * q**8 / 4096), rel=1e-3)
+    lowest = drawn(orders, *rigid).axes
+    assert [axes.get_xlabel() for axes in lowest if axes.get_xlabel()] == ["order of main [1 = 100 Hz]"] * 2
+
+
+def test_orders_stand_beside_the_natural_frequencies():
+    figure, model = drawn(orders, "four-bar", "solve.steps=144"), solved("four-bar", "solve.steps=144").model
+    natural = [line.get_xdata()[0] for line in figure.axes[0].get_lines() if line.get_linestyle() == "--"]
+    assert 5.0 * np.array(natural) == pytest.approx(reference_modes(model, 6)[0][: len(natural)] / (2 * np.pi))
+    assert len(natural) >= 3
+
+
+def test_what_does_not_repeat_has_no_orders():
+    assert not orders.figures(solved("engine-transient", "solve.duration=0.01 s", "solve.steps=360"))
+    turning = ("four-bar", "solve.steps=144", "sensors.rocker_angle.position=main")
+    every = {*orders.harmonics(solved("four-bar", "solve.steps=144"))}
+    assert every - {*orders.harmonics(solved(*turning))} == {"rocker_angle"}
+
+
 def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     """Over its angle, curves would fold back on themselves."""
     (tmp_path / "swinging.toml").write_text(SWINGING)
     shown = view(solved(tmp_path / "swinging.toml"))
     assert shown.x_label == "time [s]" and (np.diff(shown.x) > 0).all()
     assert view(solved("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
+    (torque,) = (axes for axes in drawn(orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel())
+    assert curves(torque)["crank_torque"][0, :3] == pytest.approx([1.0, 2.0, 3.0])  # Hz
     backwards = view(solved("four-bar", "solve.preset=rigid", "main.speed=-300 rpm"))
     assert backwards.x_label == "crank angle [deg]" and (np.diff(backwards.x) < 0).all()
 

@@ -36,12 +36,12 @@ ALL = tuple(SETTINGS)
 CYCLE = {"loads", "motion", "paths", "modes", "nodal_displacements", "mid_rod", "surfaces_rod", "sensors"}
 OF_ROD = {"mid_rod", "surfaces_rod"}
 EXPECTED = {
-    "engine": CYCLE,
-    "engine-elastic-crank": CYCLE | {"mid_crank", "surfaces_crank"},
-    "engine-3": CYCLE - OF_ROD | {f"{picture}_{k}" for picture in OF_ROD for k in (1, 2, 3)},
+    "engine": CYCLE | {"orders"},
+    "engine-elastic-crank": CYCLE | {"orders", "mid_crank", "surfaces_crank"},
+    "engine-3": CYCLE - OF_ROD | {"orders"} | {f"{picture}_{k}" for picture in OF_ROD for k in (1, 2, 3)},
     "engine-transient": CYCLE | {"records", "spectra"},
     "engine-rig": CYCLE - {"loads"} | {"records", "spectra"},
-    "rigid": {"loads", "motion", "paths", "sensors"},
+    "rigid": {"loads", "motion", "paths", "sensors", "orders"},
 }  # fmt: skip
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, legend_beside, readable
-from kaneflex.plots.sweep import abscissa, finish, groups, pages
+from kaneflex.plots.style import PALETTE, finish, legend_beside, pages, readable
+from kaneflex.plots.sweep import abscissa, groups
 
 if TYPE_CHECKING:
     import xarray
@@ -31,7 +31,7 @@ def figure(found: xarray.Dataset) -> Figure:
         axes.set_ylabel(f"[{unit}]")
         if len(axes.get_legend_handles_labels()[1]) > 1:
             legend_beside(axes)
-    finish(panels, found, label)
+    finish(panels, label)
     return page
 
 

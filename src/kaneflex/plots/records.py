@@ -193,7 +193,7 @@ def _spectra(solution: Solution, accelerations: list[str]) -> Figure:
     reach = max(_last_above(*spectra[name]) for name in names)
     over_decades = reach > _DECADES * resolution  # slow motion and quick vibrations in one picture
     scale, unit = (1.0, "Hz") if over_decades else readable("Hz", np.array([reach]))
-    lines = _marked(solution, reach)
+    lines = marked(solution, reach)
     for axes, name in zip(panels, names, strict=True):
         frequencies, amplitudes = spectra[name]
         factor, label = readable(solution.series[name].unit, amplitudes)
@@ -215,7 +215,7 @@ def _spectra(solution: Solution, accelerations: list[str]) -> Figure:
     return figure
 
 
-def _marked(solution: Solution, reach: float) -> list[tuple[float, str, str | None]]:
+def marked(solution: Solution, reach: float) -> list[tuple[float, str, str | None]]:
     """Frequencies [Hz] to compare with, below ``reach``: drives', natural ones; the first of a kind has a label."""
     model = solution.model
     scene = model.scene

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable, shade
+from kaneflex.plots.style import PALETTE, finish, legend_beside, pages, readable, shade
 from kaneflex.plots.view import View, view
 from kaneflex.scene.quantities import Address
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from kaneflex.scene.sensors import Sensor
     from kaneflex.solve.solution import Solution
 
-_ONE_COLUMN = 4
-"""Most panels that stand one above the other."""
 QUANTITY = {
     "displacement": "displacement", "velocity": "velocity", "acceleration": "acceleration", "position": "position",
     "axial_force": "force", "shear_force": "force", "bending_moment": "moment",
@@ -40,17 +38,11 @@ def figures(solution: Solution) -> dict[str, Figure]:
     if not groups:
         return {}
     shown = view(solution)
-    columns = 1 if len(groups) <= _ONE_COLUMN else 2
-    rows = -(-len(groups) // columns)
-    figure = new_figure(7.2 * columns, 0.8 + 1.7 * rows, f"Sensors{shown.note}")
-    panels = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
-    for axes, (title, names) in zip(panels, groups.items(), strict=False):
+    figure, panels = pages(len(groups), f"Sensors{shown.note}", 7.2, 1.7)
+    for axes, (title, names) in zip(panels, groups.items(), strict=True):
         _panel(axes, shown, title, names)
-    for axes in panels[len(groups) :]:
-        axes.remove()
-    for last in {min(rows, len(groups)), len(groups)}:
-        panels[last - 1].tick_params(labelbottom=True)
-        shown.label_x(panels[last - 1])
+    for axes in finish(panels, shown.x_label):
+        shown.label_x(axes)
     return {"sensors": figure}
 
 

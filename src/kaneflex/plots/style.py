@@ -19,6 +19,8 @@ from matplotlib.ticker import MultipleLocator
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours that the colour-blind tell apart (Okabe & Ito 2008), yellow left out: too pale for a line on white."""
 GREY = "#9A9A9A"
+_ONE_COLUMN = 4
+"""Most panels that stand one above the other."""
 
 _STYLE = {
     "axes.axisbelow": True,
@@ -82,6 +84,31 @@ def new_figure(width: float, height: float, title: str, layout: str = "constrain
     FigureCanvasAgg(figure)
     figure.suptitle(title)
     return figure
+
+
+def pages(count: int, title: str, width: float = 7.6, height: float = 2.2) -> tuple[Figure, list[Axes]]:
+    """So many panels of that size [inches] over one abscissa, in two columns where they are many."""
+    rows, columns = _grid(count)
+    page = new_figure(width * columns, 0.8 + height * rows, title)
+    panels = page.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
+    for axes in panels[count:]:
+        axes.remove()
+    return page, list(panels[:count])
+
+
+def finish(panels: list[Axes], label: str) -> list[Axes]:
+    """The abscissa named below each column of such panels; the lowest ones."""
+    rows, _ = _grid(len(panels))
+    lowest = [panels[last - 1] for last in sorted({min(rows, len(panels)), len(panels)})]
+    for axes in lowest:
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel(label)
+    return lowest
+
+
+def _grid(count: int) -> tuple[int, int]:
+    columns = 1 if count <= _ONE_COLUMN else 2
+    return -(-count // columns), columns
 
 
 def save(figure: Figure, stem: Path) -> list[Path]:

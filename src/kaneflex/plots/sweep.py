@@ -9,13 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import PALETTE, legend_beside, new_figure, readable
+from kaneflex.plots.style import PALETTE, finish, legend_beside, pages, readable
 
 if TYPE_CHECKING:
     import xarray
-
-_ONE_COLUMN = 4
-"""Most panels that stand one above the other."""
 
 
 def figure(found: xarray.Dataset) -> Figure:
@@ -25,27 +22,8 @@ def figure(found: xarray.Dataset) -> Figure:
     page, panels = pages(len(names), f"{found.attrs['scene']}: greatest and least values over {across}")
     for axes, name in zip(panels, names, strict=True):
         _panel(axes, found, name, across)
-    finish(panels, found, label)
+    finish(panels, label)
     return page
-
-
-def pages(count: int, title: str) -> tuple[Figure, list[Axes]]:
-    """So many panels, in two columns where they are many."""
-    columns = 1 if count <= _ONE_COLUMN else 2
-    rows = -(-count // columns)
-    page = new_figure(7.6 * columns, 0.8 + 2.2 * rows, title)
-    panels = page.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
-    for axes in panels[count:]:
-        axes.remove()
-    return page, list(panels[:count])
-
-
-def finish(panels: list[Axes], found: xarray.Dataset, label: str) -> None:
-    """The abscissa named below each column."""
-    rows = -(-len(panels) // (1 if len(panels) <= _ONE_COLUMN else 2))
-    for last in {min(rows, len(panels)), len(panels)}:
-        panels[last - 1].tick_params(labelbottom=True)
-        panels[last - 1].set_xlabel(label)
 
 
 def abscissa(found: xarray.Dataset) -> tuple[str, str]:
