@@ -37,7 +37,7 @@ def outputs(folder) -> dict[str, str]:
 
 def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
-    pictures = {"press.png", "engine.svg", "explored.png"}
+    pictures = {"press.png", "engine.svg", "explored.png", "engine-bode.png"}
     assert files == pictures | {"press.toml", "engine.npz", "engine.mat", "engine.tex", "engine-c", "modal", "moved"}
     used = {"new", "show", "check", "explore", "linearise", "equations", "derive", "modes", "run"}
     assert {command.split()[1] for command in outputs} == used

@@ -1,6 +1,7 @@
 """The state space against the model's own matrices, modes with damping, and runs that it must reproduce."""
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from scipy.linalg import expm
 import kaneflex
 from kaneflex.fem.modes import damping_ratios, rayleigh_coefficients
 from kaneflex.multibody.building import reference_modes
+from kaneflex.plots import bode
+from kaneflex.plots.style import styled
 from kaneflex.scene import read_scene
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
@@ -101,6 +104,35 @@ def test_a_step_of_the_load_gives_the_response_that_a_run_gives(folder):
         for name, value in zip(system.outputs, y, strict=True):
             series = solution.series[name].values
             assert value == pytest.approx(series[k], abs=1e-4 * np.abs(series).max()), (name, k)
+
+
+def test_a_bode_plot_shows_the_static_answer_and_the_resonance(folder):
+    """F L^3 / (3 E I) at rest; at the first natural frequency the phase of a single mode, -90 degrees, and 1/(2 zeta)
+    of its static share, 12/1.8751^4 of that (e.g. Meirovitch, Fundamentals of Vibrations)."""
+    system = linearise(cantilever(MODAL, folder), sensors=["tip", "speed"])
+    static = -(0.5**3) / (3.0 * 210e9 * 13333e-12)
+    assert system.frequency_response(np.zeros(1))[0, 0, 0] == pytest.approx(static, rel=1e-9)
+    with styled():
+        panels = bode.figure(system).axes
+    hertz, size = panels[0].get_lines()[0].get_data()
+    phase = panels[1].get_lines()[0].get_ydata()
+    omega = abs(system.poles[0])
+    peak = int(size.argmax())
+    assert 2 * np.pi * hertz[peak] == pytest.approx(omega, rel=2e-3)
+    assert size[peak] == pytest.approx(abs(static) * 12.0 / 1.8751**4 / 0.02, rel=1e-2)
+    assert np.interp(omega / (2 * np.pi), hertz, phase) % 180.0 == pytest.approx(90.0, abs=3.0)
+    speed = panels[2].get_lines()[0].get_ydata()
+    assert speed == pytest.approx(2 * np.pi * hertz * size, rel=1e-9)
+    legend = panels[1].get_legend().get_texts()[0].get_text()
+    assert legend == "tip_force [m by N]" and panels[-1].get_xlabel() == "frequency [Hz]"
+
+
+def test_a_bode_plot_needs_inputs_and_a_picture(folder, tmp_path):
+    system = linearise(cantilever(MODAL, folder))
+    with pytest.raises(SceneError, match="the state space has no input"):
+        bode.figure(replace(system, inputs=(), input_units=(), B=system.B[:, :0], D=system.D[:, :0]))
+    refused(cli("linearise", "engine", "-o", tmp_path / "a.npz", "--bode", tmp_path / "a.gif"), "not a kind of picture")
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize("degrees", [0.0, 90.0, 250.0])

@@ -16,6 +16,7 @@ from kaneflex.support.output_folders import file_stem
 
 if TYPE_CHECKING:
     from kaneflex.scene import Scene
+    from kaneflex.solve.statespace import StateSpace
 
 
 @click.command()
@@ -118,9 +119,14 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
     help="File to write: .npz for NumPy or .mat for MATLAB.",
 )  # fmt: skip
+@click.option(
+    "--bode", type=click.Path(path_type=Path), metavar="FILE.png", help="Draw magnitudes and phases over the frequency."
+)
 @force_option
 @gathered(asked=SceneArguments)
-def linearise(asked: SceneArguments, at: str | None, sensors: tuple[str, ...], output: Path, force: bool) -> None:
+def linearise(
+    asked: SceneArguments, at: str | None, sensors: tuple[str, ...], output: Path, bode: Path | None, force: bool
+) -> None:
     """Write the elastic equations of SCENE at one instant as a state space.
 
     The file holds M, C_damping, K and A, B, C, D with the names of states, inputs (loads, accelerations of drives) and
@@ -130,22 +136,35 @@ def linearise(asked: SceneArguments, at: str | None, sensors: tuple[str, ...], o
     from kaneflex.solve.loading import load
     from kaneflex.solve.statespace import available_sensors, check_file_kind
     from kaneflex.solve.statespace import linearise as state_space
-    from kaneflex.support.atomic_output import refuse_existing
+    from kaneflex.support.atomic_output import refuse_existing, write_bytes
     from kaneflex.support.terminal import Waiting
 
     check_file_kind(output)
     refuse_existing(output, force, "engine.npz")
+    if bode is not None:
+        check_picture(bode, force, "engine-bode.png")
     scene = asked.read_at(at)
     with Waiting() as waiting:
         model = load(scene, waiting.stage)
         system = state_space(model, sensors=sensors or None)
+    drawn = None if bode is None else _bode(system, bode.suffix[1:])
     system.save(output)
+    if bode is not None and drawn is not None:
+        write_bytes(bode, drawn)
     click.echo(poles_table(system))
     click.echo(f"{len(system.states)} states, {len(system.inputs)} inputs, {len(system.outputs)} outputs")
     left_out = [sensor for sensor in scene.sensors if sensor not in available_sensors(model)]
     if left_out and not sensors:
         click.echo(f"Warning: left out, as frozen matrices say nothing of them: {', '.join(left_out)}", err=True)
-    click.echo(f"Written to {output}")
+    click.echo(f"Written to {output}" + (f" and {bode}" if bode is not None else ""))
+
+
+def _bode(system: StateSpace, kind: str) -> bytes:
+    from kaneflex.plots.bode import figure
+    from kaneflex.plots.style import as_file, styled
+
+    with styled():
+        return as_file(figure(system), kind)
 
 
 @click.command()
