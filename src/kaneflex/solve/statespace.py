@@ -75,12 +75,12 @@ class StateSpace:
         values = values[values.imag >= 0.0]
         return values[np.argsort(abs(values), kind="stable")]
 
-    def frequency_response(self, frequencies: np.ndarray) -> np.ndarray:
+    def frequency_response(self, frequencies: Sequence[float] | np.ndarray) -> np.ndarray:
         """What the outputs answer to harmonic inputs of one, G(i w) = C (i w - A)^-1 B + D.
 
         Parameters
         ----------
-        frequencies : ndarray (n,)
+        frequencies : (n,)
             In Hz.
 
         Returns
@@ -89,7 +89,7 @@ class StateSpace:
             Complex amplitudes, in units of the outputs over those of the inputs.
         """
         one = np.eye(len(self.A))
-        points = 2j * np.pi * np.atleast_1d(np.asarray(frequencies, dtype=float))
+        points = 2j * np.pi * np.asarray(frequencies, dtype=float)
         found = [self.C @ np.linalg.solve(s * one - self.A, self.B) + self.D for s in points]
         return np.array(found).reshape(len(points), *self.D.shape)
 
