@@ -7,6 +7,7 @@ import pytest
 
 from kaneflex.fem.assembly import ElasticEquations
 from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene.structure import structure_hash
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 
@@ -31,6 +32,7 @@ def test_of_another_speed_the_equations_are_those_before_and_what_loading_alone_
     assert found.reduced is before.reduced and found.scene == alone.scene and found.options == alone.options
     assert found.reference_time == alone.reference_time and found.warnings == alone.warnings
     assert found.coordinates == alone.coordinates
+    assert found.given.structure_hash() == structure_hash(found.given)  # which it took from the other, not made itself
     np.testing.assert_array_equal(found.motion.parameters, alone.motion.parameters)
     for field in fields(ElasticEquations)[1:]:
         got, wanted = (getattr(model.reduced, field.name).terms for model in (found, alone))

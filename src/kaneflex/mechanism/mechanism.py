@@ -46,6 +46,7 @@ def same_mechanism(scene: Scene, like: Scene) -> bool:
     ):
         return False
     _MADE.of(scene, lambda: mechanism_of(like))
+    scene.built_like(like)
     return True
 
 
@@ -56,7 +57,8 @@ _TABLES = ("gravity", "ground", "bodies", "joints", "masses", "loads", "springs"
 def _differ_by_speed(drives: Mapping[str, Any], like: Mapping[str, Any]) -> bool:
     """Whether drives differ in no more than their speeds."""
     return drives.keys() == like.keys() and all(
-        drive is like[name] or drive == like[name].model_copy(update={"speed": drive.speed})
+        drive is like[name]
+        or (drive == like[name].model_copy(update={"speed": drive.speed}) and drive.kind == like[name].kind)
         for name, drive in drives.items()
     )
 

@@ -97,28 +97,27 @@ class ElasticMotion(Motion):
 class Consecutive(ElasticMotion):
     """Motions of models with the same equations as one, to be read in one pass: each begins after another's end.
 
-    ``instants`` are those of ``parts`` by their numbers, each of which is filled up with its last one: what products of
-    matrices round to then does not depend on the parts beside it.
+    ``places`` are where the instants of ``parts`` are among those of the whole. Each part is filled up with its last
+    instant: what products of matrices round to then does not depend on the parts beside it.
     """
 
     parts: Sequence[ElasticMotion]
-    instants: np.ndarray
+    places: Sequence[slice]
 
     @classmethod
     def of(cls, parts: Sequence[ElasticMotion]) -> Consecutive:
-        counts = np.array([len(part.times) for part in parts])
-        filled, ends = counts + -counts % _BLOCK, np.cumsum(counts)
-        at = np.arange(filled.sum()) - np.repeat(np.cumsum(filled) - filled - (ends - counts), filled)
-        at = np.minimum(at, np.repeat(ends - 1, filled))
-        rigid = (np.concatenate([getattr(part.rigid, name) for part in parts])[at] for name in ("times", "values"))
-        series = zip(*(part.coordinates for part in parts), strict=True)
-        z, v, a = (np.concatenate(each, axis=1)[:, at] for each in series)
-        return cls(parts[0].model, RigidMotion(parts[0].rigid.motion, *rigid), (z, v, a), parts, at)
+        counts = [len(part.times) for part in parts]
+        rigid = (_filled_up([getattr(part.rigid, name) for part in parts], 0) for name in ("times", "values"))
+        z, v, a = (_filled_up(each, 1) for each in zip(*(part.coordinates for part in parts), strict=True))
+        ends = np.cumsum([count + -count % _BLOCK for count in counts]).tolist()
+        places = [slice(begin, begin + count) for begin, count in zip([0, *ends], counts, strict=False)]
+        return cls(parts[0].model, RigidMotion(parts[0].rigid.motion, *rigid), (z, v, a), parts, places)
 
     def turned(self, body: str) -> np.ndarray:
-        return np.concatenate([part.turned(body) for part in self.parts])[self.instants]
+        return _filled_up([part.turned(body) for part in self.parts], 0)
 
-    def apart(self, values: np.ndarray) -> list[np.ndarray]:
-        """A series of this motion as those of its parts."""
-        ends = np.cumsum([len(part.times) for part in self.parts])
-        return np.split(values[np.diff(self.instants, prepend=-1) > 0], ends[:-1])
+
+def _filled_up(parts: Sequence[np.ndarray], axis: int) -> np.ndarray:
+    """Series one after the other, each up to a whole number of blocks by its last value."""
+    filled = ((part, np.take(part, [-1] * (-part.shape[axis] % _BLOCK), axis=axis)) for part in parts)
+    return np.concatenate([each for pair in filled for each in pair], axis=axis)

@@ -48,8 +48,8 @@ def measure_together(motions: Sequence[ElasticMotion]) -> list[dict[str, Series]
     whole = Consecutive.of(motions)
     found: list[dict[str, Series]] = [{} for _ in motions]
     for name, series in measure(whole).items():
-        for each, values in zip(found, whole.apart(series.values), strict=True):
-            each[name] = Series(values, series.unit, series.meaning)
+        for each, place in zip(found, whole.places, strict=True):
+            each[name] = Series(series.values[place], series.unit, series.meaning)
     return found
 
 

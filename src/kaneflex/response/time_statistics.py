@@ -26,17 +26,19 @@ def statistics(values: np.ndarray, times: np.ndarray) -> Statistics:
 
 def statistics_of_all(series: Mapping[str, np.ndarray], times: np.ndarray) -> dict[str, Statistics]:
     """:func:`statistics` of every series, in one go of those that have a value at all times."""
-    found, whole = {}, {}
-    for name, values in series.items():
-        there = np.isfinite(values)  # where it has no value a warning says so
-        if there.all() or not there.any():
-            whole[name] = values
-            continue
-        own, indices = statistics(values[there], times[there]), np.flatnonzero(there)
-        found[name] = own._replace(at_min=int(indices[own.at_min]), at_max=int(indices[own.at_max]))
-    if not whole:
-        return found
-    block = np.array(list(whole.values()))
+    if not series:
+        return {}
+    found, whole, block = {}, list(series), np.array(list(series.values()))
+    there = np.isfinite(block)  # where a series has no value a warning says so
+    if not there.all():
+        whole = [name for name, own in zip(series, there, strict=True) if own.all() or not own.any()]
+        for name in (name for name in series if name not in whole):
+            indices = np.flatnonzero(np.isfinite(series[name]))
+            own = statistics(series[name][indices], times[indices])
+            found[name] = own._replace(at_min=int(indices[own.at_min]), at_max=int(indices[own.at_max]))
+        if not whole:
+            return found
+        block = np.array([series[name] for name in whole])
     lowest, highest, rows = block.argmin(axis=1), block.argmax(axis=1), np.arange(len(block))
     least, most = block[rows, lowest], block[rows, highest]
     largest = np.maximum(abs(least), abs(most))
@@ -52,5 +54,5 @@ def mean_over_time(values: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Mean of series (..., n_times) over time by the trapezoidal rule, which counts a cycle's two equal ends once."""
     if len(times) == 1:
         return values[..., 0]
-    middles = 0.5 * (values[..., 1:] + values[..., :-1])
-    return middles @ np.diff(times) / (times[-1] - times[0])
+    steps = np.diff(times, prepend=times[0], append=times[-1])
+    return values @ ((steps[1:] + steps[:-1]) / (2.0 * (times[-1] - times[0])))

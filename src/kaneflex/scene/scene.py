@@ -182,7 +182,7 @@ class Scene(SceneTable):
         made = {key: contact for name, joint in loose.items() for key, contact in contacts_of(name, joint).items()}
         return self.seen(joints=joints, contacts={**self.contacts, **made})
 
-    @property
+    @cached_property
     def frictions(self) -> dict[str, Friction]:
         """Joint or contact -> its friction."""
         found = {name: joint.friction for name, joint in self.joints.items()}
@@ -333,7 +333,12 @@ class Scene(SceneTable):
         """The structure's name: equal structures share one generated module."""
         from kaneflex.scene.structure import structure_hash
 
-        return structure_hash(self)
+        return _HASHES.of(self, lambda: structure_hash(self))
+
+    def built_like(self, other: Scene) -> None:
+        """Take the structure's name from a scene that is known to have the same."""
+        _HASHES.of(self, other.structure_hash)
 
 
 _STRUCTURES: Kept[Scene, dict[str, Any]] = Kept()
+_HASHES: Kept[Scene, str] = Kept()

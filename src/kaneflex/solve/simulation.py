@@ -115,15 +115,16 @@ def not_repeated(model: Model) -> str | None:
     """What of the motion and the loads is after a cycle not what it was; None where all repeats itself."""
     period = model.scene.period
     cycle = model.motion.at(np.linspace(0.0, period, 65))
+    column, ends = cycle.motion.column, cycle.values[[0, -1]]
+    sizes, changes = abs(cycle.values).max(axis=0).tolist(), abs(ends[1] - ends[0]).tolist()
     unit_of = {name: unit for name, unit, *_ in model.module.SCALARS}
     largest = dict.fromkeys(unit_of.values(), 0.0)
     for name, unit in unit_of.items():
-        largest[unit] = max(largest[unit], abs(cycle[name]).max())
-    for name in sorted({name for monomial in model.monomials for name in monomial}):
-        values = cycle[name]
-        rounding = _ROUNDING * largest.get(unit_of.get(name), 0.0)
-        if abs(values[-1] - values[0]) > _REPEATS * abs(values).max() + rounding:
-            return f"{name} is {values[0]:.6g} at first and {values[-1]:.6g} a cycle later"
+        largest[unit] = max(largest[unit], sizes[column[name]])
+    for name in sorted({name for monomial in model.monomials for name in monomial} & column.keys()):
+        k, rounding = column[name], _ROUNDING * largest.get(unit_of.get(name), 0.0)
+        if changes[k] > _REPEATS * sizes[k] + rounding:
+            return f"{name} is {ends[0, k]:.6g} at first and {ends[1, k]:.6g} a cycle later"
     return None
 
 

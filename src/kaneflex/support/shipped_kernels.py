@@ -57,6 +57,7 @@ def recording(archive: Path) -> Iterator[None]:
             kept.writestr(_SOURCES, _sources())
 
 
+@cache
 def archive_name() -> str:
     """Name of the archive for this platform and these versions."""
     import llvmlite
