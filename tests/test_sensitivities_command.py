@@ -12,6 +12,7 @@ from command_line import cli, refused
 from runs import model, run
 
 import kaneflex
+from kaneflex.plots import sensitivities as bars_of
 from kaneflex.scene import read_scene, with_settings
 from kaneflex.study.sensitivity.parameters import find_parameters
 from kaneflex.study.sensitivity.report import sensitivities
@@ -55,6 +56,23 @@ def test_the_files_hold_what_the_page_says(folder):
         np.testing.assert_allclose(entry["sensors"]["mid_transverse"]["max"], at_peak, rtol=1e-12)
         assert len(found.data_vars) == 4 * len(about["sensors"])
     assert (entry["value"], entry["unit"]) == (2.1e11, "Pa")
+
+
+def test_the_bars_are_the_numbers_of_the_table(tmp_path, monkeypatch):
+    """A heavier, thicker rod strains less, and more speed bends it by its square."""
+    asked = [part for text in QUICK for part in ("--set", text)] + ["--sensitivities", "rod.I,main.speed"]
+    monkeypatch.setattr("kaneflex.plots.draw_all", lambda *_: [])  # seconds of other pictures
+    printed = cli("run", "engine", *asked, "-o", tmp_path / "out")
+    found = sensitivities(run("engine", *QUICK), ["rod.I", "main.speed"])
+    axes = bars_of.figure(found).axes[0]
+    bars = {each.get_label(): [bar.get_width() for bar in each] for each in axes.containers}
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == [*found.solution.model.scene.sensors] and len(names) > 9 and [*bars] == ["rod.I", "main.speed"]
+    for name, inertia, speed in zip(names, *bars.values(), strict=True):
+        row = [line.split() for line in printed.stdout.splitlines() if line.startswith(f"{name} ")][-1]
+        assert [f"{round(value, 4) + 0.0:+.4f}" for value in (inertia, speed)] == row[1:]
+    assert (tmp_path / "out" / "sensitivities.png").exists() and axes.get_xlabel().endswith("[%]")
+    assert "sensitivities</figcaption>" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_python_prints_what_its_comments_say(capsys):

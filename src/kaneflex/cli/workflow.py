@@ -83,7 +83,7 @@ def run_into(
         pictures: list[Path] = []
         with writing(folder):
             if summary.outcome == "completed":
-                pictures = _show(solution, partial, target, waiting)
+                pictures = _show(solution, found, partial, target, waiting)
             _report(solution, summary, pictures, partial)
     return summary
 
@@ -166,15 +166,18 @@ def _report(solution: Solution, summary: Summary, pictures: list[Path], folder: 
     (folder / REPORT_FILE).write_text(page(solution, summary, shown), encoding="utf-8", newline="\n")
 
 
-def _show(solution: Solution, folder: Path, target: Target, waiting: Waiting) -> list[Path]:
+def _show(
+    solution: Solution, found: Sensitivities | None, folder: Path, target: Target, waiting: Waiting
+) -> list[Path]:
     """The pictures, which it returns, and the motion for ParaView."""
     drawn: list[Path] = []
     if target.plots:
-        from kaneflex.plots import draw_all
+        from kaneflex.plots import draw, draw_all
 
         stage = "drawing the pictures"
         waiting.stage(stage)
         drawn = draw_all(solution, folder, waiting.share_of(stage), target.frames, target.seconds, target.mp4)
+        drawn += [] if found is None else draw("sensitivities", found, folder)
     if target.vtk:
         from kaneflex.plots.vtk import write_vtk
 

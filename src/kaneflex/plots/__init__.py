@@ -80,8 +80,8 @@ def draw_all(
 def draw(kind: str, found: object, folder: Path) -> list[Path]:
     """Write the picture of what a study found into a folder that exists, as KIND.png and KIND.svg.
 
-    ``kind`` is the module that makes it: "overlay" of a comparison, "stability", "terms", "trade"; of a sweep's dataset
-    "sweep", "bifurcation" or "poincare".
+    ``kind`` is the module that makes it: "overlay" of a comparison, "sensitivities", "stability", "terms", "trade"; of
+    a sweep's dataset "sweep", "bifurcation" or "poincare".
     """
     from kaneflex.plots.style import save, styled
 

@@ -83,6 +83,11 @@ class Sensitivities:
         logarithmic = {f"log_{key}": float(slopes[key] / value) if value else None for key, value in values.items()}
         return SensorDerivative(unit=self.unit(parameter, sensor), **plain, **logarithmic)
 
+    def peak(self, parameter: Parameter, sensor: str) -> float | None:
+        """By how many per cent a sensor's largest magnitude grows with one per cent; None where that is zero."""
+        y, of = self.solution.series[sensor].values, self.of(parameter, sensor)
+        return of.log_max if abs(y.max()) >= abs(y.min()) else of.log_min
+
     def summary(self) -> dict[str, ParameterSensitivity]:
         """What ``summary.json`` holds: parameter's name -> value, unit and the derivatives by sensor."""
         return {
