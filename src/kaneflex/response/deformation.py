@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -55,6 +56,12 @@ class Deformation:
         for part, shortening in zip((d, d_rate, d_accel), self.foreshortening(x), strict=True):
             part[0] -= shortening
         return d, d_rate, d_accel
+
+    def closed_by(self, shortened: Rates) -> Self:
+        """The same with the displacements that its foreshortening asks of the nodes, which leave that as it is."""
+        found = replace(self, shortened=shortened)
+        vars(found)["_shortened_at_nodes"] = self._shortened_at_nodes
+        return found
 
     def foreshortening(self, x: float) -> np.ndarray:
         """1/2 int_0^x v'^2 and its rates, (3, n_times)."""

@@ -16,7 +16,7 @@ strains nothing. Drives hold. What nothing determines (bodies that hang free) mo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,7 +60,7 @@ def displaced(
         end = joined.ends[name]
         strained = (part + own for part, own in zip(follow(model, rigid, moved, end.L), s[name], strict=True))
         own = tuple(found.link.at_nodes(end.shapes @ part) for part in strained)
-        shortened[name] = replace(found, shortened=own)
+        shortened[name] = found.closed_by(own)
     return Displaced(shortened, tuple(z + more for z, more in zip(coordinates, moved, strict=True)))
 
 
