@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import figures, orders, paths
+from kaneflex.plots import energy, figures, orders, paths
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, with_settings
@@ -93,6 +93,23 @@ def test_what_does_not_repeat_has_no_orders():
     turning = ("four-bar", "solve.steps=144", "sensors.rocker_angle.position=main")
     every = {*orders.harmonics(solved("four-bar", "solve.steps=144"))}
     assert every - {*orders.harmonics(solved(*turning))} == {"rocker_angle"}
+
+
+def test_the_energy_that_is_drawn_is_the_motors_work():
+    """Of a motor of 0.6 (1 - omega / 31.416) N m, whose speed a sensor reads; two rigid bars and a flywheel turn."""
+    motor = ("four-bar-motor", "solve.duration=0.2 s", "solve.steps=2000")
+    stored, balance = drawn(energy, *motor).axes
+    solution = solved(*motor)
+    omega = solution.series["crank_speed"].values
+    power = 0.6 * (1.0 - omega / 31.41592653589793) * omega
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(solution.times))])
+    found = curves(balance)
+    factor = {"J": 1.0, "mJ": 1e3}[balance.get_ylabel()[8:-1]]
+    assert found["supplied"][1] == pytest.approx(factor * work, abs=1e-4 * factor * work.max())
+    there = found["stored, growth"][1] + found["dissipated"][1]
+    assert there == pytest.approx(found["supplied"][1], rel=1e-6, abs=1e-9)
+    assert {*curves(stored)} == {"kinetic", "strain, springs"}
+    assert not energy.figures(solved("four-bar", "solve.steps=144"))
 
 
 def test_a_drive_that_swings_is_drawn_over_time(tmp_path):

@@ -133,12 +133,25 @@ def _moves(solution: Solution) -> bool:
 
 
 def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]], ...]:
-    from kaneflex.plots import clearances, displacements, loads, modes, motion, orders, paths, records, sensors, spatial
+    from kaneflex.plots import (
+        clearances,
+        displacements,
+        energy,
+        loads,
+        modes,
+        motion,
+        orders,
+        paths,
+        records,
+        sensors,
+        spatial,
+    )
 
+    of_any = (sensors.figures, orders.figures, energy.figures)
     if solution.model.scene.is_spatial:
-        moving = (spatial.figures, spatial.deformed, sensors.figures, orders.figures) if _moves(solution) else ()
+        moving = (spatial.figures, spatial.deformed, *of_any) if _moves(solution) else ()
         return (*moving, spatial.modes)
     if not _moves(solution):
         return loads.figures, modes.figures
-    kinds = (loads, motion, paths, modes, displacements, clearances, records, sensors, orders)
-    return tuple(kind.figures for kind in kinds)
+    kinds = (loads, motion, paths, modes, displacements, clearances, records)
+    return (*(kind.figures for kind in kinds), *of_any)

@@ -1,0 +1,40 @@
+"""Where the energy of a run is and goes: what is stored, what was supplied and dissipated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from kaneflex.plots.style import legend_beside, new_figure, readable
+from kaneflex.plots.view import view
+
+if TYPE_CHECKING:
+    from kaneflex.solve.solution import Solution
+
+
+def figures(solution: Solution) -> dict[str, Figure]:
+    """``energy``: of runs whose energy was integrated with the motion, instant by instant: preset coupled."""
+    energy = solution.motion.energy
+    if energy is None or len(energy.kinetic) != len(solution.times) or not energy.stored.any():
+        return {}
+    shown = view(solution)
+    page = new_figure(8.4, 4.6, f"Energy, drift {energy.drift:.1e} of what is turned over{shown.note}")
+    panels = page.subplots(2, 1, sharex=True)
+    stored = {"kinetic": energy.kinetic, "strain, springs": energy.strain, "weight": energy.weight}
+    grown = energy.stored - energy.stored[0]
+    balance = {"stored, growth": grown, "dissipated": energy.dissipated, "supplied": energy.supplied}
+    titles = ("What the mechanism stores", "Since the start: what is stored and dissipated was supplied")
+    for axes, title, curves in zip(panels, titles, (stored, balance), strict=True):
+        curves = {name: values[shown.instants] for name, values in curves.items() if values.any()}
+        factor, unit = readable("J", *curves.values())
+        for name, values in curves.items():
+            dashes = (0, (4, 5)) if name == "supplied" else "-"  # what is supplied lies on what is stored
+            axes.plot(shown.x, factor * values, linestyle=dashes, label=name)
+        axes.set_title(title)
+        axes.set_ylabel(f"energy [{unit}]")
+        axes.margins(x=0)
+        if curves:
+            legend_beside(axes)
+    shown.label_x(panels[-1])
+    return {"energy": page}
