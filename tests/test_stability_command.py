@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cli
+from matplotlib.figure import Figure
 
 from kaneflex.cli.stability import speed_range
+from kaneflex.plots.stability import _over_speed
 from kaneflex.scene import read_scene
 from kaneflex.study.stability.sweep import Sweep
 from kaneflex.support.errors import SceneError
@@ -75,3 +77,16 @@ def test_orders_meet_frequencies():
     swept = Sweep("main", speeds, nothing, nothing, nothing, level, level, level, ())
     found = {crossing.order: crossing.speed for crossing in swept.crossings(3)}
     assert found == {k: pytest.approx(2 * np.pi * 10.0 / k) for k in (1, 2, 3)}
+
+
+def test_campbells_diagram_names_its_curves():
+    """Modes above a point of theirs, orders beside where they end; what the panel doesn't show has no name."""
+    speeds, nothing = 2 * np.pi * np.linspace(1.0, 12.0, 50), np.zeros(50)
+    level = np.tile([10.0, 40.0, 500.0], (50, 1))
+    campbell, radii = Figure().subplots(2, 1)
+    swept = Sweep("main", speeds, nothing, nothing, nothing + 0.5, level, level, level, ())
+    _over_speed(campbell, radii, swept, 1.0, False)
+    named = {text.get_text(): text.xy for text in campbell.texts}
+    assert [*named] == ["mode 1", "mode 2", *"123456"]
+    assert (named["mode 1"], named["mode 2"]) == ((speeds[0], 10.0), (speeds[4], 40.0))
+    assert named["3"] == pytest.approx((speeds[-1], 36.0))

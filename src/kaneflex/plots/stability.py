@@ -55,8 +55,13 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
     # What the orders can't reach is of no use to read where they cross.
     reach = max(swept.highest[:, :2].max(), ORDERS * swept.speeds[-1] / (2.0 * np.pi))
     campbell.set_ylim(0.0, 1.05 * scale * reach)
+    for k in range(swept.mean.shape[1]):
+        at = k * len(x) // 12  # beside each other, where modes are close
+        _name(campbell, f"mode {k + 1}", x[at], scale * swept.mean[at, k], PALETTE[k % len(PALETTE)], above=True)
     for order in range(1, ORDERS + 1) if not slides else ():
-        campbell.plot(x, scale * order * swept.speeds / (2.0 * np.pi), color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
+        line = scale * order * swept.speeds / (2.0 * np.pi)
+        campbell.plot(x, line, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
+        _name(campbell, f"{order}", x[-1], line[-1], "black", above=False)
     campbell.set_title(f"frozen frequencies over the cycle (shaded), orders 1 to {ORDERS} (dashed)")
     campbell.set_ylabel(f"[{unit}]")
     radii.semilogy(x, swept.radii, marker=".", markersize=3)
@@ -67,3 +72,10 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
         axes.margins(x=0)
         for low, high in swept.bands:
             axes.axvspan(factor * low, factor * high, color=PALETTE[1], alpha=0.15, linewidth=0)
+
+
+def _name(axes: Axes, text: str, x: float, y: float, colour: str, above: bool) -> None:
+    """The name of a curve above a point of it, or beside its last one, where the panel shows that."""
+    if y < axes.get_ylim()[1]:
+        place, va = ((2.0, 1.5), "bottom") if above else ((3.0, 0.0), "center_baseline")
+        axes.annotate(text, (x, y), xytext=place, textcoords="offset points", va=va, fontsize=7, color=colour)
