@@ -20,7 +20,7 @@ BASELINE = {
     "plots": 46,
     "report": 6,
     "response": 56,
-    "scene": 87,
+    "scene": 86,
     "solve": 42,
     "study": 85,
     "support": 5,

@@ -155,7 +155,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 def test_every_complete_scene_runs(solved):
     assert set(solved) == {
         "cantilever", "arm", "flying", "frame", "shaft", "band-brake", "belt", "brake", "coupling", "knock",
-        "slow-engine", "pendulum",
+        "slow-engine", "mount", "pendulum",
     }  # fmt: skip
     for name, solution in solved.items():
         assert solution.outcome.name == "COMPLETED", f"{name}: {solution.trajectory.message}"

@@ -117,17 +117,26 @@ class SpatialLoad:
 
 @dataclass(frozen=True, eq=False)
 class SpatialSpring:
-    """Stiffness, damping and free length or angle of a spring between two points, or at a joint."""
+    """Stiffness, damping and free length or angle of a spring between two points, or at a joint; of a bushing between
+    two points six stiffnesses and six dampings, along and about the axes of its first body."""
 
     sides: tuple[Side, ...]
     joint: str | None
-    numbers: tuple[float, float, float]
+    numbers: tuple[float, ...]
+    is_bushing: bool = False
 
     @property
     def is_directed(self) -> bool:
         """Whether its force needs the direction from one point to the other: without free length and damper it is
         k d."""
-        return self.joint is None and any(self.numbers[1:])
+        return self.joint is None and not self.is_bushing and any(self.numbers[1:])
+
+    @property
+    def scalars(self) -> tuple[tuple[str, str], ...]:
+        """Names and units of what is tabulated of it; of a bushing what it opposes, in its first body's axes."""
+        if self.is_bushing:
+            return (*((f"force_{axis}", "N") for axis in "xyz"), *((f"moment_{axis}", "N m") for axis in "xyz"))
+        return (("tension", "N") if self.joint is None else ("torque", "N m"),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +164,9 @@ class SpatialMechanism:
         """Axes of a body where all joint coordinates are zero, (3, 3)."""
         return np.eye(3) if body == GROUND else self.bodies[body].rotation
 
-    def relative(self, joint: SpatialJoint) -> np.ndarray:
-        """Axes of a joint's second body in those of its first, where all joint coordinates are zero, (3, 3)."""
-        first, second = (self.stands(side.body) for side in joint.sides)
+    def relative(self, of: SpatialJoint | SpatialSpring) -> np.ndarray:
+        """Axes of a second body in those of the first, where all joint coordinates are zero, (3, 3)."""
+        first, second = (self.stands(side.body) for side in of.sides)
         return first.T @ second
 
 
@@ -197,9 +206,9 @@ def _made(scene: Scene) -> SpatialMechanism:
         )
     springs = {}
     for name, spring in scene.springs.items():
-        free = spring.length if spring.torsional_at is None else spring.angle
-        ends = tuple(side(end) for end in spring.ends)
-        springs[name] = SpatialSpring(ends, spring.torsional_at, (spring.stiffness, spring.damping, free))
+        free = () if spring.bushing else (spring.length if spring.torsional_at is None else spring.angle,)
+        ends, numbers = tuple(side(end) for end in spring.ends), (*spring.stiffnesses, *spring.dampings, *free)
+        springs[name] = SpatialSpring(ends, spring.torsional_at, numbers, spring.bushing is not None)
     reach = [np.linalg.norm(end.at) for joint in joints.values() for end in joint.sides]
     size = max([*reach, *(body.length or 0.0 for body in scene.bodies.values())], default=0.0) or 1.0
     known = {*scene.observed, *(s.joint for s in springs.values() if s.joint is not None)}

@@ -62,6 +62,15 @@ def wrenches_on(
             yield from _at_joint(mechanism, motion, body, name, spring.joint, -motion[f"{name}.torque"], carry)
             continue
         first, second = spring.sides
+        if spring.is_bushing:
+            axes = carry(first)[0]
+            force, moment = (axes.to_global(np.array([motion[f"{name}.{part}_{axis}"] for axis in "xyz"]))
+                             for part in ("force", "moment"))  # fmt: skip
+            for side, sign in ((first, 1.0), (second, -1.0)):
+                if side.body == body:  # as a joint's, at its second point
+                    at = local(point(second) - frame.origin)
+                    yield Wrench(name, side.at, at, sign * local(force), sign * local(moment))
+            continue
         for side, other in ((first, second), (second, first)):
             if side.body == body:
                 along = point(other) - point(side)

@@ -168,6 +168,10 @@ def elastic_stage(
         For what elastic bodies can't have in space so far, and where nothing holds them in one way.
     """
     mechanism = spatial_mechanism_of(scene)
+    for name, spring in mechanism.springs.items():
+        if spring.is_bushing:
+            reason = "beside elastic bodies only preset coupled knows bushings so far"
+            raise SceneError(f"springs.{name}.bushing", None, reason, "Take preset coupled, or rigid")
     motion = SpatialKinematics(replace(motion.module, more=()), motion.parameters, motion.curve)
     links = {name: link_of_scene(scene, name, options.elements or body.beam.elements)
              for name, body in scene.bodies.items() if body.beam is not None}  # fmt: skip

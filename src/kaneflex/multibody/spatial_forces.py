@@ -11,6 +11,7 @@ from numba import njit
 from kaneflex.generated import spatial as laws
 from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody.inner import once
+from kaneflex.multibody.spatial_bushings import FORCE, MOMENT, cushion
 from kaneflex.multibody.spatial_kinematics import add_cross, less, times
 from kaneflex.multibody.spatial_tables import BODY, COORDINATE, COUNT, KIND, SHAPES, SPEED
 from kaneflex.multibody.tables import OPTIONS, apart
@@ -184,3 +185,16 @@ def _act(m, k, sizes):
         k.twists[n, 1], k.twists[n, 2], k.twists[n, 3] = torque, 0.5 * stiffness * turned**2, damping * rate**2
         push(m, k, second, x, 84, -torque)
         push(m, k, first, x, 84, torque)
+    for n in range(len(m.bushings)):
+        cushion(m, k, n)
+        first, second = m.bushings[n, 0], m.bushings[n, 1]
+        for i in range(6):
+            x[84 + i] = 0.0
+        for i in range(3):
+            for j in range(3):
+                x[84 + i] += k.axes[m.bushings[n, 2] + j, i] * k.bushings[n, FORCE + j]
+                x[87 + i] += k.axes[m.bushings[n, 2] + j, i] * k.bushings[n, MOMENT + j]
+        push(m, k, second, x, 84, -1.0)
+        less(k.sections[second], k.sections[first], x, 0)
+        add_cross(x, 0, x, 84, x, 87)
+        push(m, k, first, x, 84, 1.0)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kaneflex.mechanism.energy import Energy
+from kaneflex.multibody.spatial_bushings import POWER, overturned
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
@@ -121,8 +122,11 @@ class _Run(Curve):
             self.evaluations += 1
             try:
                 found = self._settle(t, y, state)
+                if far := overturned(self.system.mechanism, self.system.work.bushings):
+                    raise ArithmeticError(far[1])
             except ArithmeticError as reason:  # a shorter step may still find its way
-                self.reason = str(reason)
+                if np.isfinite(y).all():
+                    self.reason = str(reason)
                 return np.full(len(y), np.nan)
             moved = self.system.coordinate_rates(found.q, found.u)
             return np.concatenate([moved, found.du[found.choice.independent], self._powers(found)])
@@ -132,7 +136,7 @@ class _Run(Curve):
     def _powers(self, found: State) -> tuple[float, float]:
         """Dissipated by dampers, supplied by loads and prescribed drives [W], where ``settle`` left ``work``."""
         system, tables, k, given = self.system, self.system.tables, self.system.work, 0.0
-        lost = k.springs[:, 6].sum() + k.twists[:, 3].sum() + k.deforming[3]
+        lost = k.springs[:, 6].sum() + k.twists[:, 3].sum() + k.bushings[:, POWER].sum() + k.deforming[3]
         for section, axis, load in tables.forces.tolist():
             given += found.sizes[load] * (k.axes[axis] @ k.sections[section, 3:6])
         for first, second, axis, load in tables.torques.tolist():

@@ -53,7 +53,7 @@ class Work(NamedTuple):
     Attributes
     ----------
     kept : ndarray
-        One after the other, all that an instant keeps: the following ones, up to ``twists``.
+        One after the other, all that an instant keeps: the following ones, up to ``deforming``.
     q, u, du : ndarray
         Coordinates, speeds, and rates of these.
     sizes : ndarray (n_loads,)
@@ -71,6 +71,8 @@ class Work(NamedTuple):
         Of the cuts, see ``kaneflex.generated.spatial``.
     springs, twists : ndarray (n_springs, 7), (n_twists, 4)
         Length, tension, force, energy, dissipated power; angle, torque, energy, dissipated power.
+    bushings : ndarray (n_bushings, 9)
+        Force and moment, energy, dissipated power, angle, see :mod:`kaneflex.multibody.spatial_bushings`.
     deforming : ndarray (4,)
         What shapes add to the kinetic energy, the strain energy, that of the weight [J], and to dissipated power [W].
     P : ndarray (n, 3)
@@ -111,6 +113,7 @@ class Work(NamedTuple):
     rows: np.ndarray
     springs: np.ndarray
     twists: np.ndarray
+    bushings: np.ndarray
     deforming: np.ndarray
     P: np.ndarray
     Jv: np.ndarray
@@ -146,6 +149,7 @@ class Instants(NamedTuple):
     rows: np.ndarray
     springs: np.ndarray
     twists: np.ndarray
+    bushings: np.ndarray
     deforming: np.ndarray
 
     @classmethod
@@ -163,7 +167,8 @@ def work_of(tables: Tables, coordinates: int, speeds: int, rows: int, loads: int
     """Room for a mechanism."""
     n, sections, axes = len(tables.nodes), len(tables.on), len(tables.axis_on)
     kept = ((coordinates,), (speeds,), (speeds,), (loads,), (n, 3, 3), *((n, 3),) * 5, (n, 6), (rows,), (speeds,),
-            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4), (4,))  # fmt: skip
+            (rows, SECTION), (len(tables.springs), 7), (len(tables.twists), 4),
+            (len(tables.bushings), 9), (4,))  # fmt: skip
     shapes = int(tables.nodes[:, COUNT].max(initial=0))
     rest = ((n, 3), (n, speeds, 3), (n, speeds, 3), (sections, SECTION), (axes, 3), (rows, speeds), (speeds, speeds),
             (speeds,), (n, 6), (6, speeds), (108,), ((6 + shapes) ** 2,), (27,))  # fmt: skip

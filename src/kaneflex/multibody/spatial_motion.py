@@ -11,6 +11,7 @@ import numpy as np
 from kaneflex.mechanism.dead_centres import Closing
 from kaneflex.mechanism.rigid_motion import RigidKinematics, RigidMotion
 from kaneflex.mechanism.spatial_frame import AXES, SpatialFrame, slide_of, turn_of
+from kaneflex.multibody.spatial_bushings import ENERGY
 from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_reactions import COMPONENTS, cross, joint_wrenches
 from kaneflex.multibody.spatial_sections import joined_frames, modal_scalars, modal_series
@@ -86,8 +87,7 @@ class SpatialModule:
             unit = "N" if mechanism.joints[name].kind == "prismatic" else "N m"
             found.append((f"{name}.drive", unit, "what the drive exerts"))
         for name, spring in mechanism.springs.items():
-            at = ("tension", "N") if spring.joint is None else ("torque", "N m")
-            found.append((f"{name}.{at[0]}", at[1], "of the spring and its damper"))
+            found += [(f"{name}.{what}", unit, "of the spring and its damper") for what, unit in spring.scalars]
         found += [(f"{name} energy", "J", "of the mechanism") for name in ("kinetic", "strain", "weight")]
         for body, shapes in self.system.layout.shapes.items():
             found += [(name, unit, "of a shape") for name, unit in modal_scalars(body, shapes.count)]
@@ -148,10 +148,13 @@ class SpatialKinematics(RigidKinematics):
                   *(part[:, nodes] for part in (found.v, found.w, found.a, found.e)))  # fmt: skip
         columns = [self._coordinate(name, found.q) for name in module.coordinates]
         wrenches = joint_wrenches(system, found).values()
-        between, twists = (iter(each[:, :, 1].T) for each in (found.springs, found.twists))
-        pulls = [next(between if spring.joint is None else twists) for spring in mechanism.springs.values()]
+        twists, between = (iter(each[:, :, 1:2].transpose(1, 2, 0)) for each in (found.twists, found.springs))
+        bushings = iter(found.bushings[:, :, :ENERGY].transpose(1, 2, 0))
+        pulls = [row for spring in mechanism.springs.values()
+                 for row in next(bushings if spring.is_bushing else twists if spring.joint else between)]  # fmt: skip
         kinetic, strain, weight, _ = found.deforming.T
         strain = strain + found.springs[:, :, 5].sum(axis=1) + found.twists[:, :, 2].sum(axis=1)
+        strain = strain + found.bushings[:, :, ENERGY].sum(axis=1)
         kinetic = kinetic + self._kinetic(R, found.v[:, nodes], found.w[:, nodes])
         return np.hstack([
             _side_by_side(columns, count), found.sizes, np.concatenate(bodies, axis=2).reshape(count, -1), *wrenches,

@@ -19,6 +19,7 @@ from kaneflex.generated import spatial_shapes as shape_laws
 from kaneflex.multibody import (
     dense_lu,
     inner,
+    spatial_bushings,
     spatial_dynamics,
     spatial_forces,
     spatial_kinematics,
@@ -45,7 +46,8 @@ DONE, OPEN, APART, MASSLESS, INFINITE, GROWN = range(6)
 
 _made_of_parts = made_of(
     laws.__file__, shape_laws.__file__, dense_lu.__file__, inner.__file__, spatial_dynamics.__file__,
-    spatial_forces.__file__, spatial_kinematics.__file__, spatial_tables.__file__, tables.__file__,
+    spatial_bushings.__file__, spatial_forces.__file__, spatial_kinematics.__file__, spatial_tables.__file__,
+    tables.__file__,
 )  # fmt: skip
 
 

@@ -93,7 +93,7 @@ def _check_free(system: SpatialSystem, q: np.ndarray) -> None:
 
 def _check_springs(system: SpatialSystem) -> None:
     """Springs that need a direction must have one, where ``work`` stands."""
-    between = {name: spring for name, spring in system.scene.springs.items() if spring.ends}
+    between = {name: spring for name, spring in system.scene.springs.items() if spring.between}
     for (name, spring), (first, second) in zip(between.items(), system.tables.springs, strict=True):
         apart = np.linalg.norm(system.work.sections[second, :3] - system.work.sections[first, :3])
         if (spring.length or spring.damping) and apart < 1e-9 * system.mechanism.size:

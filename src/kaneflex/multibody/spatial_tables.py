@@ -59,6 +59,8 @@ class Tables(NamedTuple):
         Sections; stiffness, damping, free length.
     twists, torsion : ndarray (n_twists, 4), (n_twists, 3)
         First and second section, axis, node that turns; stiffness, damping, free angle.
+    bushings, cushions : ndarray (n_bushings, 4), (n_bushings, 12)
+        First and second section, first of three axes of either; stiffnesses and dampings, six each.
     gravity : ndarray (3,)
     """
 
@@ -76,6 +78,8 @@ class Tables(NamedTuple):
     stiffness: np.ndarray
     twists: np.ndarray
     torsion: np.ndarray
+    bushings: np.ndarray
+    cushions: np.ndarray
     gravity: np.ndarray
 
 
@@ -404,7 +408,7 @@ def _cut(maker: _Maker, joint: SpatialJoint, row: int) -> list[tuple[int, ...]]:
 
 def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...], int]]) -> Tables:
     mechanism = maker.mechanism
-    forces, torques, springs, stiffness, twists, torsion = ([] for _ in range(6))
+    forces, torques, springs, stiffness, twists, torsion, bushings, cushions = ([] for _ in range(8))
     for number, load in enumerate(mechanism.loads.values()):
         for k, (at, share) in enumerate(load.pushes):
             spread = load.is_spread and at.body in maker.shapes
@@ -417,7 +421,12 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
             first, second = (maker.section(side) for side in joint.sides)
             torques.append((first, second, maker.axis(joint.sides[0], joint.moves[0][1]), number))
     for spring in mechanism.springs.values():
-        if spring.joint is None:
+        if spring.is_bushing:
+            sides = zip(spring.sides, (np.eye(3), mechanism.relative(spring)), strict=True)
+            first, second = (min([maker.axis(side, axis) for axis in axes]) for side, axes in sides)
+            bushings.append([*(maker.section(side) for side in spring.sides), first, second])
+            cushions.append(spring.numbers)
+        elif spring.joint is None:
             springs.append([maker.section(side) for side in spring.sides])
             stiffness.append(spring.numbers)
         else:
@@ -431,6 +440,7 @@ def _tables(maker: _Maker, cuts: list, tree: Mapping[str, tuple[tuple[int, ...],
         np.array([node for node, _ in maker.axes], int), np.array([axis for _, axis in maker.axes]).reshape(-1, 3),
         _whole(cuts, 6), _whole(forces, 3), _whole(torques, 4), _whole(springs, 2),
         np.array(stiffness, float).reshape(-1, 3), _whole(twists, 4), np.array(torsion, float).reshape(-1, 3),
+        _whole(bushings, 4), np.array(cushions, float).reshape(-1, 12),
         np.asarray(mechanism.gravity, float),
     )  # fmt: skip
 

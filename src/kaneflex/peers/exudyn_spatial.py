@@ -292,6 +292,13 @@ class _Builder:
 
     def spring(self, name: str) -> None:
         spring = self.mechanism.springs[name]
+        if spring.is_bushing:
+            stand = np.eye(3), self.mechanism.relative(spring).T
+            self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorRigidBodySpringDamper(
+                markerNumbers=[self._marker(side, own) for side, own in zip(spring.sides, stand, strict=True)],
+                stiffness=np.diag(spring.numbers[:6]), damping=np.diag(spring.numbers[6:]),
+            ))  # fmt: skip
+            return
         stiffness, damping, free = spring.numbers
         if spring.joint is None:
             self.built.springs[name] = self.system.AddObject(self.items.ObjectConnectorSpringDamper(

@@ -53,11 +53,11 @@ class SpatialRecorder:
             (name, quantity): self._record(items.SensorObject, quantity, objectNumber=number)
             for name, number in built.joints.items() for quantity in ("ForceLocal", "TorqueLocal")
         }  # fmt: skip
-        exerted = {name: "ForceLocal" if spring.joint is None else "TorqueLocal"
-                   for name, spring in self.mechanism.springs.items()}  # fmt: skip
         self.springs = {
-            name: self._record(items.SensorObject, exerted[name], objectNumber=number)
-            for name, number in built.springs.items()
+            (name, quantity): self._record(items.SensorObject, quantity, objectNumber=built.springs[name])
+            for name, spring in self.mechanism.springs.items()
+            for quantity, there in (("ForceLocal", spring.joint is None), ("TorqueLocal", spring.joint is not None))
+            if there or spring.is_bushing
         }
         self.moved, self.window = Bodies(np.zeros(0)), slice(None)
 
@@ -221,10 +221,10 @@ class SpatialRecorder:
         return -self._stored(self.joints[str(sensor.target), "ForceLocal"])[0]
 
     def _spring_force(self, sensor: Sensor) -> np.ndarray:
-        return self._stored(self.springs[str(sensor.target)])[0]
+        return self._stored(self.springs[str(sensor.target), "ForceLocal"])["xyz".index(sensor.component)]
 
     def _spring_torque(self, sensor: Sensor) -> np.ndarray:
-        return self._stored(self.springs[str(sensor.target)])[0]
+        return self._stored(self.springs[str(sensor.target), "TorqueLocal"])["xyz".index(sensor.component)]
 
     def _joint_force(self, sensor: Sensor) -> np.ndarray:
         """Force on the second body, or moment about its point, or their opposites."""

@@ -237,6 +237,10 @@ def _load(load: Load) -> str:
 
 
 def _spring(spring: Spring) -> str:
+    if spring.bushing is not None:
+        stiff, damped = (", ".join(f"{each:.6g}" for each in of) for of in (spring.stiffnesses, spring.dampings))
+        first, second = spring.bushing
+        return f"{first} to {second}: {stiff} N/m and N m/rad, {damped} N s/m and N m s/rad in {first.body}'s axes"
     per, where = ("N m{}/rad", f"at {spring.torsional_at}")
     if spring.ends:
         per, where = ("N{}/m", f"{spring.ends[0]} to {spring.ends[1]}, free length {1e3 * spring.length:.6g} mm")

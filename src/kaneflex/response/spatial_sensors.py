@@ -17,7 +17,7 @@ from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.response.spatial_elastic_motion import SpatialElasticMotion
 from kaneflex.scene import Scene
 from kaneflex.scene.quantities import Address
-from kaneflex.scene.sensors import SECTION_KINDS, Sensor
+from kaneflex.scene.sensors import SECTION_KINDS, SPRING_KINDS, Sensor
 
 
 def displacement_of(
@@ -96,7 +96,7 @@ class SpatialReader(Reader):
         if sensor.kind in SECTION_KINDS:
             address = address_of(sensor)
             return self._of_section(sensor, self.motion.rigid_section(address.body, self.scene.point(address)[0]))
-        return super().read_rigid(sensor)
+        return self._of_bushing(sensor) if self._is_bushing(sensor) else super().read_rigid(sensor)
 
     def _of_section(self, sensor: Sensor, section: Sequence[np.ndarray]) -> np.ndarray:
         """What a sensor reads of N, V_y, V_z, T, M_y, M_z."""
@@ -110,6 +110,18 @@ class SpatialReader(Reader):
 
     def _axial_force(self, sensor: Sensor) -> np.ndarray:
         return self._of_section(sensor, self._section(sensor))
+
+    def _spring_force(self, sensor: Sensor) -> np.ndarray:
+        return self._of_bushing(sensor) if self._is_bushing(sensor) else super()._spring_force(sensor)
+
+    _spring_torque = _spring_force
+
+    def _is_bushing(self, sensor: Sensor) -> bool:
+        return sensor.kind in SPRING_KINDS and self.scene.springs[str(sensor.target)].bushing is not None
+
+    def _of_bushing(self, sensor: Sensor) -> np.ndarray:
+        part = "force" if sensor.kind == "spring_force" else "moment"
+        return self.rigid[f"{sensor.target}.{part}_{sensor.component}"]
 
     _torsional_moment = _shear_force = _bending_moment = _strain = _axial_force
 

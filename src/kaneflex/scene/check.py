@@ -212,17 +212,19 @@ def _drive_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
 
 def _spring_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
     target = str(sensor.target)
-    springs = {
-        name: "spring_force" if spring.torsional_at is None else "spring_torque"
-        for name, spring in scene.springs.items()
-    }
-    if target not in springs:
-        cure = nearest(target, springs)
+    if target not in scene.springs:
+        cure = nearest(target, scene.springs)
         yield Problem(f"{key}.{sensor.kind}", target, "no spring of that name", cure)
-    elif springs[target] != sensor.kind:
-        yield Problem(
-            f"{key}.{sensor.kind}", target, "the other kind of spring", f"Measure its {springs[target]}"
-        )
+        return
+    spring, given = scene.springs[target], "component" in sensor.model_fields_set
+    right = "spring_force" if spring.torsional_at is None else "spring_torque"
+    if spring.bushing is None and sensor.kind != right:
+        yield Problem(f"{key}.{sensor.kind}", target, "the other kind of spring", f"Measure its {right}")
+    elif spring.bushing is None and given:
+        yield Problem(f"{key}.component", sensor.component, "only a bushing has components", "Leave it out")
+    elif spring.bushing is not None and sensor.component not in ("x", "y", "z"):
+        reason = "a bushing acts along and about x, y, z of its first body"
+        yield Problem(f"{key}.component", sensor.component, reason, "Give x, y or z")
 
 
 def _contact_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:

@@ -76,13 +76,13 @@ def _distributed(scene: Scene, key: str, body: str) -> Iterator[Problem]:
 
 def spring_problems(scene: Scene) -> Iterator[Problem]:
     for name, spring in scene.springs.items():
-        key = f"springs.{name}"
+        key, kind = f"springs.{name}", "bushing" if spring.bushing else "between"
         for end in spring.ends:
-            yield from address_problems(scene, f"{key}.between", end, ground=True)
+            yield from address_problems(scene, f"{key}.{kind}", end, ground=True)
             body = scene.bodies.get(end.body)
             if body is not None and body.elastic and body.beam.axially_rigid:
                 cure = "Leave axially_rigid out, or attach the spring elsewhere"
-                yield Problem(f"{key}.between", str(end), f"{end.body} is axially rigid", cure)
+                yield Problem(f"{key}.{kind}", str(end), f"{end.body} is axially rigid", cure)
         if spring.torsional_at is not None:
             yield from _torsional(scene, f"{key}.torsional_at", spring.torsional_at)
 

@@ -202,7 +202,7 @@ def _integrator(scene: Scene, dynamics: str) -> str:
     Gauss keeps the energy of a free motion over any number of swings; Radau lets what no step resolves die away, which
     a damped mechanism's own vibrations do, too, and leaves its accelerations clean.
     """
-    damped = scene.damping is not None or any(spring.damping for spring in scene.springs.values())
+    damped = scene.damping is not None or any(any(spring.dampings) for spring in scene.springs.values())
     given = (body.modal for body in scene.bodies.values() if body.modal is not None)
     damped = damped or any(data.arrays["damping"].any() for data in given)
     if dynamics == "dynamic" and scene.solve.start == "periodic" and scene.period and scene.solve.duration is None:

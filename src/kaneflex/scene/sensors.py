@@ -99,7 +99,7 @@ class Sensor(SceneTable):
         kind = the_one_given(self, KINDS)
         needs = {
             "relative_to": ("displacement",),
-            "component": (*MOTION_KINDS, "joint_force", "bending_moment", "shear_force"),
+            "component": (*MOTION_KINDS, "joint_force", "bending_moment", "shear_force", *SPRING_KINDS),
             "axes": (*MOTION_KINDS, "joint_force"),
             "reading": ("acceleration",),
             "body": ("joint_force",),
@@ -129,7 +129,8 @@ class Sensor(SceneTable):
         text = f"{self.kind.replace('_', ' ')} of {self.target}"
         if self.kind in (*MOTION_KINDS, "joint_force"):
             text += f", {self.component}" + ("" if self.component == "angle" else f" in {self.axes} axes")
-        if self.kind in ("bending_moment", "shear_force") and self.component != "x":
+        several = ("bending_moment", "shear_force", *SPRING_KINDS)
+        if self.kind in several and "component" in self.model_fields_set:
             text += f", {self.component}"
         if self.kind == "displacement":
             text += f", relative to {self.relative_to}"

@@ -63,6 +63,10 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
             if sectioned.J is not None:
                 right = "Give I, or give vectors three components"
                 yield Problem(f"bodies.{name}.{part}.J", sectioned.J, "planar beams don't twist", right)
+    for name, spring in scene.springs.items():
+        if spring.bushing is not None:
+            right = "Write springs between points and torsional_at a joint"
+            yield Problem(f"springs.{name}.bushing", None, "only scenes in space have bushings", right)
     for name, drive in scene.drives.items():
         if drive.angular_velocity is not None:
             yield Problem(f"drives.{name}.angular_velocity", None, "a planar joint has one", "Give initial_speed")

@@ -1,32 +1,36 @@
-"""Springs with dampers: between two points, or at a revolute joint."""
+"""Springs with dampers: between two points, at a revolute joint, or in space as bushings of six stiffnesses."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import ValidationInfo, WithJsonSchema, field_validator, model_validator
 
 from kaneflex.scene.quantities import Address, AddressPair, Angle, NonNegativeLength
 from kaneflex.scene.table import SceneTable, the_one_given
 from kaneflex.support.errors import Fault
-from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS, to_si
+from kaneflex.support.units import DAMPING, STIFFNESS, TORSIONAL_DAMPING, TORSIONAL_STIFFNESS, Dimension, to_si
 
+_TYPES = ["number", "string", "array"]
 Stiffness = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "a stiffness, N/m or N m/rad"})
+    Any,  # a number; of a bushing six
+    WithJsonSchema({"type": _TYPES, "description": "a stiffness, N/m or N m/rad; of a bushing three of each"}),
 ]
 DampingConstant = Annotated[
-    float, WithJsonSchema({"type": ["number", "string"], "description": "a damping, N s/m or N m s/rad"})
+    Any, WithJsonSchema({"type": _TYPES, "description": "a damping, N s/m or N m s/rad; of a bushing three of each"})
 ]
 
 
 class Spring(SceneTable):
     """A linear spring with a linear damper beside it: `stiffness` (N/m) and `damping` (N s/m) along the line
     `between` two points, unstretched at its free `length` (m); or `torsional_at` a revolute joint, N m/rad
-    and N m s/rad, at rest at the `angle` (rad) of the second body against the first.
+    and N m s/rad, at rest at the `angle` (rad) of the second body against the first. In space also a `bushing` between
+    two points, with three of either along x, y, z of the first body, and three about these.
     """
 
     between: AddressPair | None = None
     torsional_at: str | None = None
+    bushing: AddressPair | None = None
     stiffness: Stiffness = 0.0
     damping: DampingConstant = 0.0
     length: NonNegativeLength = 0.0
@@ -34,30 +38,51 @@ class Spring(SceneTable):
 
     @field_validator("stiffness", "damping", mode="before")
     @classmethod
-    def _in_its_dimension(cls, value: object, info: ValidationInfo) -> float:
+    def _in_its_dimension(cls, value: object, info: ValidationInfo) -> float | tuple[float, ...]:
         linear, torsional = {
             "stiffness": (STIFFNESS, TORSIONAL_STIFFNESS),
             "damping": (DAMPING, TORSIONAL_DAMPING),
         }[info.field_name]
-        dimension = torsional if info.data.get("torsional_at") else linear
-        number = to_si(value, dimension)
-        if number < 0:
-            raise Fault(f"{dimension.name} must not be negative", f"Write one like '{dimension.example}'")
-        return number
+        if info.data.get("bushing"):
+            if not isinstance(value, (list, tuple)) or len(value) != 6:
+                cure = f"Write three along x, y, z and three about them, like '{linear.example}', '{torsional.example}'"
+                raise Fault("a bushing has six", cure)
+            return tuple(_positive(each, linear if k < 3 else torsional) for k, each in enumerate(value))
+        return _positive(value, torsional if info.data.get("torsional_at") else linear)
 
     @model_validator(mode="after")
     def _consistent(self) -> Spring:
-        kind = the_one_given(self, ("between", "torsional_at"))
-        stranger = "angle" if kind == "between" else "length"
-        if stranger in self.model_fields_set:
-            raise Fault(f"has no meaning for {kind}", "Leave it out", below=stranger)
-        if self.stiffness == 0 and self.damping == 0:
+        kind = the_one_given(self, ("between", "torsional_at", "bushing"))
+        for stranger in {"between": ("angle",), "torsional_at": ("length",), "bushing": ("length", "angle")}[kind]:
+            if stranger in self.model_fields_set:
+                raise Fault(f"has no meaning for {kind}", "Leave it out", below=stranger)
+        if not any((*self.stiffnesses, *self.dampings)):
             raise Fault("neither stiffness nor damping", "Give at least one of them")
-        if kind == "between" and self.between[0].body == self.between[1].body:
-            raise Fault("both ends are on the same body", "Name points of two bodies", below="between")
+        if self.ends and self.ends[0].body == self.ends[1].body:
+            raise Fault("both ends are on the same body", "Name points of two bodies", below=kind)
         return self
 
     @property
     def ends(self) -> tuple[Address, ...]:
         """The two points that it joins; none where it is torsional."""
-        return self.between or ()
+        return self.between or self.bushing or ()
+
+    @property
+    def stiffnesses(self) -> tuple[float, ...]:
+        """One, or a bushing's six."""
+        return self._each(self.stiffness)
+
+    @property
+    def dampings(self) -> tuple[float, ...]:
+        """One, or a bushing's six."""
+        return self._each(self.damping)
+
+    def _each(self, given: float | tuple[float, ...]) -> tuple[float, ...]:
+        return given if isinstance(given, tuple) else (given,) * (1 if self.bushing is None else 6)
+
+
+def _positive(value: object, dimension: Dimension) -> float:
+    number = to_si(value, dimension)
+    if number < 0:
+        raise Fault(f"{dimension.name} must not be negative", f"Write one like '{dimension.example}'")
+    return number

@@ -153,6 +153,8 @@ def _size(scene: Scene, name: str) -> dict[str, Any]:
 
 def _spring(scene: Scene, name: str) -> dict[str, Any]:
     spring = scene.springs[name]
+    if spring.bushing is not None:  # in space alone, where a module knows nothing of springs
+        return {"bushing": [str(end) for end in spring.ends]}
     stiffness, damping = _zeros((spring.stiffness, spring.damping))
     entry = {"stiffness": stiffness, "damping": damping}
     if spring.torsional_at is not None:

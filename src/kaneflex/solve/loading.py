@@ -318,7 +318,7 @@ def check_finite(scene: Scene, motion: RigidKinematics, options: Options) -> Non
 
 def check_springs(scene: Scene, motion: RigidKinematics, options: Options) -> None:
     """Sweep as for the loops: a free length or a damper needs a direction, which points that meet don't have."""
-    directed = {name: s for name, s in scene.springs.items() if s.ends and (s.length or s.damping)}
+    directed = {name: s for name, s in scene.springs.items() if s.between and (s.length or s.damping)}
     if not directed:
         return
     rigid = motion.at(np.linspace(0.0, options.duration, SWEEP + 1))

@@ -12,6 +12,7 @@ import numpy as np
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model, rigid_model
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_bushings import overturned
 from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system, taken_turns
 from kaneflex.multibody.spatial_curves import Followed, Standing
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
@@ -24,7 +25,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
-from kaneflex.solve.loading import ONE_WAY, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
+from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
 
@@ -98,11 +99,22 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
         motion, energy = integrate(system, start, module, options)
     else:
         motion = SpatialKinematics(module, system.parameters, Followed(system, start))
+        _check_bushings(motion, options)
     # a number that is determined where the mechanism starts need not be elsewhere
     lost = open_reactions(system, map(motion.curve, options.duration * _ELSEWHERE))
     if rigid:
         check_spatial_sensors(system.scene, lost)
     return replace(motion, module=replace(module, open_reactions=lost)), energy
+
+
+def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
+    """Sweep a prescribed motion for bushings that it turns too far."""
+    system = motion.module.system
+    if len(system.tables.bushings):
+        times = np.linspace(0.0, options.duration, SWEEP + 1)
+        far = overturned(system.mechanism, system.instants(motion.curve.rows(times)).bushings)
+        if far:
+            raise SceneError(f"springs.{far[0]}.bushing", None, far[1], "Turn it less, or write a torque as a law")
 
 
 def check_determined_start(options: Options) -> None:

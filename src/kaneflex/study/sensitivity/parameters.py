@@ -16,6 +16,9 @@ _UNITS_IN_LISTS = {"gravity": "m/s^2", "ground": "m", "points": "m", "centre": "
                    "rayleigh": "Hz", "fibre": "m"}  # fmt: skip
 """Word on the path of a list of numbers -> their unit; the others are plain numbers."""
 
+_OF_SPRINGS = {"stiffness": ("N/m", "N m/rad"), "damping": ("N s/m", "N m s/rad")}
+"""Units along a line, and about an axis."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -89,7 +92,8 @@ def _find(scene: Scene, name: str) -> Parameter:
     if value == 0.0:
         cure = "Give it a value"
         raise SceneError(name, value, "the derivative at zero is not available: equations may leave a zero out", cure)
-    return Parameter(name, path, value, _unit(scene, path) if index is None else _unit_in_list(path), index)
+    unit = _unit(scene, path) if index is None else _unit_in_list(path, index)
+    return Parameter(name, path, value, unit, index)
 
 
 def _value_at(scene: Scene, path: Sequence[str]) -> object:
@@ -103,7 +107,9 @@ def _value_at(scene: Scene, path: Sequence[str]) -> object:
     return value
 
 
-def _unit_in_list(path: tuple[str, ...]) -> str:
+def _unit_in_list(path: tuple[str, ...], index: int) -> str:
+    if path[0] == "springs":  # a bushing's, three along axes and three about them
+        return _OF_SPRINGS[path[-1]][index // 3]
     if path[-1] == "ratio":
         return "1"
     return next((_UNITS_IN_LISTS[word] for word in path if word in _UNITS_IN_LISTS), "1")
@@ -121,6 +127,5 @@ def _unit(scene: Scene, path: tuple[str, ...]) -> str:
     if table == "loads" and rest[0] in ("period", "offset"):
         return "s" if scene.loads[owner].against == "t" else "rad"
     if table == "springs" and rest[0] in ("stiffness", "damping"):
-        linear, torsional = {"stiffness": ("N/m", "N m/rad"), "damping": ("N s/m", "N m s/rad")}[rest[0]]
-        return linear if scene.springs[owner].torsional_at is None else torsional
+        return _OF_SPRINGS[rest[0]][scene.springs[owner].torsional_at is not None]
     return (known or [""])[0] or "1"
