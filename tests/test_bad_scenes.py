@@ -430,9 +430,14 @@ BAD = {
         "direction = [-1, 0]", "direction = [-1, 0, 0]",
         "joints.bore.direction = [1, 0]: two components, where loads.gas.direction has three. Give all vectors of a "
         "scene as many: three in space."),
+    "law as an angle": (
+        'speed = "6000 rpm", cycle = "720 deg"', 'angle = "0.9 * sin(10*t)"',
+        "drives.main.angle = '0.9 * sin(10*t)': this is one number. Write what changes with t as law, in rad or m, "
+        "like law = '0.5*sin(t)'."),
     "address of three words": (
         'force_on = "piston"', 'force_on = "rod.end.x"',
-        "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'."),
+        "loads.gas.force_on = 'rod.end.x': not an address. Write 'body', 'body.point' or 'ground'; any other point "
+        "goes to the body's points."),
     "negative damping ratio": (
         'rayleigh = {ratio = 0.02, at = ["3039 Hz", "4549 Hz"]}', "modal = {ratio = [0.02, -0.01]}",
         "damping.modal.ratio = [0.02, -0.01]: a damping ratio is zero or more. Write one ratio like 0.02, or "

@@ -13,7 +13,7 @@ from kaneflex.solve.simulation import simulate
 from kaneflex.study.exploration import Exploration, varied
 from kaneflex.support.errors import SceneError
 
-SCENE = with_settings(read_scene("engine"), ["solve.steps=144"])
+SCENE = with_settings(read_scene("engine"), ["solve.steps=144", "solve.integrator=radau"])
 SPEED, LENGTH = "main.speed=2000:9000rpm", "rod.length=30:180mm"
 SENSORS = ("mid_transverse", "mid_axial", "crank_torque")
 

@@ -51,7 +51,7 @@ def description(model: Model) -> str:
 
 def warnings(model: Model) -> tuple[str, ...]:
     """What a run would warn of that is known before it: numbers that are hardly meant, vibrations in too few steps."""
-    lowest = _lowest_hz(model)
+    lowest = _lowest_hz(model) if model.options.integrator != "spectral" else None
     return (*model.warnings, *([] if lowest is None else few_steps(model, lowest)))
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from kaneflex.scene.quantities import (
     Angle,
@@ -70,6 +71,13 @@ class Drive(SceneTable):
     )
     repeat: PositiveTime | None = Field(default=None, alias="period", description="time in which a law repeats, s")
     rotation: Literal["held", "free"] = "held"
+
+    @field_validator("speed", "angle", "position", mode="before")
+    @classmethod
+    def _no_law(cls, value: object) -> object:
+        if isinstance(value, str) and re.search(r"\bt\b", value) and not re.fullmatch(r"\S+ t", value):
+            raise Fault("this is one number", "Write what changes with t as law, in rad or m, like law = '0.5*sin(t)'")
+        return value
 
     @model_validator(mode="after")
     def _consistent(self) -> Drive:

@@ -180,7 +180,7 @@ def _address(value: object) -> Address:
         return Address(parts[0], "origin" if parts[0] == "ground" else "start")
     if len(parts) == 2 and all(parts):
         return Address(*parts)
-    raise Fault("not an address", "Write 'body', 'body.point' or 'ground'")
+    raise Fault("not an address", "Write 'body', 'body.point' or 'ground'; any other point goes to the body's points")
 
 
 def _pair(value: object) -> tuple[Address, Address]:

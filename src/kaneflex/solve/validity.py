@@ -52,7 +52,8 @@ def doubts(solution: Solution, frequencies: Sequence[float]) -> list[str]:
     model, coupled = solution.model, solution.model.coupled is not None
     lowest = next((frequency for frequency in frequencies if frequency > 0.0), None)
     found: list[str] = []
-    if lowest is not None and model.options.dynamics in ("dynamic", "coupled"):
+    stepped = not getattr(solution.trajectory, "solver", "").startswith("spectral")  # harmonics leave no mode out
+    if lowest is not None and stepped and model.options.dynamics in ("dynamic", "coupled"):
         found += few_steps(model, lowest)
     found += [*_parted(solution), *_ill_conditioned(solution), *between_steps(model), *_unbalanced(solution)]
     if coupled:
