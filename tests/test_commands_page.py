@@ -67,7 +67,7 @@ def test_check_says_what_the_page_shows(outputs):
     section = TEXT[TEXT.index("## What to doubt before a run") : TEXT.index("## Sliders")]
     shown = re.findall(r"^    (.*)$", section, flags=re.MULTILINE)
     (command,) = (command for command in COMMANDS if " check " in command)
-    assert len(shown) == 4 and {*shown} <= {*outputs[command].splitlines()}
+    assert len(shown) == 3 and {*shown} <= {*outputs[command].splitlines()}
     limits = re.findall(r"^\| (\w+): .* \| .* \|$", section, flags=re.MULTILINE)
     assert (limits.count("Warning"), limits.count("Note")) == (7, 2) and f"fewer than {FEWEST_STEPS:g}" in section
 
