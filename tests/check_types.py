@@ -15,7 +15,7 @@ BASELINE = {
     "fem": 33,
     "integrate": 46,
     "mechanism": 27,
-    "multibody": 56,
+    "multibody": 55,
     "peers": 23,
     "plots": 46,
     "report": 6,

@@ -19,6 +19,7 @@ import click
 from kaneflex.cli.compare import compare
 from kaneflex.cli.explore import explore
 from kaneflex.cli.folders import Target, folder_options
+from kaneflex.cli.importing import import_link
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
 from kaneflex.cli.scene import (
     INTERRUPTED,
@@ -341,7 +342,7 @@ _LOUDNESS = (
     ),
 )  # fmt: skip
 
-for command in (derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations):
+for command in (derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations, import_link):
     main.add_command(command)
 for command in main.commands.values():
     command.params += _LOUDNESS

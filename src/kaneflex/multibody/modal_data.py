@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,7 @@ from kaneflex.fem.links import Link
 from kaneflex.multibody.inertia_integrals import link_data
 from kaneflex.multibody.system import CoupledSystem
 from kaneflex.scene import Scene
-from kaneflex.scene.modal_data import FORMAT
-from kaneflex.support.atomic_output import refuse_existing, write_bytes
+from kaneflex.support.atomic_output import refuse_existing
 
 
 def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.ndarray]:
@@ -23,8 +21,7 @@ def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.
     dict
         "format", "length" [m], "points" (names), every name of ARRAYS, and of POINT_ARRAYS with the points first.
     """
-    data = link_data(scene, link, system.shapes[link.name])
-    return {"format": np.array(FORMAT), "length": np.array(data.length), "points": np.array(data.points), **data.arrays}
+    return link_data(scene, link, system.shapes[link.name]).file
 
 
 def export(scene: Scene, system: CoupledSystem, folder: Path, force: bool) -> list[Path]:
@@ -39,7 +36,5 @@ def export(scene: Scene, system: CoupledSystem, folder: Path, force: bool) -> li
     for path in paths.values():
         refuse_existing(path, force, "modal-data")
     for name, path in paths.items():
-        content = io.BytesIO()
-        np.savez(content, **modal_data(scene, system.links[name], system))
-        write_bytes(path, content.getvalue())
+        link_data(scene, system.links[name], system.shapes[name]).save(path)
     return list(paths.values())

@@ -14,6 +14,7 @@ from kaneflex.report.presentation import at_drive
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
     from kaneflex.report.summary import Instant, SensorSummary, Summary
+    from kaneflex.scene.modal_data import ModalData
     from kaneflex.solve.modes import Modes
     from kaneflex.solve.statespace import StateSpace
 
@@ -193,6 +194,18 @@ def poles_table(system: StateSpace) -> str:
         for k, (pole, ratio) in enumerate(zip(poles, damping, strict=True))
     ]
     return table(("pole", "Hz", "damping"), rows, left=0)
+
+
+def imported_table(data: ModalData) -> str:
+    """Mass, centre and inertia of a link from elsewhere, and the frequencies that its shapes have by themselves."""
+    a, (mass, centre, inertia) = data.arrays, data.rigid
+    moved = np.concatenate([np.diag(a["mass_s_s"]), np.diag(a["mass_w_w"] + a["inertia_psi_psi"])])
+    counts = ("axial", len(a["mass_s"])), ("transverse", len(a["mass_w"]))
+    names = [f"{kind} {k + 1}" for kind, count in counts for k in range(count)]
+    frequencies = np.sqrt(a["stiffness"] / moved) / (2 * math.pi)
+    rows = [(name, f"{hz:.1f}") for name, hz in zip(names, frequencies, strict=True)]
+    told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, its centre {1e3 * centre:.6g} mm from "
+    return f"{told}the start, {inertia:.6g} kg m^2 about it\n{table(('shape', 'Hz'), rows)}"
 
 
 def sensitivity_table(summary: Summary) -> str:

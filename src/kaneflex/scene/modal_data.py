@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import zipfile
 import zlib
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kaneflex.support.atomic_output import write_bytes
 from kaneflex.support.errors import Fault
 from kaneflex.support.reading import check_file, check_size
 
@@ -78,6 +80,18 @@ class ModalData:
         mass, first = float(self.arrays["mass"]), float(self.arrays["mass_X"])
         return mass, first / mass, float(self.arrays["mass_X_X"] + self.arrays["inertia"]) - first**2 / mass
 
+    @property
+    def file(self) -> dict[str, np.ndarray]:
+        """All that its file holds, by name."""
+        head = {"format": np.array(FORMAT), "length": np.array(self.length), "points": np.array(self.points)}
+        return head | dict(self.arrays)
+
+    def save(self, path: Path) -> None:
+        """Write the file, whole or not at all. Raises OutputError."""
+        content = io.BytesIO()
+        np.savez(content, allow_pickle=False, **self.file)
+        write_bytes(path, content.getvalue())
+
     def at(self, x: float) -> int | None:
         """Which of the points is at the distance x [m] from the start, if one is."""
         found = np.flatnonzero(abs(self.arrays["X"] - x) <= _SAME * self.length)
@@ -117,7 +131,11 @@ def read_modal_data(path: str) -> ModalData:
 @lru_cache
 def _read(path: str, _changed: int, _size: int) -> ModalData:
     """A file as it was when it was last changed: every default of a body asks for it."""
-    found = _arrays(path)
+    return checked_data(_arrays(path))
+
+
+def checked_data(found: Mapping[str, np.ndarray]) -> ModalData:
+    """Modal data of a file's arrays. Raises Fault as :func:`read_modal_data` does."""
     for name in ("format", "length", "points", *ARRAYS, *POINT_ARRAYS):
         if name not in found:
             raise Fault(f"the file has no array {name}", _EXPORT)

@@ -1,0 +1,84 @@
+"""`kaneflex import`: a link's finite elements from another program as modal data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from kaneflex.cli.folders import force_option
+from kaneflex.cli.scene import gathered
+from kaneflex.support.errors import Fault, SceneError
+
+if TYPE_CHECKING:
+    from kaneflex.fem.foreign import Foreign
+
+UNITS = {"m-kg": (1.0, 1.0), "mm-t": (1e-3, 1e3), "mm-kg": (1e-3, 1.0)}
+"""Units of length [m] and mass [kg] of a file; that of stiffness is the mass unit over s^2, so N/mm with mm-t."""
+_FILE = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class Elements:
+    """The files of a link's finite elements, and how they are meant."""
+
+    mass: str
+    stiffness: str
+    nodes: str
+    points: tuple[str, ...]
+    units: str
+    normal: tuple[float, float, float]
+
+    def read(self) -> Foreign:
+        """The link. Raises Fault."""
+        from kaneflex.fem.foreign import read_foreign
+
+        named = dict(point.partition("=")[::2] for point in self.points)
+        return read_foreign(self.mass, self.stiffness, self.nodes, named, UNITS[self.units], self.normal)
+
+
+@click.command("import")
+@click.argument("mass", metavar="MASS")
+@click.argument("stiffness", metavar="STIFFNESS")
+@click.argument("nodes", metavar="NODES")
+@click.option(
+    "--point", "points", multiple=True, required=True, metavar="NAME=FILE",
+    help="Nodes of a point: start=bore.txt. Repeated, with start and end.",
+)  # fmt: skip
+@click.option("--modes", type=click.IntRange(1, 50), default=4, show_default=True, help="Bending modes, points held.")
+@click.option(
+    "--coupling", type=click.Choice(["rigid", "averaged"]), default="rigid", show_default=True,
+    help="Whether a point's nodes move as one, or it as their mean.",
+)  # fmt: skip
+@click.option("--units", type=click.Choice(list(UNITS)), default="m-kg", show_default=True, help="Of the files.")
+@click.option(
+    "--normal", nargs=3, type=float, default=(0.0, 0.0, 1.0), show_default=True, metavar="X Y Z",
+    help="Of the plane of motion.",
+)  # fmt: skip
+@click.option("--damping", type=click.FloatRange(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
+@click.option("-o", "--output", type=_FILE, metavar="FILE.npz", required=True, help="File to write.")
+@force_option
+@gathered(elements=Elements)
+def import_link(elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool) -> None:
+    """Write modal data of a link from the finite elements of another program.
+
+    MASS and STIFFNESS are Matrix Market files of the free link, two or three translations of each node one after the
+    other; NODES is a text file with the number and the coordinates of each node. Bodies take the written file as
+    modal_data under preset coupled.
+    """
+    from kaneflex.fem.craig_bampton import foreign_data
+    from kaneflex.report.tables import imported_table
+    from kaneflex.support.atomic_output import refuse_existing
+
+    if output.suffix != ".npz":
+        raise SceneError(str(output), None, "not the name of a file of arrays", "End it in .npz")
+    refuse_existing(output, force, "rod.npz")
+    try:
+        data = foreign_data(elements.read(), modes, coupling == "rigid", damping)
+    except Fault as fault:
+        raise SceneError("import", None, fault.reason, fault.cure) from None
+    data.save(output)
+    click.echo(imported_table(data))
+    click.echo(f"Written to {output}")

@@ -1,0 +1,183 @@
+"""A foreign link's modal data: Craig and Bampton's shapes of it in its floating frame, and their sums over its mass.
+
+Shapes are the static ones of the points and the modes with the points held (Craig & Bampton 1968), those across with
+the ends on the chord, those along without displacement in the mean. A point's own motion is what it is held by,
+B x = (u or v of each point); static answers and modes come of one factorisation,
+
+    [K B^T; B 0] [x; f] = [load; displacement].
+
+What a beam's sections do is here what each particle does: the turn psi of a section is the -u / Y of its fibres, so
+that the integrals of X psi dJ become those of -Y u, and a shape's kinetic energy is that of all of its displacements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_simpson
+from scipy.interpolate import BSpline, CubicSpline
+from scipy.linalg import eigh
+from scipy.sparse import bmat, csc_array
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
+
+from kaneflex.fem.foreign import Foreign, Motion
+from kaneflex.scene.modal_data import FORMAT, ModalData, checked_data, symmetrised
+from kaneflex.support.errors import Fault
+
+_DEGREE, _PIECES, _FINE = 5, 12, 4001
+"""Of the spline that is the mean line, and the places at which its slopes are multiplied."""
+_NOTHING = 1e-9
+"""Share of the largest stiffness, or of a shape's mass, that is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Shapes (n_nodes d, n) with their mass [kg] and stiffness [N/m], (n,) each."""
+
+    shapes: np.ndarray
+    mass: np.ndarray
+    stiffness: np.ndarray
+
+
+def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
+    """Static shapes of a link's points and so many modes with the points held. Raises Fault where it has fewer."""
+    T = link.basis(motion, rigid)
+    K, M = (csc_array(T.T @ A @ T) for A in (link.K, link.M))
+    rows = np.array([link.means(name)[0 if motion == "axial" else 1] for name in link.points])
+    B = rows @ T
+    count, held = K.shape[0], len(B)
+    if modes > count - held - 1:
+        raise Fault(f"{modes} {motion} modes of {count - held} held coordinates", "Ask for fewer, or a finer mesh")
+    scale = abs(K).max()
+    factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))
+
+    def solved(load: np.ndarray) -> np.ndarray:
+        return factors.solve(np.concatenate([load, np.zeros(held)]))[:count]
+
+    moved = [k for k, name in enumerate(link.points) if motion == "axial" or name not in ("start", "end")]
+    # Across, what the ends do by themselves is a motion of the whole link.
+    sides = scale * np.eye(count + held)[:, count:][:, moved]
+    static = factors.solve(sides)[:count]
+    answer = LinearOperator((count, count), matvec=lambda load: solved(np.ravel(load)), dtype=float)
+    first = np.random.default_rng(0).standard_normal(count)
+    try:
+        dynamic = eigsh(K, modes, M, sigma=0.0, OPinv=answer, v0=first)[1] if modes else np.zeros((count, 0))
+    except ArpackError as error:
+        raise Fault(f"the {motion} modes were not found: {error}", "Look at the matrices, or ask for fewer") from None
+    return _orthogonal(link, motion, T @ np.hstack([static, dynamic]))
+
+
+def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
+    """Shapes that span the same without rigid motions, orthogonal in mass and stiffness, their largest entries one."""
+    if motion == "axial":  # in the mean over the mass
+        along = link.field(1.0, 0.0)
+        shapes = shapes - np.outer(along, along @ link.M @ shapes) / (along @ link.M @ along)
+    mass, stiffness = (shapes.T @ A @ shapes for A in (link.M, link.K))
+    size = np.sqrt(np.diag(mass))
+    kept = size > _NOTHING * size.max()
+    mass, stiffness, shapes = mass[np.ix_(kept, kept)], stiffness[np.ix_(kept, kept)], shapes[:, kept] / size[kept]
+    mass, stiffness = mass / np.outer(size[kept], size[kept]), stiffness / np.outer(size[kept], size[kept])
+    share, turned = eigh(mass)
+    span = turned[:, share > _NOTHING] / np.sqrt(share[share > _NOTHING])
+    resisting, found = eigh(span.T @ stiffness @ span)
+    elastic = resisting > _NOTHING * resisting.max()
+    shapes = shapes @ span @ found[:, elastic]
+    largest = abs(shapes).max(axis=0)
+    return Reduced(shapes / largest, 1.0 / largest**2, resisting[elastic] / largest**2)
+
+
+def foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
+    """A link's modal data, with its points and `mid`.
+
+    Parameters
+    ----------
+    modes : int
+        Transverse ones with the points held; of axial ones there are half as many.
+    rigid : bool
+        Whether the nodes of a point move as one, or it moves as the mean of them.
+    damping : float
+        Ratio of every shape's.
+
+    Raises
+    ------
+    Fault
+        Where the mesh isn't symmetric, or has fewer modes.
+    """
+    along = reduced(link, "axial", (modes + 1) // 2, rigid)
+    across = reduced(link, "transverse", modes, rigid)
+    s, w, d, M = along.shapes, across.shapes, link.axes, link.M
+    x, y = link.nodes[:, 0], link.nodes[:, 1]
+    X, Y, X_across, Y_along = link.field(x, 0.0), link.field(0.0, y), link.field(0.0, x), link.field(y, 0.0)
+    on_u, on_v = link.field(1.0, 0.0), link.field(0.0, 1.0)
+    lifted = on_v[:, None] * w  # what of the shapes goes across
+    across_alone = symmetrised(lifted.T @ M @ lifted, "ww")
+    turned = np.zeros_like(s)
+    turned[0::d], turned[1::d] = -s[1::d], s[0::d]
+    carried = (M @ on_u)[0::d]
+    line = MeanLine.of(link, s, lifted, carried)
+    stiffness, mass = np.concatenate([along.stiffness, across.stiffness]), np.concatenate([along.mass, across.mass])
+    return checked_data({
+        "format": np.array(FORMAT), "length": np.array(link.length), "mass": carried.sum(),
+        "mass_X": on_u @ M @ X, "mass_X_X": X @ M @ X, "inertia": Y @ M @ Y,
+        "mass_s": np.zeros(s.shape[1]), "mass_w": on_v @ M @ w,
+        "mass_X_s": (X + Y) @ M @ s, "mass_X_w": X_across @ M @ w,
+        "mass_s_s": np.diag(along.mass), "mass_w_w": across_alone, "mass_s_w": turned.T @ M @ w,
+        "mass_H": np.zeros((w.shape[1],) * 2), "mass_X_H": np.einsum("i,ijk->jk", carried * x, line.shortening(x)),
+        "inertia_psi": -(Y_along @ M @ w), "inertia_psi_psi": np.diag(across.mass) - across_alone,
+        "stiffness": stiffness, "damping": np.diag(2.0 * damping * np.sqrt(stiffness * mass)),
+    } | _points(link, s, w, line))  # fmt: skip
+
+
+def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict[str, np.ndarray]:
+    """POINT_ARRAYS of the link's points, and of `mid` on its mean line."""
+    names, X = list(link.points), np.array([link.X(name) for name in link.points])
+    means = [link.means(name) for name in link.points]
+    rows = zip(*means, strict=True)
+    moved = [np.array(part) @ shapes for part, shapes in zip(rows, (s, w, w), strict=True)]
+    if "mid" not in link.points:
+        middle = np.array([link.length / 2])
+        names, X = [*names, "mid"], np.concatenate([X, middle])
+        on_line = (part(middle) for part in (line.along, line.across, line.slope))
+        moved = [np.concatenate(parts) for parts in zip(moved, on_line, strict=True)]
+    found = dict(zip(("s", "w", "psi"), moved, strict=True))
+    return found | {"points": np.array(names), "X": X, "H": line.shortening(X)}
+
+
+@dataclass(frozen=True, eq=False)
+class MeanLine:
+    """Mean displacements of a link's sections, splines over X by least squares over its mass.
+
+    along, across, slope: of each shape, (n_places, n); mean: what shortens the mass in the mean [1/m], (n, n).
+    """
+
+    along: BSpline
+    across: BSpline
+    slope: BSpline
+    ends: tuple[float, float]
+    carried: tuple[np.ndarray, np.ndarray]
+
+    @classmethod
+    def of(cls, link: Foreign, s: np.ndarray, lifted: np.ndarray, carried: np.ndarray) -> MeanLine:
+        """Of the shapes (n_nodes d, n); ``carried`` (n_nodes,): the mass [kg] at each node."""
+        x, d = link.nodes[:, 0], link.axes
+        first, last = x.min(), x.max()
+        knots = np.concatenate([[first] * _DEGREE, np.linspace(first, last, _PIECES + 1), [last] * _DEGREE])
+        at_nodes = BSpline.design_matrix(np.clip(x, first, last), knots, _DEGREE).tocsc()
+
+        def fitted(shapes: np.ndarray, axis: int) -> BSpline:
+            square = at_nodes.T @ link.M[axis::d, axis::d] @ at_nodes
+            side = at_nodes.T @ link.M[axis::d, axis::d] @ shapes[axis::d]
+            return BSpline(knots, np.linalg.lstsq(square.toarray(), side, rcond=1e-12)[0], _DEGREE)
+
+        across = fitted(lifted, 1)
+        return cls(fitted(s, 0), across, across.derivative(), (float(first), float(last)), (x, carried))
+
+    def shortening(self, x: np.ndarray) -> np.ndarray:
+        """H (n_places, n, n) [1/m]: the integral of w_j' w_k' up to each place, less its mean over the mass."""
+        fine = np.linspace(*self.ends, _FINE)
+        slope = self.slope(fine)
+        grown = cumulative_simpson(np.einsum("ij,ik->ijk", slope, slope), x=fine, axis=0, initial=0.0)
+        whole = CubicSpline(fine, grown)
+        at, carried = self.carried
+        return whole(x) - np.einsum("i,ijk->jk", carried, whole(at)) / carried.sum()

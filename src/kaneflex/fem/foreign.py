@@ -1,0 +1,271 @@
+"""A link's finite elements from another program: matrices, nodes, and what of them moves in the link's plane.
+
+The matrices are those of the whole link, nothing of it held: translations of the nodes, two or three at each, in the
+order of the nodes. A link of the plane is its own mirror image in that plane and across its axis, as beams are: then
+its motions part into axial ones, u even and v odd in Y, and transverse ones, u odd and v even, both with w odd in Z.
+What matrices lack of that symmetry is averaged over, which is a Ritz approximation like the mesh itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.io import mmread
+from scipy.sparse import coo_array, csc_array, eye_array, hstack, kron
+from scipy.spatial import cKDTree
+
+from kaneflex.support.errors import Fault
+from kaneflex.support.reading import check_file
+
+LARGEST = 2**31
+"""Bytes of a file of matrices at most."""
+_SAME, _STILL = 1e-6, 1e-6
+"""Share of the link's length by which a node may miss its mirror image; of the stiffness by which a rigid motion may be
+resisted."""
+_PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
+"""Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
+
+Motion = Literal["axial", "transverse"]
+
+
+@dataclass(frozen=True, eq=False)
+class Foreign:
+    """Finite elements in the axes of their link: X from its start to its end, Y across, Z out of the plane of motion.
+
+    Attributes
+    ----------
+    M, K : csc_array (n_nodes d, n_nodes d)
+        Mass [kg] and stiffness [N/m], d translations a node.
+    nodes : ndarray (n_nodes, d)
+        Places from the start [m].
+    points : mapping of str
+        Name of each point -> the nodes that belong to it; `start` and `end` are among them.
+    """
+
+    M: csc_array
+    K: csc_array
+    nodes: np.ndarray
+    points: Mapping[str, np.ndarray]
+
+    @property
+    def axes(self) -> int:
+        """Translations of a node: two or three."""
+        return self.nodes.shape[1]
+
+    def X(self, point: str) -> float:
+        """Distance of a point from the start [m]."""
+        return float(self.nodes[self.points[point], 0].mean())
+
+    @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return self.X("end")
+
+    def field(self, u: np.ndarray | float, v: np.ndarray | float) -> np.ndarray:
+        """A displacement (n_nodes d,) with components u along and v across, (n_nodes,) each."""
+        found = np.zeros(self.nodes.shape)
+        found[:, 0], found[:, 1] = u, v
+        return found.ravel()
+
+    def means(self, point: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows (n_nodes d,) that give how a point moves along and across, and how far it turns.
+
+        Means over its nodes, and the turn that fits them best: those of an interface by weighted averages (RBE3).
+        """
+        at = self.points[point]
+        place = self.nodes[at, :2] - self.nodes[at, :2].mean(axis=0)
+        along, across, turn = np.zeros((3, *self.nodes.shape))
+        along[at, 0] = across[at, 1] = 1.0 / len(at)
+        size = (place**2).sum()
+        if size > 0.0:
+            turn[at, 0], turn[at, 1] = -place[:, 1] / size, place[:, 0] / size
+        return along.ravel(), across.ravel(), turn.ravel()
+
+    def basis(self, motion: Motion, rigid: bool) -> csc_array:
+        """Displacements of that symmetry, (n_nodes d, m), orthogonal; ``rigid``: a point's nodes move as one (RBE2)."""
+        found = self._symmetric(motion)
+        if not rigid:
+            return found
+        held = np.zeros(len(self.nodes), bool)
+        own = []
+        for at in self.points.values():
+            held[at] = True
+            x, y = (self.nodes[at, :2] - self.nodes[at, :2].mean(axis=0)).T
+            for u, v in ((1.0, 0.0),) if motion == "axial" else ((0.0, 1.0), (-y, x)):
+                one = np.zeros(self.nodes.shape)
+                one[at, 0], one[at, 1] = u, v
+                if (size := np.linalg.norm(one)) > 0.0:
+                    own.append(one.ravel() / size)
+        touched = np.asarray(abs(found)[np.repeat(held, self.axes)].sum(axis=0)).ravel() > 0.0
+        loose = found[:, np.flatnonzero(~touched)]
+        return csc_array(hstack([loose, coo_array(np.array(own).T)]))
+
+    def _symmetric(self, motion: Motion) -> csc_array:
+        signs, count, d = _PARITY[motion], len(self.nodes), self.axes
+        mirrors = [self._mirrored(1), self._mirrored(2) if d == 3 else np.arange(count)]
+        least = np.minimum.reduce([np.arange(count), mirrors[0], mirrors[1], mirrors[0][mirrors[1]]])
+        first = np.flatnonzero(least == np.arange(count))
+        rows, columns, values = [], [], []
+        for axis in range(d):
+            in_y, in_z = signs[axis][0], signs[axis][1] if d == 3 else 1
+            for image, sign in (
+                (np.arange(count), 1), (mirrors[0], in_y), (mirrors[1], in_z), (mirrors[0][mirrors[1]], in_y * in_z)
+            ):  # fmt: skip
+                rows.append(d * image[first] + axis)
+                columns.append(axis * len(first) + np.arange(len(first)))
+                values.append(np.full(len(first), float(sign)))
+        shape = (count * d, d * len(first))
+        found = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape).tocsc()
+        sizes = np.sqrt(np.asarray(found.multiply(found).sum(axis=0)).ravel())
+        kept = np.flatnonzero(sizes > 0.5)
+        return csc_array(found[:, kept] / sizes[kept])
+
+    def _mirrored(self, axis: int) -> np.ndarray:
+        """Which node is the image of each. Raises Fault where there is none."""
+        flip = np.ones(self.axes)
+        flip[axis] = -1.0
+        away, image = cKDTree(self.nodes).query(self.nodes * flip)
+        worst = int(away.argmax())
+        if away[worst] > _SAME * self.length:
+            plane = "axis" if axis == 1 else "plane of motion"
+            place = ", ".join(f"{1e3 * x:.6g}" for x in self.nodes[worst])
+            raise Fault(
+                f"the link is not its own mirror image in its {plane}: no node lies opposite the one at ({place}) mm",
+                "Give points and a normal that are in its symmetry, and a mesh that has it",
+            )
+        return np.asarray(image)
+
+
+def read_foreign(
+    mass: str, stiffness: str, nodes: str, points: Mapping[str, str], units: tuple[float, float] = (1.0, 1.0),
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0),
+) -> Foreign:  # fmt: skip
+    """Finite elements of Matrix Market files, in the axes of their link.
+
+    Parameters
+    ----------
+    mass, stiffness : str
+        Files in Matrix Market format, the translations of a node one after the other.
+    nodes : str
+        A text file with a line for each node: its number, then its coordinates.
+    points : mapping of str
+        Name of a point -> a text file of the numbers of its nodes; ``start`` and ``end`` are needed.
+    units : pair of float
+        The files' unit of length [m] and of mass [kg]; their unit of time is the second.
+    normal : triple of float
+        Of the plane of motion, in the axes of the files.
+
+    Raises
+    ------
+    Fault
+        It names the file and what is wrong with it.
+    """
+    length, weight = units
+    numbers, at = _nodes(nodes)
+    M, K = (_matrix(path, len(at)) * weight for path in (mass, stiffness))
+    chosen = {name: _chosen(path, numbers) for name, path in points.items()}
+    for name in ("start", "end"):
+        if name not in chosen:
+            raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
+    place, turn = _frame(length * at, chosen, np.array(normal, float))
+    d = M.shape[0] // len(at)
+    turned = csc_array(kron(eye_array(len(at)), turn[:d, :d]))
+    found = Foreign(
+        csc_array(turned @ M @ turned.T), csc_array(turned @ K @ turned.T), place[:, :d], chosen
+    )
+    _check(found, mass, stiffness)
+    return found
+
+
+def _matrix(path: str, count: int) -> csc_array:
+    """A square, symmetric matrix of two or three translations of each node."""
+    try:
+        check_file(Path(path), LARGEST)
+        found = csc_array(mmread(path))
+    except OSError as error:
+        raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a Matrix Market file") from None
+    except (ValueError, TypeError, OverflowError) as error:
+        raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
+    if found.shape not in ((2 * count, 2 * count), (3 * count, 3 * count)):
+        raise Fault(
+            f"{path} has the shape {found.shape}, with {count} nodes",
+            "Give two or three translations for each node, and no constrained ones left out",
+        )
+    if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
+        raise Fault(f"{path} holds what is no finite number", "Export it anew")
+    if abs(found - found.T).max() > _SAME * abs(found).max():
+        raise Fault(f"{path} is not symmetric", "Export the whole matrix, or one that says that it is symmetric")
+    return found.astype(float)
+
+
+def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers and coordinates (n_nodes, 3) of the nodes."""
+    table = _table(path)
+    if table.shape[1] not in (3, 4):
+        raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
+    numbers = table[:, 0].astype(np.int64)
+    if len(np.unique(numbers)) < len(numbers) or (numbers != table[:, 0]).any():
+        raise Fault(f"{path}: nodes without a whole number of their own", "Number each node once, in the first column")
+    return numbers, np.pad(table[:, 1:], ((0, 0), (0, 4 - table.shape[1])))
+
+
+def _chosen(path: str, numbers: np.ndarray) -> np.ndarray:
+    """Where the nodes that a file lists are among all."""
+    wanted = _table(path).ravel()
+    order = np.argsort(numbers)
+    at = np.minimum(np.searchsorted(numbers[order], wanted), len(numbers) - 1)
+    unknown = wanted[numbers[order][at] != wanted]
+    if len(unknown):
+        raise Fault(f"{path}: there is no node {unknown[0]:g}", "Give numbers that the file of nodes has")
+    return np.unique(order[at])
+
+
+def _table(path: str) -> np.ndarray:
+    try:
+        check_file(Path(path), LARGEST)
+        text = Path(path).read_text(encoding="utf-8-sig").replace(",", " ")
+        found = np.loadtxt(text.splitlines(), ndmin=2)
+    except OSError as error:
+        raise Fault(f"{path} cannot be read: {error.strerror}", "Give a text file of numbers") from None
+    except ValueError as error:
+        raise Fault(f"{path} is no table of numbers: {error}", "Give lines of numbers, and # before words") from None
+    if not found.size or not np.isfinite(found).all():
+        raise Fault(f"{path} holds no finite numbers", "Give lines of numbers")
+    return found
+
+
+def _frame(
+    at: np.ndarray, points: Mapping[str, np.ndarray], normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places in the link's axes (n_nodes, 3), and the rotation into them."""
+    start, end = (at[points[name]].mean(axis=0) for name in ("start", "end"))
+    span, size = np.linalg.norm(end - start), np.linalg.norm(normal)
+    if span == 0.0 or size == 0.0:
+        raise Fault("start and end are in one place" if size else "the normal is zero", "Give two ends, and a normal")
+    x, z = (end - start) / span, normal / size
+    if abs(x @ z) > _SAME:
+        lean = np.degrees(np.arcsin(min(1.0, abs(x @ z))))
+        raise Fault(f"start and end lean out of the plane of motion by {lean:.3g} deg", "Give the plane's own normal")
+    turn = np.array([x, np.cross(z, x), z])
+    return (at - start) @ turn.T, turn
+
+
+def _check(found: Foreign, mass: str, stiffness: str) -> None:
+    """Raise Fault unless the link has mass, and nothing resists its rigid motions in the plane."""
+    x, y = found.nodes[:, 0], found.nodes[:, 1]
+    along, across, turn = found.field(1.0, 0.0), found.field(0.0, 1.0), found.field(-y, x)
+    total = along @ found.M @ along
+    if not total > 0.0:
+        raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give one that is above zero")
+    scale = abs(found.K).max()
+    for name, motion in (("along its axis", along), ("across", across), ("turning", turn / found.length)):
+        left = abs(found.K @ motion).max()
+        if left > _STILL * scale:
+            raise Fault(
+                f"{stiffness} resists a motion of the whole link {name} by {left / scale:.2g} of its largest entry",
+                "Export the link free, without supports, in the order of the nodes",
+            )
