@@ -64,9 +64,9 @@ class Elements:
 def import_link(elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool) -> None:
     """Write modal data of a link from the finite elements of another program.
 
-    MASS and STIFFNESS are Matrix Market files of the free link, two or three translations of each node one after the
-    other; NODES is a text file with the number and the coordinates of each node. Bodies take the written file as
-    modal_data under preset coupled.
+    MASS and STIFFNESS are files of the free link, two or three translations of each node: Matrix Market, Abaqus .mtx,
+    CalculiX .mas and .sti, Nastran .op4 and .pch (pip install "kaneflex[nastran]"). NODES is a text file with the
+    number and the coordinates of each node. Bodies take the written file as modal_data under preset coupled.
     """
     from kaneflex.fem.craig_bampton import foreign_data
     from kaneflex.report.tables import imported_table

@@ -10,22 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.io import mmread
 from scipy.sparse import coo_array, csc_array, eye_array, hstack, kron
 from scipy.spatial import cKDTree
 
+from kaneflex.fem.matrices import read_matrix, read_table
 from kaneflex.support.errors import Fault
-from kaneflex.support.reading import check_file
 
-LARGEST = 2**31
-"""Bytes of a file of matrices at most."""
-_SAME, _STILL = 1e-6, 1e-6
-"""Share of the link's length by which a node may miss its mirror image; of the stiffness by which a rigid motion may be
-resisted."""
+_STILL = 1e-6
+"""Share of the stiffness by which a rigid motion may be resisted."""
+_OPPOSITE = 1e-6
+"""Share of the link's length by which a node may miss its mirror image, and the ends the plane."""
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
 """Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
 
@@ -130,7 +127,7 @@ class Foreign:
         flip[axis] = -1.0
         away, image = cKDTree(self.nodes).query(self.nodes * flip)
         worst = int(away.argmax())
-        if away[worst] > _SAME * self.length:
+        if away[worst] > _OPPOSITE * self.length:
             plane = "axis" if axis == 1 else "plane of motion"
             place = ", ".join(f"{1e3 * x:.6g}" for x in self.nodes[worst])
             raise Fault(
@@ -144,12 +141,12 @@ def read_foreign(
     mass: str, stiffness: str, nodes: str, points: Mapping[str, str], units: tuple[float, float] = (1.0, 1.0),
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> Foreign:  # fmt: skip
-    """Finite elements of Matrix Market files, in the axes of their link.
+    """Finite elements of another program's files, in the axes of their link.
 
     Parameters
     ----------
     mass, stiffness : str
-        Files in Matrix Market format, the translations of a node one after the other.
+        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one.
     nodes : str
         A text file with a line for each node: its number, then its coordinates.
     points : mapping of str
@@ -166,7 +163,7 @@ def read_foreign(
     """
     length, weight = units
     numbers, at = _nodes(nodes)
-    M, K = (_matrix(path, len(at)) * weight for path in (mass, stiffness))
+    M, K = (read_matrix(path, numbers, first) * weight for path, first in ((mass, "m"), (stiffness, "k")))
     chosen = {name: _chosen(path, numbers) for name, path in points.items()}
     for name in ("start", "end"):
         if name not in chosen:
@@ -181,30 +178,9 @@ def read_foreign(
     return found
 
 
-def _matrix(path: str, count: int) -> csc_array:
-    """A square, symmetric matrix of two or three translations of each node."""
-    try:
-        check_file(Path(path), LARGEST)
-        found = csc_array(mmread(path))
-    except OSError as error:
-        raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a Matrix Market file") from None
-    except (ValueError, TypeError, OverflowError) as error:
-        raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
-    if found.shape not in ((2 * count, 2 * count), (3 * count, 3 * count)):
-        raise Fault(
-            f"{path} has the shape {found.shape}, with {count} nodes",
-            "Give two or three translations for each node, and no constrained ones left out",
-        )
-    if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
-        raise Fault(f"{path} holds what is no finite number", "Export it anew")
-    if abs(found - found.T).max() > _SAME * abs(found).max():
-        raise Fault(f"{path} is not symmetric", "Export the whole matrix, or one that says that it is symmetric")
-    return found.astype(float)
-
-
 def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     """Numbers and coordinates (n_nodes, 3) of the nodes."""
-    table = _table(path)
+    table = read_table(path)
     if table.shape[1] not in (3, 4):
         raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
     numbers = table[:, 0].astype(np.int64)
@@ -215,27 +191,13 @@ def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _chosen(path: str, numbers: np.ndarray) -> np.ndarray:
     """Where the nodes that a file lists are among all."""
-    wanted = _table(path).ravel()
+    wanted = read_table(path).ravel()
     order = np.argsort(numbers)
     at = np.minimum(np.searchsorted(numbers[order], wanted), len(numbers) - 1)
     unknown = wanted[numbers[order][at] != wanted]
     if len(unknown):
         raise Fault(f"{path}: there is no node {unknown[0]:g}", "Give numbers that the file of nodes has")
     return np.unique(order[at])
-
-
-def _table(path: str) -> np.ndarray:
-    try:
-        check_file(Path(path), LARGEST)
-        text = Path(path).read_text(encoding="utf-8-sig").replace(",", " ")
-        found = np.loadtxt(text.splitlines(), ndmin=2)
-    except OSError as error:
-        raise Fault(f"{path} cannot be read: {error.strerror}", "Give a text file of numbers") from None
-    except ValueError as error:
-        raise Fault(f"{path} is no table of numbers: {error}", "Give lines of numbers, and # before words") from None
-    if not found.size or not np.isfinite(found).all():
-        raise Fault(f"{path} holds no finite numbers", "Give lines of numbers")
-    return found
 
 
 def _frame(
@@ -247,7 +209,7 @@ def _frame(
     if span == 0.0 or size == 0.0:
         raise Fault("start and end are in one place" if size else "the normal is zero", "Give two ends, and a normal")
     x, z = (end - start) / span, normal / size
-    if abs(x @ z) > _SAME:
+    if abs(x @ z) > _OPPOSITE:
         lean = np.degrees(np.arcsin(min(1.0, abs(x @ z))))
         raise Fault(f"start and end lean out of the plane of motion by {lean:.3g} deg", "Give the plane's own normal")
     turn = np.array([x, np.cross(z, x), z])

@@ -1,0 +1,211 @@
+"""Matrices of finite elements as their programs write them, in the order of a link's nodes.
+
+A file says by its first lines or its ending what it is:
+
+- Matrix Market, the translations of the nodes one after the other in the order of the nodes;
+- Abaqus ``*MATRIX OUTPUT, FORMAT=MATRIX INPUT``: lines of node, direction, node, direction, value;
+- CalculiX ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: lines of row, column, value in job.sti and job.mas, and in job.dof the
+  node and the direction of each row;
+- Nastran's OUTPUT4 (``.op4``), six motions of each grid point in the order of their numbers, and DMIG cards of a punch
+  file (``.pch``), both by pyYeti.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.io import mmread
+from scipy.sparse import coo_array, csc_array, diags_array
+
+from kaneflex.support.errors import Fault
+from kaneflex.support.reading import check_file
+
+LARGEST = 2**31
+"""Bytes of a file of matrices at most."""
+SAME = 1e-6
+"""Share of the largest entry by which a matrix may miss its symmetry."""
+_DIRECTIONS = 6
+"""Motions of a node that programs number: translations, then rotations."""
+
+Labels = tuple[np.ndarray, np.ndarray]
+"""Number of the node and direction, from 1, of each row."""
+
+
+def read_matrix(path: str, numbers: np.ndarray, first: str) -> csc_array:
+    """A square, symmetric matrix of two or three translations of each node.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    numbers : ndarray of int (n_nodes,)
+        Of the nodes, in their order.
+    first : {"m", "k"}
+        With what the name of the matrix begins in a file of several, as MGG and KGG do.
+
+    Returns
+    -------
+    csc_array (n_nodes d, n_nodes d)
+        In the units of the file, d translations a node.
+
+    Raises
+    ------
+    Fault
+        It names the file and what is wrong with it.
+    """
+    try:
+        check_file(Path(path), LARGEST)
+        found, labels = _reader(path)(path, numbers, first)
+    except OSError as error:
+        raise Fault(f"{path} cannot be read: {error.strerror or error}", "Give a file of a matrix") from None
+    if found.dtype.kind not in "fiu" or not np.isfinite(found.data).all():
+        raise Fault(f"{path} holds what is no finite number", "Export it anew")
+    found = _in_order(path, csc_array(found), labels, numbers)
+    if abs(found - found.T).max() > SAME * abs(found).max():
+        raise Fault(f"{path} is not symmetric", "Export the whole matrix, or one that says that it is symmetric")
+    return found.astype(float)
+
+
+def read_table(path: str) -> np.ndarray:
+    """Numbers of a text file, lines side by side; commas and spaces part them. Raises Fault."""
+    try:
+        check_file(Path(path), LARGEST)
+        text = Path(path).read_text(encoding="utf-8-sig").replace(",", " ")
+        found = np.loadtxt(io.StringIO(text), ndmin=2)
+    except OSError as error:
+        raise Fault(f"{path} cannot be read: {error.strerror}", "Give a text file of numbers") from None
+    except ValueError as error:
+        raise Fault(f"{path} is no table of numbers: {error}", "Give lines of numbers, and # before words") from None
+    if not found.size or not np.isfinite(found).all():
+        raise Fault(f"{path} holds no finite numbers", "Give lines of numbers")
+    return found
+
+
+def _reader(path: str) -> Callable[[str, np.ndarray, str], tuple[csc_array, Labels]]:
+    by_ending = {".op4": _output4, ".pch": _punched, ".sti": _calculix, ".mas": _calculix}
+    if (ending := Path(path).suffix.lower()) in by_ending:
+        return by_ending[ending]
+    with Path(path).open("rb") as file:
+        return _matrix_market if file.read(2) == b"%%" else _abaqus
+
+
+def _matrix_market(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    try:
+        found = csc_array(mmread(path))
+    except (ValueError, TypeError, OverflowError) as error:
+        raise Fault(f"{path} is no Matrix Market file: {error}", "Export it anew") from None
+    count = len(numbers)
+    if found.shape not in ((2 * count, 2 * count), (3 * count, 3 * count)):
+        raise Fault(
+            f"{path} has the shape {found.shape}, with {count} nodes",
+            "Give two or three translations for each node, and no constrained ones left out",
+        )
+    return found, _one_after_the_other(numbers, found.shape[0] // count)
+
+
+def _abaqus(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    table = read_table(path)
+    if table.shape[1] != 5:
+        raise Fault(
+            f"{path} has {table.shape[1]} columns",
+            "Give a Matrix Market file, or lines of node, direction, node, direction, value as Abaqus writes them",
+        )
+    ends = table[:, :4].astype(np.int64)
+    each, place = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    at = place.reshape(-1, 2)
+    return _halved(at[:, 0], at[:, 1], table[:, 4], len(each)), (each[:, 0], each[:, 1])
+
+
+def _calculix(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    table, names = read_table(path), Path(path).with_suffix(".dof")
+    try:
+        words = [line.split(".") for line in names.read_text(encoding="utf-8").split()]
+        rows = np.array(words, dtype=np.int64)
+    except FileNotFoundError:
+        raise Fault(f"there is no {names}", f"Put it beside {path}: CalculiX writes both") from None
+    except ValueError:
+        raise Fault(f"{names} is no list of node.direction", "Give the one that CalculiX wrote") from None
+    if table.shape[1] != 3 or table[:, :2].min() < 1 or table[:, :2].max() > len(rows):
+        raise Fault(f"{path} and {names} don't belong together", "Give the files of one run of CalculiX")
+    at = table[:, :2].astype(np.int64) - 1
+    return _halved(at[:, 0], at[:, 1], table[:, 2], len(rows)), (rows[:, 0], rows[:, 1])
+
+
+def _output4(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    found = csc_array(_nastran(path, first, lambda nastran: nastran.op4.read(path, sparse=True)))
+    if found.shape != (_DIRECTIONS * len(numbers),) * 2:
+        raise Fault(
+            f"{path} has the shape {found.shape}, with {len(numbers)} nodes",
+            "Give the matrix of all grid points (KGG, MGG), six motions each",
+        )
+    return found, _one_after_the_other(np.sort(numbers), _DIRECTIONS)
+
+
+def _punched(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    frame = _nastran(path, first, lambda nastran: nastran.rddmig(path, square=True, follow_includes=False))
+    if frame.shape[0] != frame.shape[1]:
+        raise Fault(f"{path} holds a matrix of the shape {frame.shape}", "Give a square one, of all grid points")
+    labels = (frame.index.get_level_values(level).to_numpy(np.int64) for level in ("id", "dof"))
+    return csc_array(frame.to_numpy()), tuple(labels)
+
+
+def _nastran(path: str, first: str, read: Callable):
+    """The only matrix that pyYeti reads of a file, or the only one whose name begins so."""
+    try:
+        from pyyeti import nastran
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] != "pyyeti":
+            raise
+        cure = "Run: pip install 'kaneflex[nastran]', or give a Matrix Market file"
+        raise Fault("pyYeti, which reads Nastran's files, is not installed", cure) from None
+    try:
+        found = read(nastran)
+    except Exception as error:  # whatever its readers stumble over
+        raise Fault(f"{path} can't be read by pyYeti: {error}", "Export it anew") from None
+    wanted = [name for name in found if len(found) == 1 or name.lower().startswith(first)]
+    if len(wanted) != 1:
+        there = ", ".join(name.upper() for name in found) or "no matrix"
+        raise Fault(f"{path} holds {there}", f"Give a file with one matrix whose name begins with {first.upper()}")
+    return found[wanted[0]]
+
+
+def _one_after_the_other(numbers: np.ndarray, each: int) -> Labels:
+    return np.repeat(numbers, each), np.tile(np.arange(1, each + 1), len(numbers))
+
+
+def _halved(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, count: int) -> csc_array:
+    """A matrix of its entries, those of one triangle reflected in the diagonal unless both are there."""
+    found = csc_array(coo_array((values, (rows, columns)), shape=(count, count)))
+    off = rows != columns
+    there = set(zip(rows[off].tolist(), columns[off].tolist(), strict=True))
+    if any((column, row) in there for row, column in there):
+        return found
+    return csc_array(found + found.T - diags_array(found.diagonal()))
+
+
+def _in_order(path: str, found: csc_array, labels: Labels, numbers: np.ndarray) -> csc_array:
+    """With the nodes as they are listed, and their translations alone. Raises Fault."""
+    nodes, directions = labels
+    moving = np.asarray(abs(found).sum(axis=0)).ravel() > 0.0
+    for wrong, what, cure in (
+        (moving & (directions > 3), "the rotation of", "Mesh the link by solid elements, whose nodes have none"),
+        (moving & ~np.isin(nodes, numbers), "", "List it with its place in the file of nodes"),
+    ):
+        if wrong.any():
+            raise Fault(f"{path} holds {what} node {nodes[wrong][0]}".replace("  ", " "), cure)
+    axes = int(directions[moving].max(initial=2))
+    order = np.argsort(numbers)
+    kept = np.flatnonzero((directions <= axes) & np.isin(nodes, numbers))
+    place = order[np.searchsorted(numbers[order], nodes[kept])] * axes + directions[kept] - 1
+    rows = np.full(axes * len(numbers), -1)
+    rows[place] = kept
+    if (rows < 0).any():
+        absent = int(np.flatnonzero(rows < 0)[0])
+        raise Fault(
+            f"{path} holds no direction {absent % axes + 1} of node {numbers[absent // axes]}",
+            "Export the link free, without supports, with all of its nodes",
+        )
+    return csc_array(found[:, rows][rows])

@@ -1,0 +1,176 @@
+"""Matrices of finite elements as other programs write them: each format holds the same ones.
+
+Nastran's files are written by pyYeti, and read by it. Those of Abaqus and CalculiX are written here as the manual of
+Abaqus (*MATRIX INPUT) and CalculiX's source (matrixstorage.c) lay them down: every term once, on or above the diagonal.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import mmwrite
+from scipy.sparse import coo_array, csc_array, triu
+
+from kaneflex.fem.matrices import read_matrix
+from kaneflex.support.errors import Fault
+
+NUMBERS = np.array([40, 7, 112, 3, 25])
+AXES = 3
+
+
+@pytest.fixture(scope="module")
+def stiffness():
+    """A sparse, symmetric matrix of three translations of the nodes."""
+    random = np.random.default_rng(3)
+    half = random.standard_normal((len(NUMBERS) * AXES,) * 2) * (random.random((len(NUMBERS) * AXES,) * 2) < 0.4)
+    return csc_array(half + half.T + 20.0 * np.eye(len(half)))
+
+
+def labels(numbers=NUMBERS, axes=AXES):
+    return np.repeat(numbers, axes), np.tile(np.arange(1, axes + 1), len(numbers))
+
+
+def market(K):
+    mmwrite("k.mtx", K)
+    return "k.mtx"
+
+
+def abaqus(K, both=False):
+    node, axis = labels()
+    part = coo_array(K if both else triu(K))
+    lines = zip(node[part.row], axis[part.row], node[part.col], axis[part.col], part.data, strict=True)
+    Path("job_STIF1.mtx").write_text("".join(f"{n},{i}, {m},{j}, {value:.17e}\n" for n, i, m, j, value in lines))
+    return "job_STIF1.mtx"
+
+
+def calculix(K):
+    order = np.random.default_rng(0).permutation(K.shape[0])  # of its equations, which is its own business
+    node, axis = (part[order] for part in labels())
+    part = coo_array(triu(csc_array(K[order][:, order])))
+    lines = zip(part.row + 1, part.col + 1, part.data, strict=True)
+    Path("job.sti").write_text("".join(f"{row} {column} {value:20.17e}\n" for row, column, value in lines))
+    Path("job.dof").write_text("".join(f"{n}.{i}\n" for n, i in zip(node, axis, strict=True)))
+    return "job.sti"
+
+
+def all_six(K):
+    """With rotations that nothing resists, and the grid points in the order of their numbers."""
+    order = np.argsort(NUMBERS)
+    place = (6 * np.argsort(order)[:, None] + np.arange(AXES)).ravel()
+    whole = np.zeros((6 * len(NUMBERS),) * 2)
+    whole[np.ix_(place, place)] = K.toarray()
+    return whole
+
+
+def output4(K, digits=17, sparse="bigmat"):
+    from pyyeti.nastran import op4
+
+    whole = all_six(K)
+    op4.write("job.op4", {"mgg": np.eye(len(whole)), "kgg": whole}, binary=False, digits=digits, sparse=sparse)
+    return "job.op4"
+
+
+def punched(K):
+    import pandas as pd
+    from pyyeti import nastran
+
+    index = pd.MultiIndex.from_arrays(labels(), names=["id", "dof"])
+    nastran.wtdmig("job.pch", {"kaax": pd.DataFrame(K.toarray(), index=index, columns=index)})
+    return "job.pch"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "write, exact",
+    [
+        (market, 1e-15), (abaqus, 1e-15), (lambda K: abaqus(K, both=True), 1e-15), (calculix, 1e-15),
+        (output4, 1e-15), (lambda K: output4(K, sparse="dense"), 1e-15), (punched, 1e-8),
+    ],
+    ids=["Matrix Market", "Abaqus", "Abaqus, both triangles", "CalculiX", "OUTPUT4", "OUTPUT4, dense", "punch"],
+)  # fmt: skip
+def test_the_same_matrix_in_each_format(write, exact, stiffness, peer):
+    peer("pyyeti")
+    found = read_matrix(write(stiffness), NUMBERS, "k")
+    np.testing.assert_allclose(found.toarray(), stiffness.toarray(), rtol=exact, atol=20.0 * exact)
+
+
+def held(K):
+    abaqus(K)
+    lines = [line for line in Path("job_STIF1.mtx").read_text().splitlines() if "112,2" not in line]
+    Path("job_STIF1.mtx").write_text("\n".join(lines))
+    return "job_STIF1.mtx"
+
+
+def turning(K):
+    abaqus(K)
+    with Path("job_STIF1.mtx").open("a") as file:
+        file.write("25,5, 25,5, 3.0e2\n")
+    return "job_STIF1.mtx"
+
+
+def orphan(K):
+    calculix(K)
+    Path("job.dof").unlink()
+    return "job.sti"
+
+
+def others(K):
+    calculix(K)
+    Path("job.dof").write_text("3.1\n3.2\n3.3\n")
+    return "job.sti"
+
+
+def two(K):
+    from pyyeti.nastran import op4
+
+    op4.write("job.op4", {"kgg": all_six(K), "kff": np.eye(3)}, binary=False)
+    return "job.op4"
+
+
+def junk(K):
+    Path("job.op4").write_text("neither bulk data nor a matrix\n")
+    return "job.op4"
+
+
+@pytest.mark.parametrize(
+    "write, message",
+    [
+        (held, "job_STIF1.mtx holds no direction 2 of node 112"),
+        (turning, "job_STIF1.mtx holds the rotation of node 25"),
+        (orphan, "there is no job.dof"),
+        (others, "job.sti and job.dof don't belong together"),
+        (two, "job.op4 holds KGG, KFF"),
+        (junk, "job.op4"),
+    ],
+)
+def test_what_is_refused(write, message, stiffness, peer):
+    peer("pyyeti")
+    with pytest.raises(Fault, match=message.replace(".", r"\.")):
+        read_matrix(write(stiffness), NUMBERS, "k")
+
+
+def test_a_node_that_is_not_listed(stiffness):
+    with pytest.raises(Fault, match=r"job_STIF1\.mtx holds node 25"):
+        read_matrix(abaqus(stiffness), NUMBERS[:-1], "k")
+
+
+def test_nastran_without_its_reader(stiffness, monkeypatch):
+    """The cure names the extra that brings it."""
+    import builtins
+
+    ordinary = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name.partition(".")[0] == "pyyeti":
+            raise ImportError("no pyyeti", name="pyyeti")
+        return ordinary(name, *args, **kwargs)
+
+    Path("job.op4").write_text("")
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(Fault, match="pyYeti") as caught:
+        read_matrix("job.op4", NUMBERS, "k")
+    assert "kaneflex[nastran]" in caught.value.cure
