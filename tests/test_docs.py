@@ -154,7 +154,7 @@ def solved(tmp_path_factory) -> dict[str, Solution]:
 
 def test_every_complete_scene_runs(solved):
     assert set(solved) == {
-        "cantilever", "arm", "flying", "frame", "shaft", "band-brake", "belt", "brake", "coupling", "knock",
+        "cantilever", "arm", "flying", "frame", "shaft", "boom", "band-brake", "belt", "brake", "coupling", "knock",
         "slow-engine", "mount", "pendulum",
     }  # fmt: skip
     for name, solution in solved.items():
@@ -200,6 +200,28 @@ def test_the_brake_stops_its_drum_and_the_belt_drives_its_mill(solved):
     assert speed[200:] == pytest.approx(
         6 * 2.4 / drag * (1 - np.exp(-times[200:] * drag / (0.2 + 0.01 * 2.4**2))), rel=1e-2
     )
+
+
+def test_the_boom_rests_on_its_cylinder(solved):
+    """At rest, by virtual work: what the weights rise by is what the cylinder's eyes move apart."""
+    base, beam = np.array([0.6, -0.4]), 7850 * 0.06
+    side = (2.5**2 + base @ base - 2.6**2) / (2 * 2.5 * np.hypot(*base))
+    luff = np.arctan2(*base[::-1]) + np.arccos(side)
+
+    def weights_and_length(angle):
+        knee = 2.5 * np.array([np.cos(angle), np.sin(angle)])
+        tip = knee + 3.2 * np.array([np.cos(angle - np.pi / 6), np.sin(angle - np.pi / 6)])
+        length = np.hypot(*(knee - base))
+        barrel, rod = (base + at * (knee - base) / length for at in (0.75, length - 0.7))
+        beams = 0.5 * 2.5 * beam * knee * 0.5 + 3.2 * beam * 0.45 * (knee + tip) / 2
+        return 9.81 * (beams + 1500 * tip + 120 * barrel + 60 * rod)[1], length
+
+    ahead, behind = weights_and_length(luff + 1e-5), weights_and_length(luff - 1e-5)
+    push = (ahead[0] - behind[0]) / (ahead[1] - behind[1])
+    series = solved["boom"].series
+    assert series["push_rigid"].values[-1] == pytest.approx(push, rel=1e-8)
+    assert series["push"].values[-1] == pytest.approx(push, rel=2e-2)  # still swinging, by 0.8 %
+    assert np.degrees(series["luff"].values[-1]) == pytest.approx(np.degrees(luff), abs=0.02)
 
 
 def test_the_slow_engine_has_no_gas_and_eight_elements(solved):

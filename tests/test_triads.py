@@ -241,7 +241,8 @@ def test_show_places_the_same_assembly(tmp_path):
     [
         (
             (', near = {platform = "16 deg"}', ""),
-            "joints.right_knee.near: the loop closes in 4 ways at the start: ",
+            "joints.right_knee.near: the loop closes in 4 ways at the start, and branch chooses in loops of two bodies "
+            "only: ",
         ),
         (
             ('near = {platform = "16 deg"}', 'near = {crank = "16 deg"}'),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,7 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
 
     Nothing is derived or solved for it: a scene that can't be run yet can be looked at.
     """
-    from kaneflex.fem.mobility import count_freedom, elastic_coordinates, mobility_by_rank
+    from kaneflex.fem.mobility import count_freedom, mobility_by_rank
     from kaneflex.mechanism.dead_centres import closings
     from kaneflex.mechanism.mechanism import mechanism_of
     from kaneflex.mechanism.position_analysis import place, with_branches
@@ -53,11 +54,7 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
         write_bytes(path, _spatial_picture(scene, at, path.suffix[1:]))
         click.echo(f"Written to {path}")
         return
-    try:
-        elastic = len(elastic_coordinates(scene))
-    except SceneError as error:
-        click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
-        elastic = None
+    elastic = _elastic_count(scene)
     count = count_freedom(mechanism_of(scene))
     try:
         scene = with_branches(scene)
@@ -81,6 +78,23 @@ def show(asked: SceneArguments, output: Path | None, places: tuple[str, ...], fo
 
     write_bytes(path, scheme_picture(scene, placement, path.suffix[1:]))
     click.echo(f"Written to {path}")
+
+
+def _elastic_count(scene: Scene) -> int | None:
+    """Coordinates of the elastic stage; None where it can't be set up, with a warning where the preset needs it."""
+    from kaneflex.fem.mobility import elastic_coordinates
+    from kaneflex.mechanism.rigid_bodies import check_on_axes
+
+    try:
+        if scene.solve.preset == "coupled":  # its equations are of all bodies, and ask for no more than this
+            check_on_axes(scene)
+            with suppress(SceneError):
+                return len(elastic_coordinates(scene))
+            return None
+        return len(elastic_coordinates(scene))
+    except SceneError as error:
+        click.echo(f"Warning: the elastic part can't be set up: {error}", err=True)
+        return None
 
 
 def _spatial_picture(scene: Scene, at: Mapping[str, float], kind: str) -> bytes:

@@ -31,6 +31,8 @@ _HALVINGS = 12
 """Times that a step from knot to knot is halved before the linkage counts as locked."""
 _BENT = 0.2
 """Largest correction of a tangent step, as a share of it, that is believed to stay on the branch."""
+_ROUNDING = 1e-10
+"""Correction, in rad or sizes of the mechanism, that is one of rounding alone, as where the drives dwell."""
 
 Coordinates = Callable[[float], Mapping[str, float]]
 """From what the tables are read at, a drive's coordinate or the time, to every drive's coordinate."""
@@ -236,7 +238,7 @@ class _Follower:
             unknowns -= change
             if abs(change / scale).max() < 1e-12:
                 step, bend = abs((guess - here) / scale).max(), abs((unknowns - guess) / scale).max()
-                if sign == side and bend <= _BENT * step:
+                if sign == side and bend <= max(_BENT * step, _ROUNDING):
                     return unknowns
                 break
         if depth == _HALVINGS:

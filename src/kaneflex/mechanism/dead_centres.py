@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaneflex.mechanism.joints import Constraints, coordinate
+from kaneflex.mechanism.joints import Constraints
 from kaneflex.mechanism.mechanism import NumericMechanism, mechanism_of
 from kaneflex.mechanism.parts import BodyPoint
 from kaneflex.mechanism.planar import GROUND, Vector, cross, dot, minus
 from kaneflex.mechanism.position_analysis import Dyad, closing_groups
-from kaneflex.mechanism.reach import Courses, pose_over
+from kaneflex.mechanism.reach import Courses, joint_course, pose_over, turns_around
 from kaneflex.scene import Scene
 
 _NEAR = math.radians(10.0)
@@ -145,10 +145,10 @@ def _turned(courses: Courses, body: str, direction: Vector) -> Vector:
 
 def _stand(scene: Scene, courses: Courses, k: int) -> str:
     """Where the drives stand at an instant, "main = 90 deg"."""
-    here = {name: course[:, k : k + 1] for name, course in courses.items()}
     mechanism, found = mechanism_of(scene), []
     for name in mechanism.drives:
         joint = mechanism.joints[name]
-        value = float(coordinate(joint, *(pose_over(here, side.body).section(side.at) for side in joint.sides))[0])
-        found.append(f"{name} = {scene.written_coordinate(name, value if joint.slides else value % math.tau)}")
+        course = joint_course(joint, courses)
+        value = course[k] % math.tau if not joint.slides and turns_around(course) else course[k]
+        found.append(f"{name} = {scene.written_coordinate(name, float(value))}")
     return ", ".join(found)

@@ -10,6 +10,7 @@ import numpy as np
 
 from kaneflex.mechanism.joints import coordinate
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.mechanism.parts import Joint
 from kaneflex.mechanism.planar import GROUND, Pose, pose_at
 from kaneflex.mechanism.position_analysis import Placement, coordinate_at
 from kaneflex.mechanism.rigid_motion import RigidMotion
@@ -75,16 +76,25 @@ def reach_lines(scene: Scene, courses: Courses) -> dict[str, str]:
     for name, joint in mechanism_of(scene).joints.items():
         if joint.kind == "weld":
             continue
-        course = coordinate(joint, *(pose_over(courses, side.body).section(side.at) for side in joint.sides))
+        course = joint_course(joint, courses)
         if joint.slides:
             course = 1e3 * course
             found[name] = f"{_range(course)} mm" + (f", a stroke of {np.ptp(course):.4g} mm" if len(course) > 1 else "")
         else:
-            course = np.degrees(course)
-            course = course - 360.0 * np.round(course[0] / 360.0)
-            found[name] = "turns around" if np.ptp(course) > 359.0 else f"{_range(course)} deg"
+            found[name] = "turns around" if turns_around(course) else f"{_range(np.degrees(course))} deg"
     meeting = _meeting(scene, courses)
     return found | ({"on each other": "; ".join(meeting)} if meeting else {})
+
+
+def joint_course(joint: Joint, courses: Courses) -> np.ndarray:
+    """A joint's coordinate over the motion [rad or m], (n,), counted on from within half a turn of zero."""
+    course = coordinate(joint, *(pose_over(courses, side.body).section(side.at) for side in joint.sides))
+    return course if joint.slides else course - math.tau * np.round(course[0] / math.tau)
+
+
+def turns_around(course: np.ndarray) -> bool:
+    """Whether the coordinate [rad] of a joint goes through a whole turn."""
+    return bool(np.ptp(course) > math.radians(359.0))
 
 
 def _range(course: np.ndarray) -> str:
@@ -113,9 +123,14 @@ def _meeting(scene: Scene, courses: Courses) -> list[str]:
 
 
 def _joined(scene: Scene, one: Address, other: Address) -> bool:
-    """Whether joints at these very points lead from one to the other, over other bodies, too."""
-    pins = [set(joint.addresses) for joint in scene.joints.values()]
-    reached = {one}
+    """Whether joints at these very points lead from one to the other, over other bodies, too; a point may have
+    several names."""
+    pins = [{_spot(scene, side) for side in joint.addresses} for joint in scene.joints.values()]
+    reached = {_spot(scene, one)}
     while more := {side for pin in pins if pin & reached for side in pin} - reached:
         reached |= more
-    return other in reached
+    return _spot(scene, other) in reached
+
+
+def _spot(scene: Scene, address: Address) -> tuple[str, tuple[float, ...]]:
+    return address.body, tuple(scene.point(address))

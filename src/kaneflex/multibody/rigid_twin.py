@@ -133,10 +133,15 @@ class RigidTwin:
         bodies = np.concatenate([q[..., :2], turn, v, a], axis=-1)
         return np.concatenate([said, bodies.reshape(len(times), -1)], axis=1)
 
-    def trajectory(self, times: np.ndarray, p: np.ndarray) -> CoupledTrajectory:
-        """The motion as states of ``rigid``, with what its joints exert. Raises ArithmeticError at a singular state."""
+    def trajectory(self, times: np.ndarray, p: np.ndarray, shift: Mapping[str, np.ndarray]) -> CoupledTrajectory:
+        """The motion as states of ``rigid``, with what its joints exert. Raises ArithmeticError at a singular state.
+
+        ``shift`` is what loads have beyond what is said of them, by name (n_times,).
+        """
         drives = self._drives(times, p)
         said = self._said(times, drives)
+        for k, name in enumerate(self.mechanism.loads, start=len(self.mechanism.drives)):
+            said[:, k] += shift.get(name, 0.0)
         q, v, _ = self._followed(drives, said)
         found = self._told(drives, said).states(np.arange(len(times), dtype=float), q, v)
         return by_themselves(times, found.q, found.v, found.a, found.reactions)

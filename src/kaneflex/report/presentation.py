@@ -165,7 +165,7 @@ def parts(scene: Scene) -> str:
         block("springs", {name: _spring(spring) for name, spring in scene.springs.items()}),
         block("contacts", {name: contact_line(contact) for name, contact in scene.contacts.items()}),
         block("friction", {name: friction_line(friction) for name, friction in scene.frictions.items()}),
-        block("sensors", {name: sensor.meaning for name, sensor in scene.sensors.items()}),
+        block("sensors", {name: scene.meaning_of(sensor) for name, sensor in scene.sensors.items()}),
         block("events", {name: _event(scene, event) for name, event in scene.events.items()}),
     ]
     return "\n".join(filter(None, blocks))
@@ -226,7 +226,8 @@ def _body(body: Body) -> str:
 
 
 def _joint(joint: Joint, closes: bool) -> str:
-    closing = f", closes a loop, branch {joint.branch}" if closes else ""
+    near = " and ".join(f"{body} near {math.degrees(angle):.4g} deg" for body, angle in joint.near.items())
+    closing = f", closes a loop, {near or f'branch {joint.branch}'}" if closes else ""
     return f"{joint.kind}, {joint.addresses[0]} to {joint.addresses[1]}{closing}"
 
 

@@ -135,7 +135,8 @@ def run_lines(summary: Summary) -> str:
     if timing.derive_s:
         parts.insert(0, f"{timing.derive_s:.2f} s to derive")
     if timing.ns_per_step:
-        parts.append(f"{timing.ns_per_step:.0f} ns a step")
+        parts.append(f"{timing.ns_per_step:.0f} ns a step" if timing.ns_per_step < 1e6
+                     else f"{1e-6 * timing.ns_per_step:.3g} ms a step")  # fmt: skip
     steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
     if summary.outcome != "completed":
         steps = f"{summary.steps} steps asked for, {_reached(summary)}"

@@ -7,6 +7,7 @@ coupled motion: displacements, so that every sensor means the same under every p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -64,9 +65,15 @@ class CoupledMotion(Motion):
 
     @cached_property
     def rigid_forces(self) -> RigidMotion:
+        beside = self._beside({})
+        sizes = self._load_sizes(beside)  # laws may know joints that are placed by now
+        return (self._beside({name: sizes[name] - self.rigid[name] for name in sizes}) if sizes else beside).floating
+
+    def _beside(self, shift: Mapping[str, np.ndarray]) -> CoupledMotion:
+        """The rigid mechanism, with so much more of its loads than is known before its bodies are placed."""
         twin = self.model.module
-        trajectory = twin.trajectory(self.times, self.model.motion.parameters)
-        return CoupledMotion(replace(self.model, coupled=twin.rigid), self.rigid, trajectory).floating
+        trajectory = twin.trajectory(self.times, self.model.motion.parameters, shift)
+        return CoupledMotion(replace(self.model, coupled=twin.rigid), self.rigid, trajectory, shift)
 
     @property
     def scalars(self) -> RigidMotion:
@@ -95,12 +102,19 @@ class CoupledMotion(Motion):
     @cached_property
     def load_sizes(self) -> dict[str, np.ndarray]:
         """Sizes of the loads where laws know joints without a drive, which the rigid motion says nothing of."""
-        mechanism = self.system.mechanism
-        if not mechanism.observed:
+        return self._load_sizes(self)
+
+    def _load_sizes(self, of: CoupledMotion) -> dict[str, np.ndarray]:
+        """:attr:`load_sizes` with the joints of another motion, whose whole turns are counted as in this one."""
+        mechanism, states = self.system.mechanism, []
+        for name in (*mechanism.drives, *mechanism.observed) if mechanism.observed else ():
+            place, *rates = of.coordinate(name)
+            if of is not self and not mechanism.joints[name].slides:
+                place = place + math.tau * np.round((self.coordinate(name)[0] - place) / math.tau)
+            states += [place, *rates]
+        if not states:
             return {}
-        joints = (*mechanism.drives, *mechanism.observed)
-        states = np.column_stack([part for name in joints for part in self.coordinate(name)])
-        return dict(zip(mechanism.loads, self.system.load_sizes(self.times, states).T, strict=True))
+        return dict(zip(mechanism.loads, self.system.load_sizes(self.times, np.column_stack(states)).T, strict=True))
 
     def coordinate(self, joint: str) -> Rates:
         """Coordinate of a joint between the deformed bodies [rad, or m along its guide], with its rates; or of a body

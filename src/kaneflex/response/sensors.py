@@ -35,7 +35,7 @@ def measure(motion: Motion, only: Container[str] | None = None) -> dict[str, Ser
     for name, sensor in motion.model.scene.sensors.items():
         if only is not None and name not in only:
             continue
-        meaning = reader.meaning(sensor)
+        meaning = reader.scene.meaning_of(sensor)
         measured[name] = Series(reader.read(sensor), sensor.unit, meaning)
         if sensor.kind in RIGID_COMPANIONS and motion.has_rigid_forces and reader.is_rigid_known(sensor):
             meaning = f"{meaning}, of the rigid mechanism"
@@ -84,10 +84,6 @@ class Reader:
         if self.steps == 0:  # a run that stopped before its first instant
             return np.zeros(0)
         return getattr(self, f"_{sensor.kind}")(sensor)
-
-    def meaning(self, sensor: Sensor) -> str:
-        """One line for people."""
-        return sensor.meaning
 
     def is_rigid_known(self, sensor: Sensor) -> bool:
         """Whether rigid bodies say how much a sensor reads there."""

@@ -131,12 +131,6 @@ class SpatialReader(Reader):
             return self._joint(sensor)[0]
         return self._component(sensor, self._place(address), np.zeros((3, self.steps)))
 
-    def meaning(self, sensor: Sensor) -> str:
-        """A joint's coordinate has no axes that it is read in."""
-        if isinstance(sensor.target, Address) and sensor.target.body in self.scene.joints:
-            return f"{sensor.kind} of joint {sensor.target.body}, {'turn' if sensor.component == 'angle' else 'slide'}"
-        return sensor.meaning
-
     def _joint(self, sensor: Sensor) -> Rates:
         """Angle of a joint, counted on from turn to turn [rad], or its slide [m], with its rates."""
         name, mechanism = address_of(sensor).body, spatial_mechanism_of(self.scene)

@@ -291,6 +291,12 @@ class Scene(SceneTable):
         at = {name: spring.torsional_at for name, spring in self.springs.items()}
         return loads | {f"{name}.torque": (joint, -1.0) for name, joint in at.items() if joint is not None}
 
+    def meaning_of(self, sensor: Sensor) -> str:
+        """What a sensor reads, in one line for people; a joint's coordinate has no axes that it is read in."""
+        if isinstance(sensor.target, Address) and sensor.target.body in self.joints:
+            return f"{sensor.kind} of joint {sensor.target.body}, {'turn' if sensor.component == 'angle' else 'slide'}"
+        return sensor.meaning
+
     def level(self, event: Event) -> float:
         """The value that an event waits for, in its sensor's SI unit. Raises Fault for text in another unit."""
         unit = self.sensors[event.sensor].unit

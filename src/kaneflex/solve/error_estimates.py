@@ -25,6 +25,7 @@ from kaneflex.response.sensors import measure
 from kaneflex.scene.options import left_out, resolve_options
 from kaneflex.scene.structure import pruned_hash
 from kaneflex.solve.simulation import not_repeated
+from kaneflex.support.errors import SceneError
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ def error_estimates(solution: Solution) -> tuple[Mapping[str, ErrorEstimate], st
         first, *stages = _refined(solution)
     except _Unknown as reason:
         return {}, f"not estimated: {reason}"
+    except SceneError as error:  # of a rigid run, whose deformation can't follow its motion
+        return {}, f"not estimated, as no richer model can be set up: {error.key}: {error.reason}"
     base = before = first[1]
     found: dict[str, dict[str, float]] = {kind: {} for kind in KINDS}
     for kind, values in stages:
