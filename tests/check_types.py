@@ -19,7 +19,7 @@ BASELINE = {
     "peers": 23,
     "plots": 46,
     "report": 6,
-    "response": 56,
+    "response": 53,
     "scene": 86,
     "solve": 42,
     "study": 85,

@@ -64,6 +64,8 @@ def _add(terms: dict[Monomial, Matrix], monomial: Monomial, matrix: Matrix) -> N
 
 def solve(matrix: Matrix, right: np.ndarray) -> np.ndarray:
     """x of A x = right."""
+    if right.dtype == object:  # unknowns, which no library solves for
+        return solve(matrix, np.eye(len(right))) @ right
     if not issparse(matrix):
         return np.linalg.solve(matrix, right)
     from scipy.sparse.linalg import splu

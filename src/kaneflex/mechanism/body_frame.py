@@ -133,4 +133,4 @@ class BodyFrame:
 
 
 def _columns(p) -> np.ndarray:
-    return np.asarray(p, dtype=float).reshape(2, -1)
+    return np.asarray(p).reshape(2, -1)

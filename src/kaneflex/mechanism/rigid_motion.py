@@ -110,7 +110,7 @@ class RigidMotion:
     def apply_each(self, affine: Affine, vectors: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
         """:meth:`apply` to several vectors at once."""
         side_by_side, shape = np.concatenate(vectors, axis=1), (affine.shape[0], len(vectors), len(self.times))
-        total = np.zeros(shape)
+        total = np.zeros(shape, self.values.dtype)
         for monomial, matrix in affine.terms.items():
             part = (matrix @ side_by_side).reshape(shape)
             total += np.multiply(part, self.monomial(monomial), out=part) if monomial else part
@@ -118,13 +118,13 @@ class RigidMotion:
 
     def matrices(self, affine: Affine) -> np.ndarray:
         """An affine matrix at all times, (n_times, rows, columns)."""
-        if len(affine.terms) > _MANY:
+        if len(affine.terms) > _MANY and self.values.dtype != object:
             found = numbered_entries(affine, affine.monomials)
             rows, columns = affine.shape
             shares = coefficients(found.rows * columns + found.columns, found, (rows * columns, len(affine.terms)))
             products = np.array([self.monomial(monomial) for monomial in affine.monomials])
             return np.ascontiguousarray((shares @ products).T).reshape(-1, rows, columns)
-        total = np.zeros((len(self.times), *affine.shape))
+        total = np.zeros((len(self.times), *affine.shape), self.values.dtype)
         for monomial, matrix in affine.terms.items():
             total += self.monomial(monomial)[:, None, None] * as_array(matrix)
         return total
@@ -135,7 +135,7 @@ class RigidMotion:
 
     def column_of(self, affine: Affine) -> np.ndarray:
         """An affine vector (rows x 1) at all times; returns (rows, n_times)."""
-        total = np.zeros((affine.shape[0], len(self.times)))
+        total = np.zeros((affine.shape[0], len(self.times)), self.values.dtype)
         for monomial, matrix in affine.terms.items():
             total += as_array(matrix) * self.monomial(monomial)
         return total

@@ -73,7 +73,7 @@ class Deformation:
     @cached_property
     def _shortened_at_nodes(self) -> np.ndarray:
         """Foreshortening of all elements before each node, (n_nodes, 3, n_times)."""
-        found = np.zeros((len(self.link.nodes), 3, self.q.shape[1]))
+        found = np.zeros((len(self.link.nodes), 3, self.q.shape[1]), self.q.dtype)
         np.cumsum(self._shortened(slice(0, len(found) - 1), np.diff(self.link.nodes)), axis=0, out=found[1:])
         return found
 
@@ -134,7 +134,7 @@ class Deformation:
 
     def _spread(self, e: int) -> np.ndarray:
         """Loads spread along the link on an element, along and across it [N/m]: coefficients of 1, x, x^2 each."""
-        total = np.zeros((3, len(self.model.scene.vector(self.model.scene.gravity)), self.q.shape[1]))
+        total = np.zeros((3, len(self.model.scene.vector(self.model.scene.gravity)), self.q.shape[1]), self.q.dtype)
         for first, rise in spread_loads(self.model.scene, self.rigid, self.link.name):
             total[0] += first + self.link.nodes[e] * rise
             total[1] += rise
@@ -174,7 +174,7 @@ class Deformation:
         elements = len(self.link.nodes) - 1
         joint = next((node for name, node in self.model.interfaces.displaced if name == self.link.name), elements)
         residuals = [self._residual(e) for e in range(elements)]
-        tension = np.zeros((elements, self.q.shape[1]))
+        tension = np.zeros((elements, self.q.shape[1]), self.q.dtype)
         for node in range(joint):
             before = tension[node - 1] + residuals[node - 1][3] if node else 0.0
             tension[node] = before + residuals[node][0] - self._axial_push(node)
@@ -186,7 +186,7 @@ class Deformation:
     def _axial_push(self, node: int) -> np.ndarray:
         """Axial force of the loads and the lumped masses at a node, (n_times,)."""
         scene, rigid, name, options = self.model.scene, self.rigid, self.link.name, self.model.options
-        total = np.zeros(self.q.shape[1])
+        total = np.zeros(self.q.shape[1], self.q.dtype)
         for key, load in scene.forces.items():
             if load.force_on.body == name and self.link.node_at(scene.point(load.force_on)[0]) == node:
                 along = load.direction[0]
@@ -256,7 +256,7 @@ class Deformation:
 def sag(load: np.ndarray, local: float, length: float, integrals: int) -> np.ndarray:
     """A load, coefficients of 1, x, x^2, integrated once or twice up to `local` [m] within a `length` [m], less the
     straight line between its values at both ends."""
-    total = np.zeros(load.shape[1])
+    total = np.zeros(load.shape[1], load.dtype)
     for k, coefficient in enumerate(load):
         power, divisor = k + integrals, (k + 1) * (k + 2 if integrals == 2 else 1)
         total += coefficient * (local**power - local / length * length**power) / divisor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, deform, follow
 from kaneflex.response.foreshortening import Displaced, displaced
+from kaneflex.response.least_squares import Solver
 from kaneflex.response.motion import Motion, Section, beside_axis
 from kaneflex.response.reactions import consistent_reactions, spring_tension
 
@@ -37,6 +38,7 @@ class ElasticMotion(Motion):
     """The rigid motion with the elastic coordinates z, z', z'' about it, each (n, n_times)."""
 
     coordinates: Rates
+    solver: Solver | None = field(default=None, kw_only=True)
 
     @property
     def state(self) -> tuple[np.ndarray, np.ndarray]:
@@ -86,11 +88,11 @@ class ElasticMotion(Motion):
 
     @cached_property
     def _displaced(self) -> Displaced:
-        return displaced(self.model, self.rigid, self.coordinates, self._deformed)
+        return displaced(self.model, self.rigid, self.coordinates, self._deformed, self.solver)
 
     @cached_property
     def _reactions(self) -> dict[str, np.ndarray]:
-        return consistent_reactions(self.model, self.rigid, self.coordinates, self._displaced.links)
+        return consistent_reactions(self.model, self.rigid, self.coordinates, self._displaced.links, self.solver)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ from kaneflex.mechanism.body_frame import Rates
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, follow
+from kaneflex.response.least_squares import Solver
 from kaneflex.support.kept import Kept
 
 _LEAST = 1e-11
@@ -47,14 +48,17 @@ class Displaced:
 
 
 def displaced(
-    model: Model, rigid: RigidMotion, coordinates: Rates, links: Mapping[str, Deformation]
+    model: Model, rigid: RigidMotion, coordinates: Rates, links: Mapping[str, Deformation], solver: Solver | None = None
 ) -> Displaced:
-    """The deformed links, and where the model's displacements include foreshortening, moved as far as it asks for."""
+    """The deformed links, and where the model's displacements include foreshortening, moved as far as it asks for.
+
+    ``solver`` solves the linear equations for that, by default NumPy's.
+    """
     if not (links and model.options.foreshortening):
         return Displaced(links, coordinates)
     joined = _JOINED.of(model.frame, lambda: _joined(model))
     s = {name: _shortening(model, found) for name, found in links.items()}
-    moved = _closing(model, rigid, joined, s)
+    moved = _closing(model, rigid, joined, s, solver or _direct)
     shortened = {}
     for name, found in links.items():
         end = joined.ends[name]
@@ -146,20 +150,26 @@ def _held(model: Model, link: Link) -> list[int]:
 def _shortening(model: Model, found: Deformation) -> Rates:
     """Shortening between the link's start and each joint, in the rows along the link; (rows, n_times)."""
     link, held = found.link, _held(model, found.link)
-    s = np.zeros((3, len(held), found.q.shape[1]))
+    s = np.zeros((3, len(held), found.q.shape[1]), found.q.dtype)
     for name, node in model.interfaces.displaced:
         if name == link.name:
             s[:, held.index(link.part.place[node][0])] = found.foreshortening(float(link.nodes[node]))
     return s[0], s[1], s[2]
 
 
-def _closing(model: Model, rigid: RigidMotion, joined: _Joined, shortening: Mapping[str, Rates]) -> Rates:
+def _direct(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(matrix, right[..., None])[..., 0]
+
+
+def _closing(
+    model: Model, rigid: RigidMotion, joined: _Joined, shortening: Mapping[str, Rates], solver: Solver
+) -> Rates:
     """z of the shortening alone, and its rates; (n, n_times)."""
     used = joined.used
-    found = np.zeros((3, model.equations.size, len(rigid.times)))
+    found = np.zeros((3, model.equations.size, len(rigid.times)), rigid.values.dtype)
     if not len(used):
         return tuple(found)
-    g = np.zeros((3, len(used), len(rigid.times)))
+    g = np.zeros((3, len(used), len(rigid.times)), rigid.values.dtype)
     for name, (s, s_rate, s_accel) in shortening.items():
         push, first, second = joined.ends[name].pushes
         g[0] -= rigid.apply(push, s)
@@ -170,12 +180,12 @@ def _closing(model: Model, rigid: RigidMotion, joined: _Joined, shortening: Mapp
         rows = slice(start, start + batch)
         here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
         stiff, rate, accel = map(here.matrices, joined.S)
-        diagonal = np.einsum("tii->i", stiff) / len(stiff)
-        stiff += np.diag(_LEAST * np.where(diagonal > 0, diagonal, 1.0))
-        push, push_rate, push_accel = (part[:, rows].T[..., None] for part in g)
-        z = np.linalg.solve(stiff, push)
-        z_rate = np.linalg.solve(stiff, push_rate - rate @ z)
-        z_accel = np.linalg.solve(stiff, push_accel - 2 * rate @ z_rate - accel @ z)
+        diagonal = np.einsum("tii->ti", stiff)  # a view
+        diagonal += _LEAST * np.where(diagonal.astype(bool), diagonal, 1.0)
+        push, push_rate, push_accel = (part[:, rows].T for part in g)
+        z = solver(stiff, push)
+        z_rate = solver(stiff, push_rate - (rate @ z[..., None])[..., 0])
+        z_accel = solver(stiff, push_accel - (2 * rate @ z_rate[..., None] + accel @ z[..., None])[..., 0])
         for order, part in enumerate((z, z_rate, z_accel)):
-            found[order][used, rows] = part[..., 0].T
+            found[order][used, rows] = part.T
     return tuple(found)

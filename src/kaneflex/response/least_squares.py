@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 Row = dict[int, float | np.ndarray]
 """Unknown -> its coefficient in an equation, constant or (n_times,)."""
+Solver = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From A (n_times, n_rows, n) and b (n_times, n_rows) to x (n_times, n) with the least sum of squares of A x - b."""
 
 
-def least_squares(rows: Sequence[Row], right: np.ndarray) -> dict[int, np.ndarray]:
+def normal_equations(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """A^T A x = A^T b at every instant: a :data:`Solver`."""
+    turned = matrix.transpose(0, 2, 1)
+    return np.linalg.solve(turned @ matrix, turned @ right[..., None])[..., 0]
+
+
+def least_squares(
+    rows: Sequence[Row], right: np.ndarray, solver: Solver = normal_equations
+) -> dict[int, np.ndarray]:
     """Unknowns x, (n_times,) each, with the least sum of squares of ``rows`` x - ``right``, (n_rows, n_times).
 
     An unknown that stands in one equation alone lets it hold exactly, whatever the others are: it is found from them,
@@ -19,7 +29,7 @@ def least_squares(rows: Sequence[Row], right: np.ndarray) -> dict[int, np.ndarra
     left, found = dict(enumerate(rows)), []
     while (pivot := _alone(left)) is not None:
         found.append((*pivot, left.pop(pivot[0])))
-    solved = _normal_equations(left, right)
+    solved = _together(left, right, solver)
     for row, unknown, coefficients in reversed(found):
         rest = right[row] - sum(a * solved[k] for k, a in coefficients.items() if k != unknown)
         solved[unknown] = rest / coefficients[unknown]
@@ -39,14 +49,13 @@ def _alone(left: dict[int, Row]) -> tuple[int, int] | None:
     return None
 
 
-def _normal_equations(left: dict[int, Row], right: np.ndarray) -> dict[int, np.ndarray]:
-    """A^T A x = A^T b at every instant."""
+def _together(left: Mapping[int, Row], right: np.ndarray, solver: Solver) -> dict[int, np.ndarray]:
+    """What is left after all that can be found one after the other."""
     unknowns = sorted({unknown for coefficients in left.values() for unknown in coefficients})
     if not unknowns:
         return {}
-    matrix = np.zeros((right.shape[1], len(left), len(unknowns)))
+    matrix = np.zeros((right.shape[1], len(left), len(unknowns)), right.dtype)
     for row, coefficients in enumerate(left.values()):
         for unknown, value in coefficients.items():
             matrix[:, row, unknowns.index(unknown)] = value
-    turned, b = matrix.transpose(0, 2, 1), right[list(left)].T[..., None]
-    return dict(zip(unknowns, np.linalg.solve(turned @ matrix, turned @ b)[..., 0].T, strict=True))
+    return dict(zip(unknowns, solver(matrix, right[list(left)].T).T, strict=True))

@@ -18,7 +18,7 @@ from kaneflex.mechanism.planar import GROUND, Vector, cross
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.deformation import Deformation, as_balanced
-from kaneflex.response.least_squares import Row, least_squares
+from kaneflex.response.least_squares import Row, Solver, least_squares, normal_equations
 from kaneflex.scene.parts import Joint, Load
 from kaneflex.scene.quantities import Address
 
@@ -35,8 +35,9 @@ def reaction_rows(model: Model) -> dict[str, tuple[str, ...]]:
 
 
 def consistent_reactions(
-    model: Model, rigid: RigidMotion, coordinates: Rates, deformed: Mapping[str, Deformation]
-) -> dict[str, np.ndarray]:
+    model: Model, rigid: RigidMotion, coordinates: Rates, deformed: Mapping[str, Deformation],
+    solver: Solver | None = None,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Solve the balances of all interface nodes and rigid bodies for the reactions.
 
     Returns
@@ -46,7 +47,8 @@ def consistent_reactions(
     """
     names = [row for rows in reaction_rows(model).values() for row in rows]
     # The balances are consistent but more than the unknowns: moments are scaled by a length so that they weigh alike.
-    solved = least_squares(*_Balances(model, rigid, names, coordinates, deformed).assemble())
+    rows, right = _Balances(model, rigid, names, coordinates, deformed).assemble()
+    solved = least_squares(rows, right, solver or normal_equations)
     return {name: solved[k] for k, name in enumerate(names)}
 
 
@@ -56,7 +58,7 @@ class _Balances:
     def __init__(self, model: Model, rigid: RigidMotion, names: list[str], coordinates: Rates, deformed):
         self.model, self.rigid, self.coordinates, self.deformed = model, rigid, coordinates, deformed
         self.index = {name: k for k, name in enumerate(names)}
-        self.steps = len(rigid.times)
+        self.steps, self.dtype = len(rigid.times), rigid.values.dtype
         lengths = [body.length for body in model.scene.bodies.values() if body.length]
         self.scale = 1.0 / max(lengths)
 
@@ -65,7 +67,7 @@ class _Balances:
         bodies = self.model.scene.bodies
         sites = [(name, node) for name in bodies for node in (self._nodes(name) if name in self.deformed else [None])]
         rows: list[Row] = [{} for _ in range(3 * len(sites))]
-        residual = np.empty((len(rows), self.steps))
+        residual = np.empty((len(rows), self.steps), self.dtype)
         for k, (name, node) in enumerate(sites):
             for row, reaction, value in self._of_joints(name, node):
                 scaled = value * self.scale if row == 2 else value
@@ -129,7 +131,7 @@ class _Balances:
         """Global force and moment that the joints exert on a node, (3, n_times)."""
         deformation = self.deformed[link]
         elements = len(deformation.link.nodes) - 1
-        local = np.zeros((3, self.steps))
+        local = np.zeros((3, self.steps), self.dtype)
         if node < elements:
             local += deformation.end_forces(node)[:3]
         if node > 0:
@@ -175,8 +177,8 @@ class _Balances:
         carried = body in frame.bodies
         fixed = [(data.mass, data.inertia, data.centre)]
         fixed += [(m.mass, m.inertia, scene.point(m.at)) for m in scene.masses.values() if m.at.body == body]
-        total = np.zeros((3, self.steps))
-        work = np.zeros(self.steps)  # sum of a . F over all forces on the body
+        total = np.zeros((3, self.steps), self.dtype)
+        work = np.zeros(self.steps, self.dtype)  # sum of a . F over all forces on the body
         for mass, inertia, at in fixed:
             motion = frame.body_point(body, at) if carried else None
             push = self._inertia(body, mass, inertia, at, motion)
@@ -202,7 +204,7 @@ class _Balances:
 
     def _torque(self, body: str, node: int | None) -> np.ndarray:
         """Sum of the torques that loads and springs exert on a rigid body, or on a node of a link."""
-        total = np.zeros(self.steps)
+        total = np.zeros(self.steps, self.dtype)
         scene = self.model.scene
         for name, (joint, on_second) in scene.joint_torques.items():
             for address, sign in zip(scene.joints[joint].addresses, (-on_second, on_second), strict=True):
@@ -216,7 +218,7 @@ class _Balances:
 
     def _joint_work(self, body: str) -> np.ndarray:
         """Sum of a . F over the rigid mechanism's joint forces on a body."""
-        total = np.zeros(self.steps)
+        total = np.zeros(self.steps, self.dtype)
         for name, joint in self.model.scene.joints.items():
             for address, sign in zip(joint.addresses, (-1.0, 1.0), strict=True):
                 if address.body == body and joint.kind != "prismatic":

@@ -51,37 +51,37 @@ class LinkForces:
             if address not in joint.addresses:
                 continue
             sign = 1.0 if joint.addresses[1] == address else -1.0
-            force += sign * joint_force(self.scene, self.rigid, name, self.rigid.__getitem__)
+            force = force + sign * joint_force(self.scene, self.rigid, name, self.rigid.__getitem__)
             if joint.kind != "revolute":
-                moment += sign * self.rigid[f"{name}.moment"]
+                moment = moment + sign * self.rigid[f"{name}.moment"]
             elif name in self.scene.drives:
-                moment += sign * self.rigid[f"{name}.drive"]
+                moment = moment + sign * self.rigid[f"{name}.drive"]
             if joint.kind == "revolute" and joint.friction is not None:
-                moment += sign * self.rigid[f"{name}.friction"]
+                moment = moment + sign * self.rigid[f"{name}.friction"]
         for name, load in self.scene.forces.items():
             if load.force_on == address:
                 pushing = self.rigid.frame("ground" if load.axes == "global" else link)
-                force += self.rigid[name] * pushing.to_global(load.direction)
+                force = force + self.rigid[name] * pushing.to_global(load.direction)
         for name, spring in self.scene.springs.items():
             for end, sign in zip(spring.ends, (-1.0, 1.0), strict=False):  # a torsional spring has no ends
                 if end == address:
-                    force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
+                    force = force + sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
         for name, contact in self.scene.contacts.items():
             for side, sign in zip(contact.sides, (-1.0, 1.0), strict=True):
                 if side == address:
-                    force += sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
+                    force = force + sign * np.array([self.rigid[f"{name}.force_x"], self.rigid[f"{name}.force_y"]])
             for side, key in zip(contact.sides, ("moment", "moment_second"), strict=True):
                 if side == address:
-                    moment += self.rigid[f"{name}.{key}"]
+                    moment = moment + self.rigid[f"{name}.{key}"]
         for name, (joint, on_second) in self.scene.joint_torques.items():
             for side, sign in zip(self.scene.joints[joint].addresses, (-on_second, on_second), strict=True):
                 if side == address:
-                    moment += sign * self.rigid[name]
+                    moment = moment + sign * self.rigid[name]
         for mass in self.scene.masses.values():
             if mass.at == address:
                 felt = self.felt(address)
-                force -= mass.mass * felt[:2]
-                moment -= mass.inertia * felt[2]
+                force = force - mass.mass * felt[:2]
+                moment = moment - mass.inertia * felt[2]
         return self.rigid.frame(link).to_body(force), moment
 
     def felt(self, address: Address) -> np.ndarray:
