@@ -180,8 +180,10 @@ def _closing(
         rows = slice(start, start + batch)
         here = RigidMotion(rigid.motion, rigid.times[rows], rigid.values[rows])
         stiff, rate, accel = map(here.matrices, joined.S)
-        diagonal = np.einsum("tii->ti", stiff)  # a view
-        diagonal += _LEAST * np.where(diagonal.astype(bool), diagonal, 1.0)
+        for part in (stiff, rate, accel):  # alike, so that z' and z'' are the rates of z
+            np.einsum("tii->ti", part)[...] *= 1.0 + _LEAST
+        diagonal = np.einsum("tii->ti", stiff)
+        diagonal[~diagonal.astype(bool)] = _LEAST
         push, push_rate, push_accel = (part[:, rows].T for part in g)
         z = solver(stiff, push)
         z_rate = solver(stiff, push_rate - (rate @ z[..., None])[..., 0])
