@@ -259,6 +259,37 @@ def test_files_hold_everything_by_name(tmp_path):
     assert not re.search(rb"20\d\d|posix|Platform", again.read_bytes()[:116])
 
 
+def test_the_modelica_model_is_read_back_by_another_program(peer, tmp_path):
+    """Pymoca's parser finds the same matrices, inputs and outputs with their units."""
+    peer("pymoca")
+    from pymoca import ast, parser
+
+    scene = kaneflex.scene_of(CANTILEVER.replace("tip = {disp", "tip_force = {disp"))
+    system = linearise(load(scene))
+    system.save(tmp_path / "2nd bar's.mo")
+    found = parser.parse((tmp_path / "2nd bar's.mo").read_text(encoding="utf-8")).classes["model_2nd_bar_s"]
+
+    def number(entry):
+        if isinstance(entry, ast.Expression):  # - 1.0
+            assert str(entry.operator) == "-" and len(entry.operands) == 1
+            return -number(entry.operands[0])
+        return float(entry.value)
+
+    for key in "ABCD":
+        (given,) = found.symbols[key].class_modification.arguments[0].value.modifications
+        matrix = np.array([[number(entry) for entry in row.values] for row in given.values])
+        assert (matrix == getattr(system, key)).all()
+    kinds = {name: symbol.prefixes for name, symbol in found.symbols.items() if name.startswith("'")}
+    names = ["tip_force", *system.outputs]
+    assert "tip_force" in system.outputs
+    names[1 + system.outputs.index("tip_force")] = "tip_force sensor"
+    assert [*kinds] == [f"'{name}'" for name in names] and [*kinds.values()].count(["input"]) == 1
+    assert len(found.equations) == 1 + len(system.outputs)
+    text = (tmp_path / "2nd bar's.mo").read_text(encoding="utf-8")
+    assert '\'wall_moment\'(unit = "N.m")' in text and '\'reading\'(unit = "m/s2")' in text
+    assert "der(x) = A * x + B * u;" in text and "= C * x + D * u;" in text
+
+
 def test_what_can_not_be_linearised_is_refused():
     for preset in ("rigid", "quasistatic"):
         with pytest.raises(SceneError, match=f"a {preset} model has no states"):
@@ -269,7 +300,7 @@ def test_what_can_not_be_linearised_is_refused():
     with pytest.raises(SceneError, match="drive torque of frozen matrices"):
         linearise(paper, sensors=["crank_torque"])
     assert "crank_torque" not in linearise(paper).outputs
-    with pytest.raises(OutputError, match=r"\.npz or \.mat"):
+    with pytest.raises(OutputError, match=r"\.npz, \.mat or \.mo"):
         linearise(paper).save("engine.csv")
 
 
@@ -281,7 +312,7 @@ def test_command_line(tmp_path, monkeypatch):
     with np.load("engine.npz") as found:
         assert found["t"] == pytest.approx(0.0025) and list(found["outputs"]) == ["tip_axial"]
     refused(cli("linearise", "engine", "-o", "engine.npz"), "the file exists", "--force")
-    refused(cli("linearise", "engine", "-o", "engine.txt"), "engine.txt", ".npz or .mat")
+    refused(cli("linearise", "engine", "-o", "engine.txt"), "engine.txt", ".npz, .mat or .mo")
     refused(cli("linearise", "engine", "--at", "pin=0", "-o", "other.npz"), "--at = 'pin=0'")
     refused(cli("linearise", "two-link-arm", "--at", "shoulder=90deg", "-o", "other.npz"), "shoulder never stands")
     paper = cli("linearise", "engine-paper", "-o", "paper.mat")

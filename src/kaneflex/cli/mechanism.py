@@ -131,7 +131,7 @@ def new(name: str, like: str, output: Path | None, force: bool) -> None:
 @click.option("--sensor", "sensors", multiple=True, metavar="NAME", help="Output; can be repeated. [default: all]")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", required=True,
-    help="File to write: .npz for NumPy or .mat for MATLAB.",
+    help="File to write: .npz for NumPy, .mat for MATLAB or .mo for Modelica.",
 )  # fmt: skip
 @click.option(
     "--bode", type=click.Path(path_type=Path), metavar="FILE.png", help="Draw magnitudes and phases over the frequency."

@@ -26,7 +26,8 @@ from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import state_matrix
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
 from kaneflex.scene.spatial_check import refuse_in_space
-from kaneflex.support.atomic_output import write_bytes
+from kaneflex.solve.modelica import modelica
+from kaneflex.support.atomic_output import write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError, nearest
 
 FORCES = ("joint_force", *DRIVE_KINDS)
@@ -94,7 +95,10 @@ class StateSpace:
         return np.array(found).reshape(len(points), *self.D.shape)
 
     def save(self, path: Path | str) -> None:
-        """Write everything as NumPy .npz or MATLAB .mat, by the path's ending; names are arrays of strings.
+        """Write everything as NumPy .npz, MATLAB .mat or Modelica .mo, by the path's ending.
+
+        Names are arrays of strings in the first two; the third has A, B, C, D alone, and a variable for each input and
+        output.
 
         Raises
         ------
@@ -103,6 +107,9 @@ class StateSpace:
         """
         path, data = Path(path), io.BytesIO()
         check_file_kind(path)
+        if path.suffix == ".mo":
+            write_text(path, modelica(self, path.stem))
+            return
         arrays = {name: getattr(self, name) for name in ("M", "C_damping", "K", "A", "B", "C", "D", "t")}
         names = {name: getattr(self, name) for name in ("states", "inputs", "outputs", "input_units", "output_units")}
         names["drives"] = tuple(self.drives)
@@ -118,9 +125,9 @@ class StateSpace:
 
 
 def check_file_kind(path: Path) -> None:
-    """Raise OutputError for a file that is neither .npz nor .mat."""
-    if path.suffix not in (".npz", ".mat"):
-        raise OutputError(str(path), None, "not a kind of file for matrices", "End the name in .npz or .mat")
+    """Raise OutputError for a file that is neither .npz, .mat nor .mo."""
+    if path.suffix not in (".npz", ".mat", ".mo"):
+        raise OutputError(str(path), None, "not a kind of file for matrices", "End the name in .npz, .mat or .mo")
 
 
 def _undated(mat: bytes) -> bytes:
