@@ -289,6 +289,6 @@ def _derive_c(
         raise click.UsageError(f"{given[0]} does not go with --language c.")
     scene = read(name, list(changes))
     with whole_folder(output, mark="CMakeLists.txt", force=force) as partial, Waiting() as waiting:
-        for file, text in c_model(scene, waiting.stage).items():
+        for file, text in c_model(scene, waiting.stage).texts.items():
             (partial / file).write_text(text, encoding="utf-8", newline="\n")
     click.echo(f"Written to {output}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
@@ -11,6 +12,7 @@ from kaneflex.integrate.methods import METHODS, Method
 from kaneflex.integrate.outcome import Trajectory
 from kaneflex.multibody.binding import kernels_in_c
 from kaneflex.multibody.model import Model
+from kaneflex.response.polynomials import Polynomial, Product, Readings, sensor_readings
 from kaneflex.scene import Scene
 from kaneflex.scene.options import resolve_options
 from kaneflex.scene.spatial_check import refuse_in_space
@@ -23,12 +25,39 @@ _STEPPED = ("dynamic", "frozen")
 """Ways of solving whose steps there are in C."""
 
 
-def c_model(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> dict[str, str]:
-    """Name of a file -> its text, all that a C compiler or CMake needs.
+Start = tuple[tuple[float, ...], tuple[float, ...]]
+"""z and z'."""
+
+
+@dataclass(frozen=True, eq=False)
+class CModel:
+    """A scene in C.
+
+    Attributes
+    ----------
+    name : str
+        What the names of its files and their contents begin with.
+    texts : mapping of str to str
+        Name of a file -> its text, all that a C compiler or CMake needs.
+    readings : Readings or None
+        What sensors read, where the linear equations are stepped.
+    start : pair of tuple of float
+        z and z' where the run begins; none where nothing is stepped.
+    """
+
+    name: str
+    model: Model
+    texts: Mapping[str, str]
+    readings: Readings | None
+    start: Start
+
+
+def c_model(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> CModel:
+    """A scene as a folder of C.
 
     Of every scene the kernels and its numbers. Where the linear equations are integrated, these too, with the state
-    that the scene's own run begins at, steps of its integrator (of radau where that has none of its own) and a program
-    that writes the coordinates of one run as CSV.
+    that the scene's own run begins at, steps of its integrator (of radau where that has none of its own), what sensors
+    read, and a program that writes the coordinates and sensors of one run as CSV.
 
     Raises
     ------
@@ -43,24 +72,30 @@ def c_model(scene: Scene, progress: Callable[[str], None] = lambda stage: None) 
         )  # fmt: skip
     model = load(scene, progress)
     name, texts = kernels_in_c(scene, progress)
-    data = [_array("double", f"{name}_p", map(_number, model.motion.parameters))]
-    sources, declared = [f"{name}.c", f"{name}_data.c"], ""
-    stepped = model.options.dynamics in _STEPPED and model.reduced.size > 0
-    if stepped:
+    data = [array_in_c("double", f"{name}_p", map(_number, model.motion.parameters))]
+    sources, declared, readings = [f"{name}.c", f"{name}_data.c"], "", None
+    start: Start = (), ()
+    if model.options.dynamics in _STEPPED and model.reduced.size > 0:
         progress("where the run begins")
-        numbers, sizes = _linear(model, name)
-        data += numbers
-        declared = _DECLARED.format(name=name, NAME=name.upper(), sizes=sizes)
+        numbers, sizes, start = _linear(model, name)
+        readings = sensor_readings(model)
+        more, said = _readings(readings, model, name)
+        data += numbers + more
+        declared = _DECLARED.format(name=name, NAME=name.upper(), sizes=sizes, **said)
         sources += [_SHARED[1]]
-        folder = files("kaneflex.solve")
-        texts |= {each: (folder / each).read_text(encoding="utf-8") for each in _SHARED}
+        texts |= shared_texts(_SHARED)
         texts[f"{name}_run.c"] = _RUN.format(name=name, NAME=name.upper(), steps=model.options.steps)
-    include = f'#include "{_SHARED[0]}"\n' if stepped else ""
+    include = f'#include "{_SHARED[0]}"\n' if readings else ""
     texts[f"{name}_data.h"] = _DATA_H.format(name=name, NAME=name.upper(), include=include, declared=declared)
     texts[f"{name}_data.c"] = f'#include "{name}_data.h"\n\n' + "\n".join(data)
-    program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if stepped else ""
+    program = f"add_executable({name}_run {name}_run.c)\ntarget_link_libraries({name}_run {name})\n" if readings else ""
     texts["CMakeLists.txt"] = _CMAKE.format(name=name, sources=" ".join(sources), program=program)
-    return texts
+    return CModel(name, model, texts, readings, start)
+
+
+def shared_texts(names: Iterable[str]) -> dict[str, str]:
+    """Files of C that are the same for every scene."""
+    return {name: (files("kaneflex.solve") / name).read_text(encoding="utf-8") for name in names}
 
 
 def method_in_c(model: Model) -> Method:
@@ -69,8 +104,8 @@ def method_in_c(model: Model) -> Method:
     return method if method.lanes else METHODS["radau"]
 
 
-def _linear(model: Model, name: str) -> tuple[list[str], str]:
-    """Texts of the arrays of the linear equations with what holds them, and their sizes."""
+def _linear(model: Model, name: str) -> tuple[list[str], str, Start]:
+    """Texts of the arrays of the linear equations with what holds them, their sizes, and z and z' at the start."""
     system, method, begun = model.system, method_in_c(model), solve(model).trajectory
     assert isinstance(begun, Trajectory) and method.coefficients is not None  # of what goes in fixed steps
     if not len(begun.z):
@@ -92,17 +127,56 @@ def _linear(model: Model, name: str) -> tuple[list[str], str]:
         "v_0": ("double", map(_number, begun.v[0])),
         "coordinates": ("char *const", map(_text, model.reduced.coordinates)),
     }
-    texts = [_array(kind, f"{name}_{key}", values, "static ") for key, (kind, values) in arrays.items()]
+    texts = [array_in_c(kind, f"{name}_{key}", values, "static ") for key, (kind, values) in arrays.items()]
     sizes = (system.n, system.half_bandwidth, len(model.motion.column), len(places), max(method.stages, 1))
     period = model.options.steps if model.options.cycles else 0
     held = ", ".join(f"{name}_{key}" for key in arrays)
     numbers = f"{', '.join(map(str, sizes))}, {period}, {_number(model.step)}"
     numbers = f"    {numbers}, {name}_motion, {name}_p,\n    {held}\n"
     texts.append(f"const kaneflex_linear {name}_linear = {{\n{numbers}}};\n")
-    return texts, ", ".join(map(str, sizes))
+    return texts, ", ".join(map(str, sizes)), (tuple(begun.z[0].tolist()), tuple(begun.v[0].tolist()))
 
 
-def _array(kind: str, name: str, values: Iterable[object], scope: str = "") -> str:
+def unread(readings: Readings, model: Model) -> list[str]:
+    """Sensors that the C doesn't read, which are no polynomials: angles of turned bodies, springs between points."""
+    return [name for name in model.scene.sensors if name not in readings.sensors]
+
+
+def _readings(readings: Readings, model: Model, name: str) -> tuple[list[str], dict[str, object]]:
+    """Texts of the arrays that sensors are read by with what holds them, and what is declared of them."""
+    texts, held, memory = [], [], 0
+    systems = [(*A.shape, [*A.ravel(), *b]) for A, b in readings.systems]
+    for k, (rows, unknowns, sums) in enumerate([*systems, (0, 0, [*readings.sensors.values()])]):
+        arrays, products = _sums(sums)
+        texts += [array_in_c(kind, f"{name}_read_{k}_{key}", each, "static ") for key, (kind, each) in arrays.items()]
+        held.append(f"{{{len(sums)}, {products}, {', '.join(f'{name}_read_{k}_{key}' for key in arrays)}}}")
+        memory = max(memory, rows * (unknowns + 1) + max(products, unknowns**2))
+    sizes = {"rows": [rows for rows, *_ in systems], "unknowns": [unknowns for _, unknowns, _ in systems]}
+    texts += [array_in_c("size_t", f"{name}_read_{key}", each, "static ") for key, each in sizes.items()]
+    texts.append(array_in_c("kaneflex_sums", f"{name}_read", held, "static "))
+    texts.append(array_in_c("char *const", f"{name}_sensors", map(_text, readings.sensors), "static "))
+    count, values = len(readings.sensors), len(model.motion.column) + 3 * model.reduced.size + sum(sizes["unknowns"])
+    given = ", ".join(f"{name}_{key}" for key in ("read_rows", "read_unknowns", "read", "sensors"))
+    numbers = f"    {count}, {values}, {memory}, {len(systems)}, {given}\n"
+    missing = ", ".join(unread(readings, model))
+    said = {"left": missing and f" Not {missing}.", "sensors": count, "values": values, "memory": max(memory, 1)}
+    return [*texts, f"const kaneflex_readings {name}_readings = {{\n{numbers}}};\n"], said
+
+
+def _sums(sums: Sequence[Polynomial]) -> tuple[dict[str, tuple[str, Iterable[object]]], int]:
+    """Arrays of some polynomials with their kinds, each product once, and how many products there are."""
+    products: dict[Product, int] = {}
+    places = [[products.setdefault(product, len(products)) for product in each.terms] for each in sums]
+    return {
+        "product_ends": ("size_t", np.cumsum([len(product) for product in products], dtype=int)),
+        "factors": ("size_t", [factor for product in products for factor in product]),
+        "ends": ("size_t", np.cumsum([len(each) for each in places], dtype=int)),
+        "places": ("size_t", [place for each in places for place in each]),
+        "constants": ("double", [_number(constant) for each in sums for constant in each.terms.values()]),
+    }, len(products)
+
+
+def array_in_c(kind: str, name: str, values: Iterable[object], scope: str = "") -> str:
     found = [str(value) for value in values]
     lines = "".join(f"    {value},\n" for value in found or ["0"])  # C has no empty arrays
     return f"{scope}const {kind} {name}[] = {{\n{lines}}};\n"
@@ -142,29 +216,40 @@ _DECLARED = """
 /* The linear equations, from where the scene's own run begins. */
 extern const kaneflex_linear {name}_linear;
 #define {NAME}_MEMORY KANEFLEX_LINEAR_MEMORY({sizes})
+
+/* What the scene's sensors read.{left} */
+extern const kaneflex_readings {name}_readings;
+enum {{ {NAME}_SENSORS = {sensors}, {NAME}_VALUES = {values}, {NAME}_READING_MEMORY = {memory} }};
 """
-_RUN = """/* Writes one run as CSV: time [s], then the coordinates [m; rad where a name ends in theta or phi]. */
+_RUN = """/* Writes one run as CSV: time [s], coordinates [m; rad where a name ends in theta or phi], sensors [SI]. */
 #include "{name}_data.h"
 
 #include <stdio.h>
 
-static double memory[{NAME}_MEMORY];
+static double memory[{NAME}_MEMORY], values[{NAME}_VALUES], more[{NAME}_READING_MEMORY];
+static double read[{NAME}_SENSORS + 1];
 
 int main(void)
 {{
     const kaneflex_linear *model = &{name}_linear;
+    const kaneflex_readings *readings = &{name}_readings;
     kaneflex_state state;
     int ended = kaneflex_start(&state, model, memory);
     printf("time");
     for (size_t i = 0; i < model->n; i++)
         printf(",\\"%s\\"", model->coordinates[i]);
+    for (size_t i = 0; i < readings->count; i++)
+        printf(",\\"%s\\"", readings->names[i]);
     printf("\\n");
     for (int step = 0; !ended && step <= {steps}; step++) {{
+        ended = kaneflex_read(&state, readings, values, more, read);
         printf("%.17g", kaneflex_time(&state));
         for (size_t i = 0; i < model->n; i++)
             printf(",%.17g", state.z[i]);
+        for (size_t i = 0; i < readings->count; i++)
+            printf(",%.17g", read[i]);
         printf("\\n");
-        if (step < {steps})
+        if (!ended && step < {steps})
             ended = kaneflex_step(&state);
     }}
     if (ended)

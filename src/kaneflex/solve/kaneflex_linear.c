@@ -49,25 +49,124 @@ static void solve(size_t n, size_t band, const double lu[], double x[])
     }
 }
 
+static void multiply(size_t count, const size_t ends[], const size_t factors[], const double values[], double out[])
+{
+    for (size_t k = 0, i = 0; k < count; k++) {
+        double product = 1.0;
+        for (; i < ends[k]; i++)
+            product *= values[factors[i]];
+        out[k] = product;
+    }
+}
+
+static void add_up(size_t count, const size_t ends[], const size_t what[], const double constants[],
+                   const double products[], double out[])
+{
+    for (size_t row = 0, i = 0; row < count; row++) {
+        double sum = 0.0;
+        for (; i < ends[row]; i++)
+            sum += constants[i] * products[what[i]];
+        out[row] = sum;
+    }
+}
+
 void kaneflex_equations(kaneflex_state *state, double t, double sums[])
 {
     const kaneflex_linear *m = state->model;
-    const size_t count = 3 * m->n * (2 * m->band + 1) + m->n;
     for (size_t i = 0; i < m->scalars; i++)
         state->s[i] = 0.0;
-    m->motion(t, m->p, state->s);
-    for (size_t k = 0, i = 0; k < m->products; k++) {
-        double product = 1.0;
-        for (; i < m->product_ends[k]; i++)
-            product *= state->s[m->factors[i]];
-        state->products[k] = product;
+    m->motion(t, state->p, state->s);
+    multiply(m->products, m->product_ends, m->factors, state->s, state->products);
+    add_up(3 * m->n * (2 * m->band + 1) + m->n, m->sum_ends, m->sum_products, m->sum_constants, state->products, sums);
+}
+
+/* x of A x = b in place of b, A n x n row by row, by elimination with pivots from each column. */
+static int eliminate(size_t n, double a[], double b[])
+{
+    for (size_t k = 0; k < n; k++) {
+        size_t best = k;
+        for (size_t i = k + 1; i < n; i++)
+            if (fabs(a[i * n + k]) > fabs(a[best * n + k]))
+                best = i;
+        if (!(fabs(a[best * n + k]) > 0.0))
+            return KANEFLEX_SINGULAR;
+        for (size_t j = k; j < n && best != k; j++) {
+            const double moved = a[k * n + j];
+            a[k * n + j] = a[best * n + j];
+            a[best * n + j] = moved;
+        }
+        const double moved = b[k];
+        b[k] = b[best];
+        b[best] = moved;
+        for (size_t i = k + 1; i < n; i++) {
+            const double share = a[i * n + k] / a[k * n + k];
+            for (size_t j = k + 1; j < n; j++)
+                a[i * n + j] -= share * a[k * n + j];
+            b[i] -= share * b[k];
+        }
     }
-    for (size_t row = 0, i = 0; row < count; row++) {
-        double sum = 0.0;
-        for (; i < m->sum_ends[row]; i++)
-            sum += m->sum_constants[i] * state->products[m->sum_products[i]];
-        sums[row] = sum;
+    for (size_t k = n; k-- > 0;) {
+        for (size_t j = k + 1; j < n; j++)
+            b[k] -= a[k * n + j] * b[j];
+        b[k] /= a[k * n + k];
     }
+    return KANEFLEX_OK;
+}
+
+/* x with the least sum of squares of A x - b, by A^T A x = A^T b where there are more rows than unknowns.
+ * normal: memory for A^T A. */
+static int least_squares(size_t rows, size_t n, double a[], double b[], double normal[], double x[])
+{
+    double *matrix = rows == n ? a : normal;
+    for (size_t i = 0; i < n; i++) {
+        x[i] = rows == n ? b[i] : 0.0;
+        for (size_t r = 0; r < rows && rows != n; r++)
+            x[i] += a[r * n + i] * b[r];
+        for (size_t j = 0; j < n && rows != n; j++) {
+            normal[i * n + j] = 0.0;
+            for (size_t r = 0; r < rows; r++)
+                normal[i * n + j] += a[r * n + i] * a[r * n + j];
+        }
+    }
+    return eliminate(n, matrix, x);
+}
+
+static void evaluate(const kaneflex_sums *sums, const double values[], double products[], double out[])
+{
+    multiply(sums->products, sums->product_ends, sums->factors, values, products);
+    add_up(sums->count, sums->ends, sums->places, sums->constants, products, out);
+}
+
+int kaneflex_sense(const kaneflex_readings *readings, double values[], double memory[], double out[])
+{
+    double *x = values + readings->values;
+    for (size_t k = 0; k < readings->systems; k++)
+        x -= readings->unknowns[k];
+    for (size_t k = 0; k < readings->systems; k++) {
+        const size_t rows = readings->rows[k], n = readings->unknowns[k];
+        double *right = memory + rows * n, *normal = right + rows;
+        evaluate(readings->sums + k, values, normal, memory); /* the products go where A^T A will be */
+        if (least_squares(rows, n, memory, right, normal, x))
+            return KANEFLEX_SINGULAR;
+        x += n;
+    }
+    evaluate(readings->sums + readings->systems, values, memory, out);
+    return KANEFLEX_OK;
+}
+
+int kaneflex_read(kaneflex_state *state, const kaneflex_readings *readings, double values[], double memory[], double out[])
+{
+    const kaneflex_linear *m = state->model;
+    double *moved = values + m->scalars;
+    for (size_t i = 0; i < m->scalars; i++)
+        values[i] = 0.0;
+    m->motion(kaneflex_time(state), state->p, values);
+    for (size_t i = 0; i < m->n; i++) {
+        moved[i] = state->z[i];
+        moved[m->n + i] = state->v[i];
+        moved[2 * m->n + i] = state->a[i];
+    }
+    return kaneflex_sense(readings, values, memory, out);
 }
 
 /* F - C v - K z, row by row. */
@@ -104,10 +203,17 @@ static int accelerations(kaneflex_state *state)
     return KANEFLEX_OK;
 }
 
+int kaneflex_accelerations(kaneflex_state *state, double t)
+{
+    kaneflex_equations(state, t, state->sums);
+    return accelerations(state);
+}
+
 int kaneflex_start(kaneflex_state *state, const kaneflex_linear *model, double memory[])
 {
     const size_t n = model->n, sums = 3 * n * (2 * model->band + 1) + n;
     state->model = model;
+    state->p = model->p;
     state->steps = 0;
     state->z = memory;
     state->v = state->z + n;
@@ -123,8 +229,7 @@ int kaneflex_start(kaneflex_state *state, const kaneflex_linear *model, double m
         state->z[i] = model->z_0[i];
         state->v[i] = model->v_0[i];
     }
-    kaneflex_equations(state, 0.0, state->sums);
-    if (accelerations(state))
+    if (kaneflex_accelerations(state, 0.0))
         return KANEFLEX_SINGULAR;
     for (size_t i = 0; i < n; i++)
         state->q[i] = state->a[i];

@@ -36,6 +36,31 @@ typedef struct {
     const char *const *coordinates; /* their names */
 } kaneflex_linear;
 
+/* Sums of constant x product of values. */
+typedef struct {
+    size_t count;
+    size_t products;
+    const size_t *product_ends; /* as those of the equations */
+    const size_t *factors;      /* places among the values */
+    const size_t *ends;
+    const size_t *places;       /* products */
+    const double *constants;
+} kaneflex_sums;
+
+/* What sensors read: sums of what the motion's scalars s, then z, v and a are, and of unknowns x after them. Those of each
+ * system A x = b follow those of the ones before, of which A and b may be sums, too; with more rows than unknowns x makes
+ * the sum of squares of A x - b least (forces of joints). */
+typedef struct {
+    size_t count;            /* sensors */
+    size_t values;           /* s, z, v, a and all x */
+    size_t memory;           /* doubles to work in */
+    size_t systems;
+    const size_t *rows;      /* of each system */
+    const size_t *unknowns;
+    const kaneflex_sums *sums; /* A, row by row, and b of each system; then the sensors */
+    const char *const *names;
+} kaneflex_readings;
+
 /* Doubles of memory that a model needs. */
 #define KANEFLEX_LINEAR_MEMORY(n, band, scalars, products, stages) \
     (5 * (n) + (scalars) + (products) + (stages) * (3 * (n) * (2 * (band) + 1) + (n)) + (stages) * (n) \
@@ -43,6 +68,7 @@ typedef struct {
 
 typedef struct {
     const kaneflex_linear *model;
+    const double *p; /* the model's numbers, or others in their order */
     size_t steps;    /* taken */
     double *z;       /* displacements [m, rad] */
     double *v;       /* their rates */
@@ -65,6 +91,16 @@ int kaneflex_start(kaneflex_state *state, const kaneflex_linear *model, double m
 /* One step on. Returns KANEFLEX_SINGULAR where the step's matrix is, KANEFLEX_UNBOUNDED where z is no number any more;
  * nothing can be made of the state then. */
 int kaneflex_step(kaneflex_state *state);
+
+/* state->a of M a = F - C v - K z at time t [s]. Returns KANEFLEX_SINGULAR where M is. */
+int kaneflex_accelerations(kaneflex_state *state, double t);
+
+/* Sensors at the state's time and z, v, a. values: readings->values doubles, memory: readings->memory of them. Returns
+ * KANEFLEX_SINGULAR where a system is. */
+int kaneflex_read(kaneflex_state *state, const kaneflex_readings *readings, double values[], double memory[], double out[]);
+
+/* The same from s, z, v, a side by side in values. */
+int kaneflex_sense(const kaneflex_readings *readings, double values[], double memory[], double out[]);
 
 /* Time of the state [s]. */
 double kaneflex_time(const kaneflex_state *state);
