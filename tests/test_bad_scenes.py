@@ -104,6 +104,9 @@ BAD = {
     "mass against area": (
         "elements = 4", 'A = "142 mm^2"',
         "bodies.rod.mass = '0.153 kg': the beam's rho A length is 0.152714 kg. Give either mass or A."),
+    "mass against section": (
+        'I = "7008 mm^4"', 'section = {rectangle = ["20 mm", "12 mm"]}',
+        "bodies.rod.mass = '0.153 kg': the beam's rho A length is 0.258108 kg. Leave mass out: sections give it."),
     "neither mass nor area": (
         'mass = "0.153 kg", ', "",
         "bodies.rod.beam: neither the body's mass nor the beam's A. Give one of them."),

@@ -159,7 +159,8 @@ class Body(SceneTable):
             expected = self.beam.profile(self.length, self.mass).inertia(self.length).mass
             if abs(self.mass - expected) > _SAME_MASS * expected:
                 reason = f"the beam's rho A length is {expected:.6g} kg"
-                raise Fault(reason, "Give either mass or A", below="mass")
+                cure = "Give either mass or A" if self.beam.A is not None else "Leave mass out: sections give it"
+                raise Fault(reason, cure, below="mass")
         return self
 
     def _own_points(self) -> dict[str, tuple[float, float]]:

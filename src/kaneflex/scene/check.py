@@ -184,7 +184,7 @@ def _point_sensor(scene: Scene, key: str, sensor: Sensor) -> Iterator[Problem]:
             cure = f"Give {' or '.join(map(repr, components))}"
             yield Problem(f"{key}.component", sensor.component, "not that joint's coordinate", cure)
         return
-    if address.body in scene.joints and sensor.kind in MOTION_KINDS:
+    if address.body in scene.joints and address.body not in scene.bodies and sensor.kind in MOTION_KINDS:
         reason = "it is a joint, of which this sensor reads nothing here"
         cure = f"Read the position of {address.body}, or the {sensor.kind} of a body's point"
         yield Problem(f"{key}.{sensor.kind}", address.body, reason, cure)
