@@ -241,11 +241,12 @@ double kaneflex_time(const kaneflex_state *state)
     return (double)state->steps * state->model->step;
 }
 
-/* Time in the step, `share` of it on [s]; in a motion that repeats itself that of its first cycle. */
+/* Time in the step, `share` of it on [s]; in a motion that repeats itself that of its first cycle. With other numbers
+ * than the model's it may repeat itself elsewhere. */
 static double within(const kaneflex_state *state, double share)
 {
     const kaneflex_linear *m = state->model;
-    const size_t step = m->period ? state->steps % m->period : state->steps;
+    const size_t step = m->period && state->p == m->p ? state->steps % m->period : state->steps;
     return ((double)step + share) * m->step;
 }
 

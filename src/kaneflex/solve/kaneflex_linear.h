@@ -68,7 +68,7 @@ typedef struct {
 
 typedef struct {
     const kaneflex_linear *model;
-    const double *p; /* the model's numbers, or others in their order */
+    const double *p; /* numbers that motion reads: the model's */
     size_t steps;    /* taken */
     double *z;       /* displacements [m, rad] */
     double *v;       /* their rates */
