@@ -38,8 +38,9 @@ def outputs(folder) -> dict[str, str]:
 def test_every_command_runs_and_writes_its_files(outputs):
     files = {path.name for path in Path().iterdir()}
     pictures = {"press.png", "engine.svg", "explored.png", "engine-bode.png"}
-    assert files == pictures | {"press.toml", "engine.npz", "engine.mat", "engine.tex", "engine-c", "modal", "moved"}
-    used = {"new", "show", "check", "explore", "linearise", "equations", "derive", "modes", "run"}
+    of_engine = {f"engine{end}" for end in (".npz", ".mat", ".tex", "-c", ".fmu")}
+    assert files == pictures | of_engine | {"press.toml", "modal", "moved"}
+    used = {"new", "show", "check", "explore", "linearise", "equations", "derive", "export", "modes", "run"}
     assert {command.split()[1] for command in outputs} == used
 
 
@@ -61,6 +62,13 @@ def test_the_count_is_printed_as_the_page_shows_it(outputs):
     first = printed.index(expected[0])
     assert printed[first : first + len(expected)] == expected
     assert printed[first + len(expected)] == "where it is shown"  # the joints' places follow, as the page says
+
+
+def test_export_says_what_the_page_shows(outputs):
+    section = TEXT[TEXT.index("## An FMU") : TEXT.index("## Modal data of the links\n")]
+    (shown,) = re.findall(r"^    (FMI .*)$", section, flags=re.MULTILINE)
+    (command,) = (command for command in COMMANDS if " export " in command)
+    assert shown in outputs[command].splitlines()
 
 
 def test_check_says_what_the_page_shows(outputs):

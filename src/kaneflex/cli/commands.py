@@ -18,6 +18,7 @@ import click
 
 from kaneflex.cli.compare import compare
 from kaneflex.cli.explore import explore
+from kaneflex.cli.exporting import export
 from kaneflex.cli.folders import Target, folder_options
 from kaneflex.cli.importing import import_link
 from kaneflex.cli.mechanism import derive, equations, linearise, new, show
@@ -342,7 +343,9 @@ _LOUDNESS = (
     ),
 )  # fmt: skip
 
-for command in (derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations, import_link):
+for command in (
+    derive, compare, trade, terms, stability, sweep, explore, show, new, linearise, equations, import_link, export,
+):  # fmt: skip
     main.add_command(command)
 for command in main.commands.values():
     command.params += _LOUDNESS

@@ -52,7 +52,9 @@ class CModel:
     start: Start
 
 
-def c_model(scene: Scene, progress: Callable[[str], None] = lambda stage: None) -> CModel:
+def c_model(
+    scene: Scene, progress: Callable[[str], None] = lambda stage: None, asked: str = "--language"
+) -> CModel:
     """A scene as a folder of C.
 
     Of every scene the kernels and its numbers. Where the linear equations are integrated, these too, with the state
@@ -64,7 +66,7 @@ def c_model(scene: Scene, progress: Callable[[str], None] = lambda stage: None) 
     SceneError
         Under preset ``coupled`` and in space, which are compiled by numba alone.
     """
-    refuse_in_space(scene, "--language", "equations are printed in C of what moves")
+    refuse_in_space(scene, asked, "equations are printed in C of what moves")
     if resolve_options(scene).dynamics == "coupled":
         raise SceneError(
             "solve.preset", "coupled", "its equations are compiled by numba alone, not printed in C",

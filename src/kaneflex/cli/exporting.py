@@ -1,0 +1,45 @@
+"""`kaneflex export`: a scene as a Functional Mock-up Unit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from kaneflex.cli.folders import force_option
+from kaneflex.cli.scene import SceneArguments, gathered, scene_options
+from kaneflex.support.errors import OutputError
+
+
+@click.command()
+@scene_options("preset", "settings")
+@click.option("--fmi", type=click.Choice(["2", "3"]), default="2", show_default=True, help="Version of the standard.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE.fmu", required=True, help="File to write."
+)
+@force_option
+@gathered(asked=SceneArguments)
+def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
+    """Write the linear equations of SCENE as an FMU for other programs' simulations.
+
+    For model exchange and co-simulation: its outputs are the sensors, its inputs the values of constant loads, its
+    parameters speeds and angles of drives. The sources are inside; a C compiler, or the one named in CC, makes the
+    library for this machine.
+    """
+    from kaneflex.solve.fmu import fmu
+    from kaneflex.support.atomic_output import refuse_existing, write_bytes
+    from kaneflex.support.terminal import Waiting
+
+    if output.suffix != ".fmu":
+        raise OutputError(str(output), None, "not the name of an FMU", "End it in .fmu")
+    refuse_existing(output, force, "engine.fmu")
+    scene = asked.read()
+    with Waiting() as waiting:
+        made = fmu(scene, fmi, waiting.stage)
+    write_bytes(output, made.content)
+    click.echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
+    if made.unread:
+        click.echo(f"Warning: left out, as they are angles of turned bodies: {', '.join(made.unread)}", err=True)
+    if made.compiled_for is None:
+        click.echo("Warning: not compiled, as there is no C compiler here: the sources are inside", err=True)
+    click.echo(f"Written to {output}")

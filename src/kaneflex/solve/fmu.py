@@ -1,0 +1,308 @@
+"""A scene's linear equations as a Functional Mock-up Unit (FMI 2.0.5 or 3.0.2): its C, described, compiled and packed.
+
+Its states are z and z', its outputs what sensors read. Between the steps that it takes in co-simulation it shows the
+quintic through z, z', z'' at both ends.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from kaneflex.multibody.model import Model
+from kaneflex.scene import Scene
+from kaneflex.solve.c_model import CModel, array_in_c, c_model, shared_texts, unread
+from kaneflex.support.errors import SceneError
+
+VERSIONS = {"2": "2.0", "3": "3.0"}
+_FLAGS = ("-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
+_SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
+_MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
+_OF_FMI_2 = {"x86_64-linux": "linux64", "x86_64-darwin": "darwin64", "x86_64-windows": "win64"}
+_BASE = {"m": {"m": 1}, "s": {"s": 1}, "kg": {"kg": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}, "1": {}}
+_AT_ANY_TIME, _BEFORE = ("value",), ("speed", "angle", "spin_up", "offset")
+"""Numbers of loads that can be changed during a run; of drives and loads before it."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One of the FMU's numbers, all of them real; those that begin somewhere have a `start`."""
+
+    name: str
+    unit: str
+    causality: str = "local"
+    start: float | None = None
+    derivative_of: int | None = None
+    meaning: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Fmu:
+    """The file, what it was compiled for (None: sources alone), names of sensors and of what can be set."""
+
+    content: bytes
+    compiled_for: str | None
+    outputs: tuple[str, ...]
+    unread: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+
+def fmu(scene: Scene, version: str = "2", progress: Callable[[str], None] = lambda stage: None) -> Fmu:
+    """A scene as an FMU for model exchange and co-simulation, with its sources.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a one-way preset that integrates, in the plane.
+    version : {"2", "3"}
+        Of the standard.
+
+    Returns
+    -------
+    Fmu
+        Inputs are the values of constant loads [N or N m], parameters the drives' speeds and angles and the offsets of
+        tables, outputs the sensors. It starts where the scene's own run does, whatever they are set to.
+
+    Raises
+    ------
+    SceneError
+        Of what :func:`kaneflex.solve.c_model.c_model` refuses, and presets that integrate nothing.
+    """
+    made = c_model(scene, progress, "export")
+    if made.readings is None:
+        raise SceneError(
+            "solve.preset", scene.solve.preset, "there is nothing to integrate, so that no FMU is made of it",
+            "Take one that integrates what bends, like --preset stiffened",
+        )  # fmt: skip
+    name, variables = made.name, _variables(made)
+    shared = (f"kaneflex_fmi{version}.c", "kaneflex_fmu.c", "kaneflex_fmu.h")
+    texts = {key: text for key, text in made.texts.items() if key.endswith((".c", ".h")) and key != f"{name}_run.c"}
+    texts |= shared_texts(shared)
+    digest = hashlib.sha256("".join(text for _, text in sorted(texts.items())).encode())
+    token = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
+    texts[f"{name}_fmu.c"] = _described(made, token)
+    sources = sorted(key for key in texts if key.endswith(".c"))
+    describe = {"2": _description_2, "3": _description_3}[version]
+    files = {f"sources/{key}": text.encode() for key, text in texts.items()}
+    files["modelDescription.xml"] = _xml(describe(made, token, variables, sources))
+    if version == "3":
+        files["sources/buildDescription.xml"] = _xml(_build_description(name, sources))
+    progress("compiling")
+    compiled = _compiled(texts, sources, name, version)
+    if compiled is not None:
+        files[compiled[0]] = compiled[1]
+    inputs = tuple(each.name for each in variables if each.causality in ("input", "parameter"))
+    place = None if compiled is None else compiled[0].split("/")[1]
+    return Fmu(_packed(files), place, (*made.readings.sensors,), tuple(unread(made.readings, made.model)), inputs)
+
+
+def _settable(model: Model) -> Iterator[tuple[int, Variable]]:
+    """Places in p of what can be set, parameters last: what nothing has been computed from beforehand.
+
+    Motions that were integrated, or tabled, know the loads and speeds that they had; so do frozen matrices and modes.
+    """
+    parameters = model.module.PARAMETERS
+    if model.module.FREE:
+        return
+    modal = model.scene.damping is not None and model.scene.damping.modal is not None
+    plain = model.options.dynamics == "dynamic" and model.modal_basis is None and not modal
+    for causality, names in (("input", _AT_ANY_TIME), ("parameter", _BEFORE if plain else ())):
+        for place, (path, unit) in enumerate(parameters):
+            table, _, name = path.split(".", 2) if path.count(".") >= 2 else (path, "", "")
+            if table in ("drives", "loads") and name in names:
+                yield place, Variable(path, unit, causality, float(model.motion.parameters[place]))
+
+
+def _variables(made: CModel) -> list[Variable]:
+    """All numbers in the order of their value references, which kaneflex_fmu.h lays down."""
+    model, readings, names = made.model, made.readings, made.model.reduced.coordinates
+    assert readings is not None
+    found = [Variable("time", "s", "independent")] + [each for _, each in _settable(model)]
+    first, n = len(found), len(names)
+    units = ["rad" if name.endswith(("theta", "phi")) else "m" for name in names]
+    for prefix, by, begun in (("", "", made.start[0]), ("rate of ", "/s", made.start[1])):
+        found += [
+            Variable(f"{prefix}{name}", f"{unit}{by}", start=start)
+            for name, unit, start in zip(names, units, begun, strict=True)
+        ]
+    for power, order in (("", 0), ("^2", 1)):
+        for k, (name, unit) in enumerate(zip(names, units, strict=True), start=first + order * n):
+            of = f"rate of {name}" if order else name
+            found.append(Variable(f"der({of})", f"{unit}/s{power}", derivative_of=k))
+    sensors = model.scene.sensors
+    return found + [
+        Variable(name, sensors[name].unit, "output", meaning=model.scene.meaning_of(sensors[name]))
+        for name in readings.sensors
+    ]
+
+
+def _described(made: CModel, token: str) -> str:
+    """The C that says which model the shared functions are about."""
+    name, settable, numbers = made.name, list(_settable(made.model)), len(made.model.motion.parameters)
+    inputs = sum(variable.causality == "input" for _, variable in settable)
+    places = array_in_c("size_t", f"{name}_places", [place for place, _ in settable], "static ")
+    return (
+        f'#include "{name}_data.h"\n#include "kaneflex_fmu.h"\n\n{places}\n'
+        f"const kaneflex_fmu_model kaneflex_fmu = {{\n"
+        f'    &{name}_linear, &{name}_readings, "{token}", {name.upper()}_MEMORY, {numbers},\n'
+        f"    {len(settable)}, {inputs}, {name}_places,\n}};\n"
+    )
+
+
+def _description_2(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
+    root = _root(made, {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"})
+    for kind in ("ModelExchange", "CoSimulation"):
+        offered = {"modelIdentifier": made.name, "canGetAndSetFMUstate": "true"}
+        if kind == "CoSimulation":
+            offered["canHandleVariableCommunicationStepSize"] = "true"
+        files = ElementTree.SubElement(ElementTree.SubElement(root, kind, offered), "SourceFiles")
+        for source in sources:
+            ElementTree.SubElement(files, "File", name=source)
+    _units(root, variables)
+    _experiment(root, made.model)
+    listed = ElementTree.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(variables):
+        given = _attributes(variable) | {"valueReference": str(reference)}
+        real = {"unit": variable.unit} | {key: given.pop(key) for key in ("start",) if key in given}
+        if variable.derivative_of is not None:
+            real["derivative"] = str(variable.derivative_of + 1)
+        ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", given), "Real", real)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
+    derivatives = [k for k, each in enumerate(variables) if each.derivative_of is not None]
+    for tag, numbers in (
+        ("Outputs", outputs), ("Derivatives", derivatives), ("InitialUnknowns", sorted(outputs + derivatives))
+    ):  # fmt: skip
+        if numbers:
+            group = ElementTree.SubElement(structure, tag)
+            for k in numbers:
+                ElementTree.SubElement(group, "Unknown", index=str(k + 1))
+    return root
+
+
+def _description_3(made: CModel, token: str, variables: list[Variable], sources: list[str]) -> ElementTree.Element:
+    root = _root(made, {"fmiVersion": "3.0", "instantiationToken": token})
+    for kind in ("ModelExchange", "CoSimulation"):
+        offered = {"modelIdentifier": made.name, "canGetAndSetFMUState": "true"}
+        if kind == "CoSimulation":
+            offered["canHandleVariableCommunicationStepSize"] = "true"
+        ElementTree.SubElement(root, kind, offered)
+    _units(root, variables)
+    _experiment(root, made.model)
+    listed = ElementTree.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(variables):
+        given = _attributes(variable) | {"valueReference": str(reference), "unit": variable.unit}
+        if variable.derivative_of is not None:
+            given["derivative"] = str(variable.derivative_of)
+        ElementTree.SubElement(listed, "Float64", given)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    outputs = [k for k, each in enumerate(variables) if each.causality == "output"]
+    derivatives = [k for k, each in enumerate(variables) if each.derivative_of is not None]
+    for tag, numbers in (
+        ("Output", outputs), ("ContinuousStateDerivative", derivatives), ("InitialUnknown", outputs + derivatives)
+    ):  # fmt: skip
+        for k in numbers:
+            ElementTree.SubElement(structure, tag, valueReference=str(k))
+    return root
+
+
+def _root(made: CModel, more: Mapping[str, str]) -> ElementTree.Element:
+    from kaneflex import __version__
+
+    scene = made.model.scene
+    given = {"modelName": scene.name, "generationTool": f"kaneflex {__version__}", "variableNamingConvention": "flat"}
+    said = {"description": scene.description} if scene.description else {}
+    return ElementTree.Element("fmiModelDescription", {**more, **given, **said})
+
+
+def _attributes(variable: Variable) -> dict[str, str]:
+    """Of a variable, in both versions of the standard."""
+    given = {"name": variable.name, "causality": variable.causality}
+    given["variability"] = "fixed" if variable.causality == "parameter" else "continuous"
+    if variable.meaning:
+        given["description"] = variable.meaning
+    if variable.start is not None:
+        given["start"] = repr(variable.start)
+        if variable.causality != "input":
+            given["initial"] = "exact"
+    elif variable.causality != "independent":
+        given["initial"] = "calculated"
+    return given
+
+
+def _units(root: ElementTree.Element, variables: list[Variable]) -> None:
+    group = ElementTree.SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(variable.unit for variable in variables):
+        powers: dict[str, int] = {}
+        above, _, below = unit.partition("/")
+        for sign, part in ((1, above), (-1, below)):
+            for word in part.split():
+                base, _, power = word.partition("^")
+                for name, by in _BASE[base].items():
+                    powers[name] = powers.get(name, 0) + sign * by * int(power or 1)
+        given = {name: str(power) for name, power in powers.items() if power}
+        ElementTree.SubElement(ElementTree.SubElement(group, "Unit", name=unit), "BaseUnit", given)
+
+
+def _experiment(root: ElementTree.Element, model: Model) -> None:
+    given = {"startTime": "0.0", "stopTime": repr(float(model.options.duration)), "stepSize": repr(float(model.step))}
+    ElementTree.SubElement(root, "DefaultExperiment", given)
+
+
+def _build_description(name: str, sources: list[str]) -> ElementTree.Element:
+    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
+    files = ElementTree.SubElement(configuration, "SourceFileSet", language="C11")
+    for source in sources:
+        ElementTree.SubElement(files, "SourceFile", name=source)
+    return root
+
+
+def _xml(root: ElementTree.Element) -> bytes:
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+
+
+def _compiled(texts: Mapping[str, str], sources: list[str], name: str, version: str) -> tuple[str, bytes] | None:
+    """Where the library is in the file, and the library; None without a compiler, or for a machine of no known name.
+
+    Raises
+    ------
+    SceneError
+        Where a compiler is there but doesn't compile.
+    """
+    compiler = next(filter(None, map(shutil.which, (os.environ.get("CC", ""), "cc", "gcc", "clang"))), None)
+    system, suffix = _SYSTEMS.get(platform.system(), ("", ""))
+    tuple_3 = f"{_MACHINES.get(platform.machine().lower(), '')}-{system}"
+    folder = _OF_FMI_2.get(tuple_3) if version == "2" else tuple_3
+    if compiler is None or folder is None or tuple_3.startswith("-") or tuple_3.endswith("-"):
+        return None
+    with tempfile.TemporaryDirectory() as place:
+        for key, text in texts.items():
+            (Path(place) / key).write_text(text, encoding="utf-8", newline="\n")
+        command = [compiler, *_FLAGS, *sources, "-o", f"{name}.{suffix}", "-lm"]
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+        if done.returncode:
+            reason = (done.stderr.strip().splitlines() or ["no message"])[0]
+            raise SceneError("CC", compiler, f"the C does not compile: {reason}", "Name another C11 compiler in CC")
+        return f"binaries/{folder}/{name}.{suffix}", (Path(place) / f"{name}.{suffix}").read_bytes()
+
+
+def _packed(files: Mapping[str, bytes]) -> bytes:
+    """A zip archive that has the same bytes whenever it is made."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(files):
+            archive.writestr(zipfile.ZipInfo(name), files[name], zipfile.ZIP_DEFLATED)
+    return content.getvalue()

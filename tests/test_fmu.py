@@ -1,0 +1,173 @@
+"""Exported FMUs in the hands of FMPy: its checks of the description, and its simulations beside runs.
+
+FMPy reads them by the standards' schemas, calls the library by their signatures, and brings CVode for model exchange.
+What differs in co-simulation: rounding. In model exchange: CVode's steps and tolerances.
+"""
+
+import io
+import subprocess
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.solve.fmu import fmu
+from kaneflex.solve.loading import load
+from kaneflex.solve.simulation import simulate
+
+RPM = 2 * np.pi / 60
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fmpy(peer, compiler):
+    return peer("fmpy")
+
+
+@pytest.fixture(scope="module")
+def engine(tmp_path_factory, compiler):
+    """The engine under radau by version of the standard, the first by the command, and what it prints."""
+    folder = tmp_path_factory.mktemp("fmu")
+    scene, shown = with_settings(read_scene("engine"), ["solve.integrator=radau"]), {}
+    shown["2"] = cli("export", "engine", "--set", "solve.integrator=radau", "-o", folder / "2.fmu")
+    assert shown["2"].exit_code == 0, shown["2"].output
+    (folder / "3.fmu").write_bytes(fmu(scene, "3").content)
+    return scene, folder, shown["2"].stdout
+
+
+@pytest.fixture(scope="module")
+def series(engine):
+    return simulate(load(engine[0])).series
+
+
+def worst(found, series):
+    """Largest error of a sensor, of its own peak."""
+    names = [name for name in found.dtype.names if name in series]
+    assert names
+    peaks = {name: abs(series[name].values).max() for name in names}
+    return max(abs(np.asarray(found[name]) - series[name].values).max() / peaks[name] for name in names)
+
+
+def simulated(fmpy, path, kind, **more):
+    experiment = fmpy.read_model_description(str(path)).defaultExperiment
+    step, stop = float(experiment.stepSize), float(experiment.stopTime)
+    return fmpy.simulate_fmu(str(path), fmi_type=kind, stop_time=stop, output_interval=step, **more)
+
+
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_the_description_is_valid_and_names_every_sensor(version, engine, fmpy):
+    from fmpy.validation import validate_fmu
+
+    scene, folder, printed = engine
+    assert validate_fmu(str(folder / f"{version}.fmu")) == []
+    found = fmpy.read_model_description(str(folder / f"{version}.fmu")).modelVariables
+    outputs = {each.name: each.unit for each in found if each.causality == "output"}
+    assert outputs == {name: sensor.unit for name, sensor in scene.sensors.items()}
+    assert [each.name for each in found if each.causality == "parameter"] == [
+        "drives.main.speed", "drives.main.angle", "loads.gas.offset",
+    ]  # fmt: skip
+    assert f"FMI 2.0, {len(outputs)} outputs; can be set: drives.main.speed, drives.main.angle" in printed
+
+
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_co_simulation_is_the_run(version, engine, series, fmpy):
+    assert worst(simulated(fmpy, engine[1] / f"{version}.fmu", "CoSimulation"), series) < 1e-9
+
+
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_model_exchange_comes_near_the_run(version, engine, series, fmpy):
+    found = simulated(fmpy, engine[1] / f"{version}.fmu", "ModelExchange", relative_tolerance=1e-10)
+    assert worst(found, series) < 1e-4  # the run's own steps err by that in accelerations
+
+
+@pytest.mark.parametrize(
+    "name, base, changed, values",
+    [
+        ("engine-transient", ["solve.integrator=radau"], ["drives.main.speed=3000 rpm", "solve.steps=2880"],
+         {"drives.main.speed": 3000 * RPM}),
+        ("engine-transient", ["solve.integrator=newmark"], ["drives.main.angle=30 deg", "loads.gas.offset=100 deg"],
+         {"drives.main.angle": np.radians(30), "loads.gas.offset": np.radians(100)}),
+        ("pulsating-strut", ["solve.integrator=gauss", "solve.start=zero"], ["loads.mean.value=-150 N"],
+         {"loads.mean.value": -150.0}),
+    ],
+)  # fmt: skip
+def test_what_can_be_set_is_what_the_scene_would_have(name, base, changed, values, fmpy, tmp_path):
+    """The same steps: under another speed a cycle has more of them."""
+    scene = with_settings(read_scene(name), base)
+    (tmp_path / "any.fmu").write_bytes(fmu(scene).content)
+    found = simulated(fmpy, tmp_path / "any.fmu", "CoSimulation", start_values=values)
+    assert worst(found, simulate(load(with_settings(scene, changed))).series) < 1e-9
+
+
+def test_steps_of_another_program_and_states_to_go_back_to(engine, fmpy):
+    """Communication points between its own steps differ little from those at them; a state that was kept repeats."""
+    path = str(engine[1] / "3.fmu")
+    description = fmpy.read_model_description(path)
+    own = float(description.defaultExperiment.stepSize)
+    (output,) = (each for each in description.modelVariables if each.name == "mid_transverse")
+    from fmpy.fmi3 import FMU3Slave
+
+    def at_last(steps):
+        slave = FMU3Slave(
+            guid=description.guid, unzipDirectory=place, modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="one",
+        )  # fmt: skip
+        slave.instantiate()
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        time, read = 0.0, []
+        for step in steps:
+            state = slave.getFMUState()
+            for _ in range(2):  # there, back and there again
+                slave.setFMUState(state)
+                slave.doStep(currentCommunicationPoint=time, communicationStepSize=step)
+                read.append(slave.getFloat64([output.valueReference])[0])
+            slave.freeFMUState(state)
+            time += step
+            assert read[-1] == read[-2]
+        slave.terminate()
+        slave.freeInstance()
+        return read[-1]
+
+    place = fmpy.extract(path)
+    whole, parts = at_last([own] * 30), at_last([0.7 * own] * 40 + [2 * own])
+    assert parts == pytest.approx(whole, rel=1e-9)
+
+
+def test_signatures_are_those_of_the_standards(fmpy, compiler):
+    sources = Path(__file__).parents[1] / "src/kaneflex/solve"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    for version in "23":
+        given = f'-DKANEFLEX_FMI_HEADER="fmi{version}Functions.h"'
+        options = ("-std=c11", "-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I", headers, given)
+        subprocess.run([compiler, *options, sources / f"kaneflex_fmi{version}.c"], check=True)
+
+
+def test_without_a_compiler_the_sources_are_there(monkeypatch, engine):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    made = fmu(engine[0], "3")
+    assert made.compiled_for is None
+    names = zipfile.ZipFile(io.BytesIO(made.content)).namelist()
+    assert "sources/buildDescription.xml" in names and not any(name.startswith("binaries") for name in names)
+    assert fmu(engine[0], "3").content == made.content
+
+
+def test_frozen_matrices_and_modes_let_no_speed_be_changed():
+    assert "drives.shaft.speed" in fmu(read_scene("rotating-cantilever")).inputs  # that nothing damps
+    assert fmu(read_scene("engine-paper")).inputs == ()
+    reduced = fmu(with_settings(read_scene("engine"), ["solve.reduction=modal"]))
+    assert reduced.inputs == () and replace(reduced, content=b"").outputs
+
+
+def test_what_is_refused(tmp_path):
+    for arguments, said in (
+        (["bricard", "-o", "a.fmu"], "export"),
+        (["engine", "--preset", "rigid", "-o", "a.fmu"], "nothing to integrate"),
+        (["slider-crank-150-coupled", "-o", "a.fmu"], "another preset"),
+        (["engine", "-o", "a.zip"], ".fmu"),
+    ):
+        refused(cli("export", *arguments[:-1], tmp_path / arguments[-1]), said)
+    assert not [*tmp_path.iterdir()]
