@@ -242,9 +242,49 @@ root_moment = {{bending_moment = "rod.start"}}
         assert abs(deep.series[name].values - expected).max() < bound * abs(expected).max(), name
 
 
-def test_what_it_lacks_is_refused_by_name(tmp_path):
-    with pytest.raises(SceneError, match="zero or quasistatic"):
-        _solution(tmp_path, _princeton(30).replace('start = "quasistatic"', "start = {displacements = {}}"))
+def _ringing(start: str, duration: float, steps: int = 40) -> str:
+    """The blade in one piece, without a force at its tip; shapes 2 and 5 are its first in the strong and weak plane."""
+    text = _princeton(30, count=1).replace("value = 8.896", "value = 0")
+    text = text.replace('start = "quasistatic"', f"start = {start}\nmodes = 2")
+    return text.replace('duration = "1 ms"\nsteps = 2', f"duration = {duration!r}\nsteps = {steps}")
+
+
+@pytest.mark.parametrize(("plane", "shape", "height"), [("y", 2, 12.3777e-3), ("z", 5, 3.2024e-3)])
+def test_a_cantilever_rings_from_the_shape_that_it_is_given(tmp_path, plane, shape, height):
+    """Two periods of the first mode, whose frequency is that of Euler and Bernoulli's clamped-free beam."""
+    omega = 1.8751040687**2 * math.sqrt(71.7e9 * height**2 / 12.0 / 2700.0) / 0.508**2
+    start = f'{{displacements = {{"blade_0.shape_{shape}" = "10 um"}}}}'
+    found = _solution(tmp_path, _ringing(start, 4.0 * math.pi / omega))
+    assert abs(found.series[plane].values - 1e-5 * np.cos(omega * found.times)).max() < 1e-3 * 1e-5
+
+
+def test_a_run_goes_on_from_the_state_of_another(tmp_path):
+    start = '{displacements = {"blade_0.shape_2" = "20 mm"}, velocities = {"blade_0.shape_3" = "0.3 m/s"}}'
+    whole = _solution(tmp_path, _ringing(start, 0.1, 80))
+    half = tomlkit.inline_table()
+    half.update(whole.state(40))
+    after = _solution(tmp_path, _ringing(half.as_string(), 0.05))
+    expected = whole.series["y"].values[40:]
+    assert abs(after.series["y"].values - expected).max() < 1e-6 * abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ('{displacements = {"blade_0.shape_9" = 0.01}}', r"no such coordinate.*blade_0\.shape_8"),
+        ('{velocities = {"blade_0.shape_8" = "1 m/s"}}', r"velocities\.blade_0\.shape_8 = '1 m/s'"),  # it is twist
+    ],
+)
+def test_states_that_there_are_not_are_refused_by_name(tmp_path, start, message):
+    with pytest.raises(SceneError, match=message):
+        _solution(tmp_path, _ringing(start, 1e-3, 2))
+
+
+def test_periodic_starts_are_refused_by_name(tmp_path):
+    more = DRIVEN.format(axis=", axis = [0, 0, 1]", push=[0, 1, 0])
+    more = more.replace('spin_up = "0.2 s"', 'cycle = "360 deg"').replace('duration = "0.25 s"', 'start = "periodic"')
+    with pytest.raises(SceneError, match="starts from zero, quasistatic or a table so far"):
+        _solution(tmp_path, ROD.format(section=SQUARE, gravity=[0, -9.81, 0], free="", more=more))
 
 
 def test_a_strip_askew_on_its_pin_is_warned_of(tmp_path):

@@ -55,6 +55,11 @@ class SpatialShapes:
     def count(self) -> int:
         return self.basis.shape[1]
 
+    @property
+    def twisting(self) -> np.ndarray:
+        """Whether each shape is one of twist, (count,): its coordinate is an angle [rad]."""
+        return np.asarray(~self.basis.reshape(-1, 6, self.count)[:, :3].any(axis=(0, 1)))
+
     def station(self, x: float) -> np.ndarray:
         """N, psi (3, count), and H (count, count) x [m] from the start, one after the other."""
         rows, H = self.at(x)

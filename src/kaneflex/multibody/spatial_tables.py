@@ -92,6 +92,10 @@ class Deformable(Protocol):
         """How many."""
 
     @property
+    def twisting(self) -> np.ndarray:
+        """Whether each shape is one of twist, whose coordinate is an angle."""
+
+    @property
     def omega(self) -> np.ndarray:
         """Circular frequency of each of them, its axes held [rad/s]."""
 

@@ -35,7 +35,7 @@ def description(model: Model) -> str:
     equations = {
         "degrees of freedom": str(model.degrees_of_freedom),
         "coordinates": " ".join((*model.coordinates, *model.shapes_given)) or "none",
-        **({} if model.coupled is None else {"coordinates of a state": " ".join(start_coordinates(model))}),
+        **({"coordinates of a state": " ".join(start_coordinates(model))} if _bodies_deform(model) else {}),
         **_lowest(model),
         "structure": model.motion.module.STRUCTURE,
         "module": _module(model),
@@ -47,6 +47,10 @@ def description(model: Model) -> str:
         block("equations", equations),
     ]
     return "\n".join(filter(None, blocks))
+
+
+def _bodies_deform(model: Model) -> bool:
+    return model.options.dynamics == "coupled" and bool(start_coordinates(model))
 
 
 def warnings(model: Model) -> tuple[str, ...]:

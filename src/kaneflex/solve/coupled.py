@@ -24,7 +24,7 @@ from kaneflex.scene import Scene
 from kaneflex.solve.coupled_state import State, check_closed
 from kaneflex.solve.events import happens
 from kaneflex.solve.forward import with_courses
-from kaneflex.solve.initial import laid_over
+from kaneflex.solve.initial import laid_over, start_dimensions
 from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
@@ -86,7 +86,7 @@ def _beginning(model: Model) -> tuple[np.ndarray, np.ndarray]:
     assert system is not None
     q, v = rigid_state(system, first)
     if model.options.start == "given":
-        q, v = laid_over(model, q, v)
+        q, v = laid_over(model.scene, start_dimensions(model), q, v)
         q = unwrapped(model.scene, system, q, first)
         check_closed(
             system, 0.0, q, v, longest(model.scene), "solve.start", "a table of a state",

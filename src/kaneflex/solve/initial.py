@@ -9,12 +9,14 @@ import numpy as np
 
 from kaneflex.mechanism.contacts import apart
 from kaneflex.mechanism.mechanism import mechanism_of
+from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.scene.contacts import ClearanceContact
 from kaneflex.support.errors import Fault, SceneError, nearest
 from kaneflex.support.units import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, Dimension, to_si
 
 if TYPE_CHECKING:
     from kaneflex.multibody.model import Model
+    from kaneflex.multibody.spatial_system import SpatialSystem
     from kaneflex.scene import Scene
 
 _AMPLITUDE = Dimension("an amplitude of a mass-normalised shape", "", "1e-4")
@@ -31,14 +33,15 @@ _LISTED = 40
 def start_coordinates(model: Model) -> tuple[str, ...]:
     """Names that ``solve.start`` can give a displacement and a velocity: what is integrated, before modes of the whole
     mechanism are taken."""
-    if model.coupled is not None:
-        return tuple(name for name, _ in model.coupled.coordinates)
-    return model.coordinates
+    return tuple(start_dimensions(model))
 
 
-def _dimensions(model: Model) -> dict[str, Dimension]:
+def start_dimensions(model: Model) -> dict[str, Dimension]:
+    """What kind of quantity each of them is."""
     if model.coupled is not None:
         return {name: ANGLE if unit == "rad" else LENGTH for name, unit in model.coupled.coordinates}
+    if isinstance(model.motion, CoupledKinematics):
+        return shape_dimensions(model.motion.module.system)
     last = {name: name.rpartition(".")[2] for name in model.coordinates}
     return {
         name: _AMPLITUDE if what.startswith("mode_") else ANGLE if what in _TURNING else LENGTH
@@ -46,15 +49,26 @@ def _dimensions(model: Model) -> dict[str, Dimension]:
     }
 
 
-def laid_over(model: Model, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of z and v, shapes (n,) as :func:`start_coordinates` names them, with what ``solve.start`` gives in them.
+def shape_dimensions(system: SpatialSystem) -> dict[str, Dimension]:
+    """What the amplitudes of the shapes of bodies in space are, in the order of the system's: of twist an angle."""
+    return {
+        f"{body}.shape_{k}": ANGLE if twists else LENGTH
+        for body, shapes in system.layout.shapes.items()
+        for k, twists in enumerate(shapes.twisting)
+    }
+
+
+def laid_over(
+    scene: Scene, dimensions: Mapping[str, Dimension], z: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Copies of z and v, shapes (n,) in the order of ``dimensions``, with what ``solve.start`` gives in them.
 
     Raises
     ------
     SceneError
         For a name that is no coordinate, and a quantity that is not its coordinate's; with all problems.
     """
-    start, dimensions = model.scene.solve.start, _dimensions(model)
+    start = scene.solve.start
     rates = {name: _RATES[dimension] for name, dimension in dimensions.items()}
     return (
         _filled(STATE[0], start.displacements, dimensions, z),
@@ -100,7 +114,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
         As :func:`laid_over` does.
     """
     none = np.zeros(len(model.coordinates))
-    z, v = laid_over(model, none, none)
+    z, v = laid_over(model.scene, start_dimensions(model), none, none)
     basis = model.modal_basis
     if basis is None:
         return z, v
@@ -110,7 +124,7 @@ def given_state(model: Model) -> tuple[np.ndarray, np.ndarray]:
 
 def check_start(model: Model) -> None:
     """Raise SceneError for a state that the model can't start from, as given or as bodies would lie in each other."""
-    if model.options.start != "given":
+    if model.options.start != "given" or isinstance(model.motion, CoupledKinematics):  # in space it has been read
         check_apart(model)
         return
     if model.coupled is None:

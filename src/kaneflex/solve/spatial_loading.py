@@ -25,6 +25,7 @@ from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
 from kaneflex.scene.sensors import DRIVE_KINDS
+from kaneflex.solve.initial import laid_over, shape_dimensions
 from kaneflex.solve.loading import ONE_WAY, SWEEP, Progress, check_finite, check_springs, compiled_by, ignored_of, timed
 from kaneflex.solve.memory import check_memory
 from kaneflex.support.errors import SceneError
@@ -38,6 +39,9 @@ _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 
 _LOOKED_AT = 200
 """Instants of a run at which the deformation is looked at."""
+
+_OPEN = 1e-3
+"""How far a loop may move shapes that are given, as a share of the mechanism's size."""
 
 
 def load_spatial(scene: Scene, options: Options, progress: Progress, started: float) -> Model:
@@ -91,6 +95,8 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
         progress("coupled dynamics")
         if options.start == "quasistatic":
             start = balanced(system, start)
+        elif options.start == "given":
+            start = _given(system, start)
         motion, energy = integrate(system, start, module, options)
         alone = build_spatial_system(system.scene, system.module)
         motion = beside(motion, start, alone, start_of(alone))
@@ -118,12 +124,30 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
 
 
 def check_determined_start(options: Options) -> None:
-    """Coupled bodies in space start as they are, or deformed by what acts at the start."""
-    if options.start not in ("zero", "quasistatic"):
+    """Coupled bodies in space start as they are, deformed by what acts at the start, or as the scene has them."""
+    if options.start == "periodic":
         raise SceneError(
-            "solve.start", options.start, "in space preset coupled starts from zero or quasistatic so far",
+            "solve.start", options.start, "in space preset coupled starts from zero, quasistatic or a table so far",
             "Choose one of them",
         )  # fmt: skip
+
+
+def _given(system: SpatialSystem, start: State) -> State:
+    """The start with the shapes and their rates that the scene gives.
+
+    Raises SceneError for what laid_over refuses, and for shapes that the loops don't leave where they are.
+    """
+    q, u, at, rates = start.q.copy(), start.u.copy(), system.modal_coordinates, system.modal_speeds
+    q[at], u[rates] = laid_over(system.scene, shape_dimensions(system), q[at], u[rates])
+    try:
+        found = system.settle(start.t, q, u, start.choice)
+        far, reason = abs(found.q - q)[at].max(initial=0.0), "with these shapes the loops don't close"
+    except ArithmeticError as error:
+        far, reason = np.inf, f"there {error}"
+    if not far <= _OPEN * system.mechanism.size:
+        cure = "Give shapes that leave the joints where they are, as solution.state() has them"
+        raise SceneError("solve.start", "a table of a state", reason, cure)
+    return found
 
 
 def spatial_start(scene: Scene, progress: Progress = lambda stage: None) -> tuple[SpatialSystem, State, SpatialMotion]:
