@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 import kaneflex
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.returning import returning
+from kaneflex.multibody.run import integrate
 from kaneflex.solve import coupled
 
 
@@ -38,7 +41,8 @@ def test_a_few_cycles_do_whether_or_not_anything_dies_away(monkeypatch, name, se
     q = solution.trajectory.q
     system = solution.model.coupled
     modal = [k for body in system.start for k in range(*system.modal(body).indices(system.size))]
-    assert solution.trajectory.outcome.value == "completed"
+    assert solution.outcome is Outcome.COMPLETED
+    assert ("not known" in solution.message) == (settings != [])  # without damping nothing dies away, nor grows
     assert abs(q[-1] - q[0])[modal].max() <= 1e-5 * abs(q[:, modal]).max()
     assert cycles <= 2
 
@@ -52,6 +56,29 @@ def test_waiting_leads_to_the_same_motion(monkeypatch):
     for name, series in waited.series.items():
         expected = series.values
         np.testing.assert_allclose(found.series[name].values, expected, rtol=0, atol=3e-5 * abs(expected).max())
+
+
+def test_a_cycle_whose_disturbances_grow_says_so(monkeypatch):
+    """In the first tongue of its pulsating force a strut would leave its motion for one of twice the period."""
+    unstable, stable = "drives.clock.speed=2517 rpm", "drives.clock.speed=1800 rpm"
+    found, _ = periodic(monkeypatch, "pulsating-strut", "solve.modes=1", unstable)
+    assert found.outcome is Outcome.UNSTABLE and "any disturbance leaves" in found.message
+    # by the linear equations, whose strut has no mode along it
+    linear = kaneflex.load(kaneflex.with_settings(kaneflex.read_scene("pulsating-strut"), [unstable]))
+    expected = kaneflex.solve.simulation.solve(linear).multipliers[0]
+    assert found.multipliers[0] == pytest.approx(expected, rel=1e-3)
+    # and by the nonlinear ones: a cycle beside it, in the direction that grows
+    system, run = found.model.coupled, found.trajectory
+    cycle = returning(system, 0.0, run.q[0], run.v[0])
+    values, directions = np.linalg.eig(cycle.monodromy(system, run))
+    away = 1e-4 * directions[:, abs(values).argmax()].real / abs(directions).max()
+    begun = cycle.moved(system, run.q[0], run.v[0], away)
+    beside = integrate(system, *begun, run.times, coupled.method_of(found.model))
+    ends = [cycle.coordinates(system, each.q[-1], each.v[-1]) for each in (beside, run)]
+    assert ends[0] - ends[1] == pytest.approx(expected * away, rel=0, abs=2e-3 * abs(away).max())
+
+    found, _ = periodic(monkeypatch, "pulsating-strut", "solve.modes=1", stable)
+    assert found.outcome is Outcome.COMPLETED and found.message == "completed"
 
 
 def test_none_where_more_than_shapes_is_free():

@@ -232,6 +232,7 @@ def run(
 def _report(summary: Summary, folder: Path) -> None:
     from kaneflex.report.tables import (
         contact_table,
+        ending,
         envelope_table,
         friction_table,
         run_lines,
@@ -256,7 +257,7 @@ def _report(summary: Summary, folder: Path) -> None:
     for warning in summary.warnings:
         click.echo(f"Warning: {warning}", err=True)
     if summary.outcome != "completed":
-        click.echo(f"Stopped early: {summary.message}", err=True)
+        click.echo(ending(summary), err=True)
 
 
 @main.command()

@@ -15,6 +15,7 @@ from kaneflex.integrate.streams import TimeSegments
 Maps = tuple[TimeSegments, np.ndarray, np.ndarray]
 """The segments of a cycle, and what each makes of a state, x -> A x + b: shapes (LANES, size, size), (LANES, size)."""
 
+_GROWS = 1e6  # in a cycle, of which rounding becomes 1e-10
 _UNSTABLE = 1e-6  # growth in a cycle that steps of finite length explain (1e-7 on the undamped engine at 1440 steps)
 _MOST_NUMBERS = 3e7  # in the states of all lanes: 240 MB
 LONGEST_STEP = 1e4  # of a cycle that is cut, times the fastest vibration's 1 / omega
@@ -55,14 +56,16 @@ def periodic_state(setup: Setup, period_steps: int) -> Beginning:
 
     x is the state in the units of `Setup.scales`, with the method's own accelerations where it carries them: what is
     found then repeats itself to rounding, whatever the step. `multipliers` are the 2 n eigenvalues of Phi of largest
-    modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2.
+    modulus; more are the method's own. Floquet's theory: Nayfeh and Mook 1979, section 5.2. A motion whose
+    disturbances grow is found, too, unless rounding would leave nothing of it by the end of the cycle.
     """
     cycle = over_a_cycle(setup, period_steps)
     if cycle.outcome is not Outcome.COMPLETED:
         return Beginning(None, None, cycle.outcome, cycle.message)
     multipliers = leading(np.linalg.eigvals(cycle.monodromy), setup.system.n)
     outcome, message = _verdict(multipliers, _blur(setup, period_steps))
-    if outcome is not Outcome.COMPLETED:
+    unstable = outcome is Outcome.UNSTABLE and abs(multipliers[0]) < _GROWS
+    if outcome is not Outcome.COMPLETED and not unstable:
         return Beginning(None, multipliers, outcome, message)
     x = np.linalg.solve(np.eye(len(cycle.forced)) - cycle.monodromy, cycle.forced)
     return Beginning(states_of(setup, x[None, :]), multipliers, outcome, message, cycle.segments)
@@ -199,13 +202,16 @@ def _verdict(multipliers: np.ndarray, blur: float) -> tuple[Outcome, str]:
         reason = f"{_multiplier_text(largest)}, to the rounding of steps that are far longer than the fastest periods"
         return outcome, f"{outcome.value}: {reason}; {cure}"
     if abs(largest) > 1.0 + _UNSTABLE:
-        outcome = Outcome.UNSTABLE
-        modulus = f" of modulus {abs(largest):.9g}" if largest.imag else ""
-        multiplier = f"Floquet multiplier {_multiplier_text(largest)}{modulus}"
-        return outcome, f"{outcome.value}: {multiplier} exceeds one"
+        return Outcome.UNSTABLE, exceeds_one(largest)
     if abs(largest) > 1.0 - _UNSTABLE:
         return Outcome.COMPLETED, "neutrally stable: the slowest disturbance neither grows nor dies in these steps"
     return Outcome.COMPLETED, ""
+
+
+def exceeds_one(multiplier: complex) -> str:
+    """What is said of a cycle with such a Floquet multiplier."""
+    modulus = f" of modulus {abs(multiplier):.9g}" if multiplier.imag else ""
+    return f"{Outcome.UNSTABLE.value}: Floquet multiplier {_multiplier_text(multiplier)}{modulus} exceeds one"
 
 
 def _multiplier_text(multiplier: complex) -> str:

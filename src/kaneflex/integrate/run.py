@@ -19,6 +19,8 @@ from kaneflex.integrate.streams import CoefficientStream, Table, one_after_the_o
 from kaneflex.integrate.system import AffineSystem
 from kaneflex.support.errors import UserError
 
+LEFT = "; what is shown is the periodic motion, which any disturbance leaves"
+"""Said of a cycle that repeats, and whose disturbances grow."""
 _CLEAR, _SQUARED = 0.5, 4
 """What is left of a disturbance after a cycle from which on held equations don't tell whether it grows; as often the
 matrix of a cycle is squared to see it."""
@@ -63,8 +65,8 @@ def integrate(run: Run, progress: Progress | None = None) -> Trajectory:
     progress: called with the finished share of the work, first of the periodic start, then of the run.
 
     A run that grows beyond all bounds or meets a singular step stops there with a named outcome; so does a
-    periodic start without a periodic state, or with one that repels its neighbours. Raises UserError for
-    arguments that can't be used, and for a table that holds a number that is not finite.
+    periodic start without a periodic state. One that repels its neighbours is shown for its cycle, with that outcome.
+    Raises UserError for arguments that can't be used, and for a table that holds a number that is not finite.
     """
     chosen = method_named(run.method)
     check_arguments(run)
@@ -95,7 +97,7 @@ def _spectral(run: Run, progress: Progress | None) -> Trajectory:
         return replace(integrate(replace(run, method="radau"), progress), solver=f"radau, in steps: {orbit.reason}")
     outcome, message, multipliers = _judged(run, orbit, progress)
     if outcome is Outcome.UNSTABLE:
-        message += "; what is shown is the periodic motion, which any disturbance leaves"
+        message += LEFT
     elif outcome is not Outcome.COMPLETED:
         found = integrate(replace(run, method="radau"), progress)
         return replace(found, solver="radau, in steps: they leave open whether the motion is stable")
@@ -171,7 +173,7 @@ def _naming_the_steps(found: Beginning, run: Run) -> Beginning:
         f"unstable steps: those of {run.method} let a disturbance grow by {growth:.4g} in a cycle, the "
         "machine does not; take integrator radau, or more steps"
     )
-    return replace(found, message=message)
+    return replace(found, state=None, message=message)
 
 
 def set_up(run: Run, progress: Progress | None = None) -> Setup:
@@ -212,14 +214,16 @@ def _started(setup: Setup, z: np.ndarray, v: np.ndarray) -> Beginning:
 
 
 def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajectory:
-    message = "; ".join(filter(None, (Outcome.COMPLETED.value, beginning.message)))
+    outcome, message = beginning.outcome, beginning.message + LEFT
+    if outcome is Outcome.COMPLETED:
+        message = "; ".join(filter(None, (outcome.value, beginning.message)))
     t0, step = setup.stream.t0, setup.stream.step
     rows = n_steps // every + 1
     cycle = repeated(setup, beginning)
     if cycle is not None:
         motion, ns_per_step = cycle
         steps = every * np.arange(rows)
-        ended = (Outcome.COMPLETED, message, beginning.multipliers)
+        ended = (outcome, message, beginning.multipliers)
         return Trajectory(t0 + step * steps, *(each[steps % len(each)] for each in motion), *ended, ns_per_step)
     state = beginning.state
     setup.consistent(state, np.ones(1))
@@ -232,7 +236,7 @@ def _run(setup: Setup, beginning: Beginning, n_steps: int, every: int) -> Trajec
         rows = max(advanced.steps - 1, 0) // every + 1
         rows = int(np.logical_and.accumulate(np.isfinite(np.hstack(stored)[:rows]).all(axis=1)).sum())
     times = t0 + step * (every * np.arange(rows))
-    ended = (advanced.outcome, message, beginning.multipliers)
+    ended = (advanced.outcome if advanced.outcome is not Outcome.COMPLETED else outcome, message, beginning.multipliers)
     return Trajectory(times, *(out[:rows] for out in stored), *ended, advanced.ns_per_step)
 
 

@@ -131,31 +131,39 @@ class Engine:
         """
         self.openings(t)
         plan, n, rows = self.tables.plan, self.size, self.count(at.REACTIONS)
-        G = self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)
         joints, shapes = self._free_columns
+        # Few numbers: numpy's calls would take longer than the work.
+        G = (self.numbers(at.GRADIENT, rows * n).reshape(rows, n) * self.numbers(at.MEASURE, n)).tolist()
         cut_rows = self.count(at.JOINT_ROWS)
         resting = self._rest()
         kept: list[int] = []
         dependent: list[int] = []
         dropped: list[int] = []
         # A shape counts as its largest share, however it was scaled: one that only turns the nodes has huge ones.
-        G[:, shapes] /= np.maximum(abs(G[:, shapes]).max(axis=0, initial=0.0), 1e-300)
-        G /= np.maximum(abs(G[:, joints]).max(axis=1, initial=0.0), _RANK)[:, None]
+        largest = [max(abs(row[k]) for row in G) if G else 1.0 for k in shapes]
+        for row in G:
+            most = max([_RANK, *(abs(row[k]) for k in joints)])
+            for k, share in zip(shapes, largest, strict=True):
+                row[k] /= max(share, 1e-300)
+            row[:] = [value / most for value in row]
         others = [k for k in joints if k not in spared]
         # Impacts need the cuts by themselves.
         for left, later in ((list(range(cut_rows)), list(resting)), (list(resting), [])):
             for columns, least in ((others, _FIRM), (joints, _FIRM), (joints + shapes, _RANK)):
                 columns = [k for k in columns if k not in dependent]
                 while left and columns:
-                    part = abs(G[left][:, columns])
-                    i, j = divmod(int(part.argmax()), len(columns))
-                    if part[i, j] < least:
+                    size, i, j = max((abs(G[i][j]), -i, -j) for i in left for j in columns)
+                    if size < least:
                         break
-                    row, column = left.pop(i), columns.pop(j)
-                    kept.append(row)
-                    dependent.append(column)
+                    i, j = -i, -j
+                    left.remove(i)
+                    columns.remove(j)
+                    kept.append(i)
+                    dependent.append(j)
+                    pivot = G[i]
                     for other in left + later:
-                        G[other] -= G[other, column] / G[row, column] * G[row]
+                        share = G[other][j] / pivot[j]
+                        G[other] = [a - share * b for a, b in zip(G[other], pivot, strict=True)]
             dropped += left
         chosen = sorted(zip(kept, dependent, strict=True))
         acts = self.tables.acts[: self.count(at.DRIVES), at.ROW_AT].tolist()
@@ -347,7 +355,7 @@ def _by_address(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return value
     assert value.flags.c_contiguous
-    return value.ctypes.data
+    return value.__array_interface__["data"][0]  # in a third of the time that .ctypes.data takes
 
 
 def build_engine(mechanism: NumericMechanism, module: Any, blocks: Any, p: np.ndarray) -> Engine:

@@ -55,6 +55,8 @@ class CoupledTrajectory:
         The same of frictions.
     standing : ndarray (n_times, standing) or None
         How contacts and frictions stand, see ``Engine.standing``.
+    floquet : ndarray or None
+        Floquet multipliers of a cycle, by decreasing modulus, where they were asked for.
     """
 
     times: np.ndarray
@@ -74,6 +76,7 @@ class CoupledTrajectory:
     contacts: impacts.ContactRecord | None = None
     frictions: rubbing.FrictionRecord | None = None
     standing: np.ndarray | None = None
+    floquet: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

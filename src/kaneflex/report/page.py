@@ -17,6 +17,7 @@ import numpy as np
 from kaneflex.report.presentation import modelled
 from kaneflex.report.tables import (
     contact_table,
+    ending,
     friction_table,
     run_lines,
     sensitivity_table,
@@ -73,7 +74,7 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def _warnings(summary: Summary) -> str:
-    stopped = "" if summary.outcome == "completed" else f"Stopped early: {summary.message}"
+    stopped = ending(summary)
     kinds = [("warning stopped", stopped)] * bool(stopped) + [("warning", text) for text in summary.warnings]
     return "".join(f'<div class="{kind}">{escape(text)}</div>' for kind, text in kinds)
 

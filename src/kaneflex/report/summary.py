@@ -154,7 +154,7 @@ def summarise(solution: Solution, settings: Sequence[str] = (), choice: Choice |
 
     model, trajectory = solution.model, solution.trajectory
     seconds, times = model.seconds, solution.times
-    multipliers = trajectory.multipliers if model.coupled is None else None
+    multipliers = solution.multipliers
     return Summary(
         schema_version=SCHEMA_VERSION,
         kaneflex=kaneflex.__version__,

@@ -138,7 +138,7 @@ def run_lines(summary: Summary) -> str:
         parts.append(f"{timing.ns_per_step:.0f} ns a step" if timing.ns_per_step < 1e6
                      else f"{1e-6 * timing.ns_per_step:.3g} ms a step")  # fmt: skip
     steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
-    if summary.outcome != "completed":
+    if summary.outcome != "completed" and not _is_whole(summary):
         steps = f"{summary.steps} steps asked for, {_reached(summary)}"
     solver = f"{summary.solver}\n" if summary.solver else ""
     return (
@@ -146,6 +146,19 @@ def run_lines(summary: Summary) -> str:
         f"{summary.modes_kept} coordinates solved for, {steps}\n"
         f"{solver}{', '.join(parts)}"
     )
+
+
+def ending(summary: Summary) -> str:
+    """How a run ended that was not completed, in a sentence; nothing of others."""
+    if summary.outcome == "completed":
+        return ""
+    # a whole cycle, which any disturbance leaves
+    said = summary.message
+    return said[:1].upper() + said[1:] if _is_whole(summary) else f"Stopped early: {said}"
+
+
+def _is_whole(summary: Summary) -> bool:
+    return summary.duration_s > (1.0 - 1e-9) * summary.steps * summary.step_s
 
 
 def _reached(summary: Summary) -> str:

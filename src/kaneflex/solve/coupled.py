@@ -11,11 +11,13 @@ from functools import partial
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
+from kaneflex.integrate.periodic import exceeds_one
+from kaneflex.integrate.run import LEFT
 from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
-from kaneflex.multibody.returning import returning
+from kaneflex.multibody.returning import Returning, returning
 from kaneflex.multibody.rigid_twin import FollowedKinematics, TwinKinematics
 from kaneflex.multibody.run import CoupledTrajectory, Method, integrate, rigid_state, rigid_states
 from kaneflex.multibody.system import CoupledSystem
@@ -36,6 +38,7 @@ _REPEATS = 1e-5
 
 _HARMONICS = 1e-6
 """The same of a start that is found by harmonics."""
+_UNKNOWN = "whether disturbances grow is not known"
 
 
 def simulate_coupled(
@@ -206,7 +209,7 @@ def _periodic(
     The first one does where it begins on the motion's harmonics.
 
     The tangent is that of the first cycle, mended by every further one (Broyden 1965); where it is none, or leads away,
-    a cycle goes on from the end of the last one.
+    a cycle goes on from the end of the last one. What is found says whether disturbances of it grow.
     """
     modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
     turns = np.array([k + 2 for k in system.start.values()])
@@ -226,7 +229,7 @@ def _periodic(
         if change <= _REPEATS * abs(found.q[:, modal]).max(initial=0.0):
             if progress is not None:
                 progress(1.0)
-            return found
+            return _judged(system, cycle, found)
         if progress is not None:
             progress(count / _CYCLES)
         last, missed = missed, cycle.missed(system, found)
@@ -244,3 +247,20 @@ def _periodic(
     message = f"no periodic state: the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
     assert found is not None
     return replace(found, outcome=Outcome.NO_PERIODIC_STATE, message=message)
+
+
+def _judged(system: CoupledSystem, cycle: Returning, found: CoupledTrajectory) -> CoupledTrajectory:
+    """A cycle that repeats, with its Floquet multipliers and what they say of its disturbances."""
+    if len(system.engine.contacts) or len(system.engine.holds):
+        return replace(found, message=f"{found.message}; {_UNKNOWN}: contacts and friction leave it open")
+    try:
+        multipliers, off = cycle.multipliers(system, found)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return replace(found, message=f"{found.message}; {_UNKNOWN}: the equations beside it have no solution")
+    found, largest = replace(found, floquet=multipliers), float(abs(multipliers[0]))
+    if largest > 1.0 + 4.0 * off:
+        return replace(found, outcome=Outcome.UNSTABLE, message=exceeds_one(multipliers[0]) + LEFT)
+    if largest < 1.0 - 4.0 * off:
+        return found
+    near = f"the largest Floquet multiplier is 1 within {max(off, abs(largest - 1.0)):.1g}"
+    return replace(found, message=f"{found.message}; {_UNKNOWN}: {near}")

@@ -103,6 +103,12 @@ class Solution:
         """How the run ended in words, with the time and the reason where it stopped early."""
         return self.trajectory.message
 
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """Floquet multipliers of a periodic motion (2 n,), by decreasing modulus; None where they are not known."""
+        own = self.trajectory
+        return own.multipliers if isinstance(own, Trajectory) else own.floquet
+
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What to know before trusting the numbers: of the model, then of the run; of all of it for a part of it."""
@@ -238,8 +244,10 @@ class Solution:
         """Least, greatest, mean and root mean square of a series of :attr:`series` over the stored times.
 
         The greatest of a contact's force or torque is that of its impacts, which may lie between stored times, at the
-        nearest of them.
+        nearest of them. Raises ValueError where a run stopped before its first instant.
         """
+        if not len(self.times):
+            raise ValueError(f"{name} has no values: {self.message}")
         found = self._statistics[name]
         sensor = self.model.scene.sensors.get(name)
         contact = sensor and (sensor.contact_force or sensor.contact_torque)
