@@ -85,7 +85,8 @@ def test_every_dependency_is_declared_and_every_declared_one_is_imported():
     used -= {*sys.stdlib_module_names, "kaneflex"}
     extras = PYPROJECT["project"]["optional-dependencies"]
     entries = [*PYPROJECT["project"]["dependencies"]]
-    entries += [entry for extra in ("peer", "cluster", "zarr", "vtk", "mp4", "nastran") for entry in extras[extra]]
+    imported = ("peer", "cluster", "zarr", "vtk", "mp4", "nastran", "uff")
+    entries += [entry for extra in imported for entry in extras[extra]]
     declared = {re.split(r"[^\w-]", entry)[0].replace("-", "_") for entry in entries}
     # matplotlib asks for pillow by itself, when it writes a GIF
     assert used == declared - {"pillow"}

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import BSpline, CubicSpline
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.sparse import bmat, csc_array
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
@@ -27,6 +27,8 @@ from kaneflex.support.errors import Fault
 
 _DEGREE, _PIECES, _FINE = 5, 12, 4001
 """Of the spline that is the mean line, and the places at which its slopes are multiplied."""
+_FEW = 100
+"""Coordinates of which all modes are found at once."""
 _NOTHING = 1e-9
 """Share of the largest stiffness, or of a shape's mass, that is none."""
 
@@ -43,12 +45,13 @@ class Reduced:
 def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     """Static shapes of a link's points and so many modes with the points held. Raises Fault where it has fewer."""
     T = link.basis(motion, rigid)
-    K, M = (csc_array(T.T @ A @ T) for A in (link.K, link.M))
+    K, M = (csc_array(T.T @ (A @ T)) for A in (link.K, link.M))
     rows = np.array([link.means(name)[0 if motion == "axial" else 1] for name in link.points])
     B = rows @ T
     count, held = K.shape[0], len(B)
-    if modes > count - held - 1:
-        raise Fault(f"{modes} {motion} modes of {count - held} held coordinates", "Ask for fewer, or a finer mesh")
+    if modes > count - held - (count > _FEW):
+        cure = "Ask for fewer, or give a finer mesh" if link.span is None else "Ask for fewer, or give more modes"
+        raise Fault(f"{modes} {motion} modes of {count - held} held coordinates", cure)
     scale = abs(K).max()
     factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))
 
@@ -59,6 +62,10 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     # Across, what the ends do by themselves is a motion of the whole link.
     sides = scale * np.eye(count + held)[:, count:][:, moved]
     static = factors.solve(sides)[:count]
+    if count <= _FEW:
+        free = null_space(B)
+        dynamic = free @ eigh(free.T @ K @ free, free.T @ M @ free)[1][:, :modes]
+        return _orthogonal(link, motion, T @ np.hstack([static, dynamic]))
     answer = LinearOperator((count, count), matvec=lambda load: solved(np.ravel(load)), dtype=float)
     first = np.random.default_rng(0).standard_normal(count)
     try:
@@ -73,7 +80,7 @@ def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
     if motion == "axial":  # in the mean over the mass
         along = link.field(1.0, 0.0)
         shapes = shapes - np.outer(along, along @ link.M @ shapes) / (along @ link.M @ along)
-    mass, stiffness = (shapes.T @ A @ shapes for A in (link.M, link.K))
+    mass, stiffness = (shapes.T @ (A @ shapes) for A in (link.M, link.K))
     size = np.sqrt(np.diag(mass))
     kept = size > _NOTHING * size.max()
     mass, stiffness, shapes = mass[np.ix_(kept, kept)], stiffness[np.ix_(kept, kept)], shapes[:, kept] / size[kept]
@@ -135,6 +142,9 @@ def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict
     means = [link.means(name) for name in link.points]
     rows = zip(*means, strict=True)
     moved = [np.array(part) @ shapes for part, shapes in zip(rows, (s, w, w), strict=True)]
+    for k, name in enumerate(link.points):
+        if len(link.points[name]) == 1:  # a node alone has no turn but that of the mean line
+            moved[2][k] = line.slope(X[k])
     if "mid" not in link.points:
         middle = np.array([link.length / 2])
         names, X = [*names, "mid"], np.concatenate([X, middle])

@@ -4,12 +4,14 @@ The matrices are those of the whole link, nothing of it held: translations of th
 order of the nodes. A link of the plane is its own mirror image in that plane and across its axis, as beams are: then
 its motions part into axial ones, u even and v odd in Y, and transverse ones, u odd and v even, both with w odd in Z.
 What matrices lack of that symmetry is averaged over, which is a Ritz approximation like the mesh itself.
+
+Of a link whose stiffness only its modes know, displacements are those of the modes and of the link as a whole.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -17,16 +19,33 @@ from scipy.sparse import coo_array, csc_array, eye_array, hstack, kron
 from scipy.spatial import cKDTree
 
 from kaneflex.fem.matrices import read_matrix, read_table
+from kaneflex.fem.modal_files import Modes, has_modes, read_modes
 from kaneflex.support.errors import Fault
 
 _STILL = 1e-6
 """Share of the stiffness by which a rigid motion may be resisted."""
 _OPPOSITE = 1e-6
 """Share of the link's length by which a node may miss its mirror image, and the ends the plane."""
+_ALIKE = 1e-6
+"""Share of the largest displacement that is another one's rounding."""
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
 """Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
 
 Motion = Literal["axial", "transverse"]
+
+
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """The stiffness [N/m] of what a displacement has of some modes.
+
+    ``onto`` (n_modes, n_nodes d): how much of each mode is in it, by the mass; ``stiffness`` (n_modes, n_modes).
+    """
+
+    onto: np.ndarray
+    stiffness: np.ndarray
+
+    def __matmul__(self, displacements):
+        return self.onto.T @ (self.stiffness @ (self.onto @ displacements))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +55,20 @@ class Foreign:
     Attributes
     ----------
     M, K : csc_array (n_nodes d, n_nodes d)
-        Mass [kg] and stiffness [N/m], d translations a node.
+        Mass [kg] and stiffness [N/m], d translations a node; the latter :class:`Projected` where only modes are known.
     nodes : ndarray (n_nodes, d)
         Places from the start [m].
     points : mapping of str
         Name of each point -> the nodes that belong to it; `start` and `end` are among them.
+    span : ndarray (n_nodes d, m) or None
+        Displacements that all others are sums of, where modes are all there is.
     """
 
     M: csc_array
-    K: csc_array
+    K: csc_array | Projected
     nodes: np.ndarray
     points: Mapping[str, np.ndarray]
+    span: np.ndarray | None = None
 
     @property
     def axes(self) -> int:
@@ -84,6 +106,11 @@ class Foreign:
 
     def basis(self, motion: Motion, rigid: bool) -> csc_array:
         """Displacements of that symmetry, (n_nodes d, m), orthogonal; ``rigid``: a point's nodes move as one (RBE2)."""
+        if self.span is not None:
+            if rigid:
+                raise Fault("modes know how the nodes of a point move, not that they move as one",
+                            "Take --coupling averaged")  # fmt: skip
+            return self._spanned(motion)
         found = self._symmetric(motion)
         if not rigid:
             return found
@@ -100,6 +127,16 @@ class Foreign:
         touched = np.asarray(abs(found)[np.repeat(held, self.axes)].sum(axis=0)).ravel() > 0.0
         loose = found[:, np.flatnonzero(~touched)]
         return csc_array(hstack([loose, coo_array(np.array(own).T)]))
+
+    def _spanned(self, motion: Motion) -> csc_array:
+        """The part of that symmetry of what the modes span."""
+        assert self.span is not None  # or there is no need to ask
+        whole = self.span.reshape(len(self.nodes), self.axes, -1)
+        for mirror, own in ((1, 0), (2, 1))[: self.axes - 1]:
+            signs = np.array([of[own] for of in _PARITY[motion]])[: self.axes]
+            whole = 0.5 * (whole + signs[:, None] * whole[self._mirrored(mirror)])
+        found, sizes, _ = np.linalg.svd(whole.reshape(len(self.nodes) * self.axes, -1), full_matrices=False)
+        return csc_array(found[:, sizes > _ALIKE * sizes[0]])
 
     def _symmetric(self, motion: Motion) -> csc_array:
         signs, count, d = _PARITY[motion], len(self.nodes), self.axes
@@ -146,9 +183,10 @@ def read_foreign(
     Parameters
     ----------
     mass, stiffness : str
-        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one.
+        Files that :mod:`kaneflex.fem.matrices` reads; both matrices may be in one. The latter may be one of modes, see
+        :mod:`kaneflex.fem.modal_files`.
     nodes : str
-        A text file with a line for each node: its number, then its coordinates.
+        A text file with a line for each node: its number, then its coordinates; or one of modes.
     points : mapping of str
         Name of a point -> a text file of the numbers of its nodes; ``start`` and ``end`` are needed.
     units : pair of float
@@ -163,7 +201,9 @@ def read_foreign(
     """
     length, weight = units
     numbers, at = _nodes(nodes)
-    M, K = (read_matrix(path, numbers, first) * weight for path, first in ((mass, "m"), (stiffness, "k")))
+    M = read_matrix(mass, numbers, "m") * weight
+    modes = read_modes(stiffness) if has_modes(stiffness) else None
+    K = None if modes is not None else read_matrix(stiffness, numbers, "k") * weight
     chosen = {name: _chosen(path, numbers) for name, path in points.items()}
     for name in ("start", "end"):
         if name not in chosen:
@@ -171,15 +211,37 @@ def read_foreign(
     place, turn = _frame(length * at, chosen, np.array(normal, float))
     d = M.shape[0] // len(at)
     turned = csc_array(kron(eye_array(len(at)), turn[:d, :d]))
-    found = Foreign(
-        csc_array(turned @ M @ turned.T), csc_array(turned @ K @ turned.T), place[:, :d], chosen
-    )
+    M, place = csc_array(turned @ M @ turned.T), place[:, :d]
+    if K is not None:
+        found = Foreign(M, csc_array(turned @ K @ turned.T), place, chosen)
+    else:
+        assert modes is not None
+        found = _of_modes(Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen), modes, stiffness, numbers, turned)
     _check(found, mass, stiffness)
     return found
 
 
+def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turned: csc_array) -> Foreign:
+    """A link with the stiffness of its modes, which are in the axes and the order of their file."""
+    rows = {int(number): row for row, number in enumerate(modes.numbers)}
+    absent = [number for number in numbers.tolist() if number not in rows]
+    if absent:
+        raise Fault(f"{path} does not say how node {absent[0]} moves", "Give the modes of all nodes")
+    order = [rows[number] for number in numbers.tolist()]
+    own = replace(modes, numbers=numbers, shapes=modes.shapes[order])
+    stiffness = own.stiffness_by(turned.T @ link.M @ turned)
+    x, y = link.nodes[:, 0], link.nodes[:, 1]
+    whole = [link.field(1.0, 0.0), link.field(0.0, 1.0), link.field(-y, x) / link.length]
+    span = np.column_stack([*whole, turned @ own.translations(link.axes)])
+    onto = np.linalg.pinv(span.T @ link.M @ span, rcond=_ALIKE**2, hermitian=True) @ (link.M @ span).T
+    return replace(link, K=Projected(onto[len(whole) :], stiffness), span=span)
+
+
 def _nodes(path: str) -> tuple[np.ndarray, np.ndarray]:
     """Numbers and coordinates (n_nodes, 3) of the nodes."""
+    if has_modes(path):
+        modes = read_modes(path)
+        return modes.numbers, modes.nodes
     table = read_table(path)
     if table.shape[1] not in (3, 4):
         raise Fault(f"{path} has {table.shape[1]} columns", "Give a node's number, then its two or three coordinates")
@@ -223,6 +285,8 @@ def _check(found: Foreign, mass: str, stiffness: str) -> None:
     total = along @ found.M @ along
     if not total > 0.0:
         raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give one that is above zero")
+    if isinstance(found.K, Projected):  # which motions of the whole link are no part of
+        return
     scale = abs(found.K).max()
     for name, motion in (("along its axis", along), ("across", across), ("turning", turn / found.length)):
         left = abs(found.K @ motion).max()

@@ -6,6 +6,7 @@ A file says by its first lines or its ending what it is:
 - Abaqus ``*MATRIX OUTPUT, FORMAT=MATRIX INPUT``: lines of node, direction, node, direction, value;
 - CalculiX ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: lines of row, column, value in job.sti and job.mas, and in job.dof the
   node and the direction of each row;
+- MBDyn's ``.fem``: the diagonal of its lumped mass;
 - Nastran's OUTPUT4 (``.op4``), six motions of each grid point in the order of their numbers, and DMIG cards of a punch
   file (``.pch``), both by pyYeti.
 """
@@ -20,6 +21,7 @@ import numpy as np
 from scipy.io import mmread
 from scipy.sparse import coo_array, csc_array, diags_array
 
+from kaneflex.fem.modal_files import has_modes, read_modes
 from kaneflex.support.errors import Fault
 from kaneflex.support.reading import check_file
 
@@ -88,6 +90,8 @@ def _reader(path: str) -> Callable[[str, np.ndarray, str], tuple[csc_array, Labe
     by_ending = {".op4": _output4, ".pch": _punched, ".sti": _calculix, ".mas": _calculix}
     if (ending := Path(path).suffix.lower()) in by_ending:
         return by_ending[ending]
+    if has_modes(path):
+        return _lumped
     with Path(path).open("rb") as file:
         return _matrix_market if file.read(2) == b"%%" else _abaqus
 
@@ -132,6 +136,14 @@ def _calculix(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, La
         raise Fault(f"{path} and {names} don't belong together", "Give the files of one run of CalculiX")
     at = table[:, :2].astype(np.int64) - 1
     return _halved(at[:, 0], at[:, 1], table[:, 2], len(rows)), (rows[:, 0], rows[:, 1])
+
+
+def _lumped(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:
+    found = read_modes(path)
+    if found.lumped is None:
+        cure = "Give a file of the mass matrix, or of MBDyn with record group 11"
+        raise Fault(f"{path} holds modes and no mass of its nodes", cure)
+    return csc_array(diags_array(found.lumped.ravel())), _one_after_the_other(found.numbers, _DIRECTIONS)
 
 
 def _output4(path: str, numbers: np.ndarray, first: str) -> tuple[csc_array, Labels]:

@@ -1,0 +1,147 @@
+"""Links from modes: files of MBDyn and universal files, beside the same link from its matrices."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+from scipy.io import mmread
+from scipy.sparse.linalg import eigsh
+
+from kaneflex.fem.craig_bampton import reduced
+from kaneflex.fem.foreign import read_foreign
+from kaneflex.scene.modal_data import read_modal_data
+
+PAGE = (Path(__file__).parent.parent / "docs" / "finite-elements.md").read_text(encoding="utf-8")
+ENDS = {"start": "big-eye.txt", "end": "small-eye.txt"}
+POINTS = [word for name, file in ENDS.items() for word in ("--point", f"{name}={file}")]
+HOW = ["--modes", "3", "--damping", "0.02", "--coupling", "averaged"]
+
+
+def of_mbdyn(path, numbers, nodes, shapes, stiffness, lumped=None):
+    """A file as MBDyn's input manual has it, all numbers of it; a node's rotations are zero."""
+    count = shapes.shape[1]
+    lines = ["** MBDyn MODAL DATA FILE", "** NODE SET \"ALL\"", "**", "** RECORD GROUP 1, HEADER"]
+    lines += ["**   REVISION.  NODE.  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED MODES."]
+    lines += [f"REV0 {len(numbers)} {count} 0 0 0"]
+    lines += ["**", "** RECORD GROUP 2, FINITE ELEMENT NODE LIST"]
+    lines += [" ".join(map(str, part)) for part in np.array_split(numbers, len(numbers) // 6)]
+    for group, name in ((3, "DISPLACEMENTS"), (4, "VELOCITIES")):
+        lines += ["**", f"** RECORD GROUP {group}, INITIAL MODAL {name}", "0. " * count]
+    for k, axis in enumerate("XYZ"):
+        lines += ["**", f"** RECORD GROUP {5 + k}, NODAL {axis} COORDINATES", *(f"{x:.17E}" for x in nodes[:, k])]
+    lines += ["**", "** RECORD GROUP 8, MODE SHAPES"]
+    for k, shape in enumerate(shapes.T):
+        lines += [f"**    NORMAL MODE SHAPE #  {k + 1}"]
+        lines += [" ".join(f"{x:.17E}" for x in (*own, 0.0, 0.0, 0.0)) for own in shape.reshape(-1, 3)]
+    lines += ["**", "** RECORD GROUP 9, MODAL MASS MATRIX", *(" ".join(map(str, row)) for row in np.eye(count))]
+    lines += ["**", "** RECORD GROUP 10, MODAL STIFFNESS MATRIX"]
+    lines += [" ".join(f"{x:.17E}" for x in row) for row in stiffness]
+    if lumped is not None:
+        lines += ["**", "** RECORD GROUP 11, DIAGONAL OF LUMPED MASS MATRIX"]
+        lines += [f"{m:.17E} {m:.17E} {m:.17E} 0. 0. 0." for m in lumped]
+    Path(path).write_text("\n".join([*lines, "**"]) + "\n")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def bar(tmp_path_factory, peer):
+    """The page's bar, in a folder with its matrices, files of its modes and what is imported of its matrices."""
+    peer("skfem")
+    pyuff = peer("pyuff")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("modes"))
+        exec(re.search(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)[1], {})
+        M, K, table = mmread("rod-mass.mtx").tocsc(), mmread("rod-stiffness.mtx").tocsc(), np.loadtxt("rod-nodes.txt")
+        numbers, nodes = table[:, 0].astype(int), table[:, 1:]
+
+        link = read_foreign("rod-mass.mtx", "rod-stiffness.mtx", "rod-nodes.txt", ENDS)
+        kinds = (reduced(link, "axial", 2, False), reduced(link, "transverse", 3, False))
+        shapes = np.hstack([own.shapes for own in kinds])  # in the files' own axes: X along the bar, from its start
+        lumped = M.diagonal().reshape(-1, 3)[:, 0]
+        lumped = lumped * (M.sum() / 3) / lumped.sum()  # Hinton, Rock & Zienkiewicz 1976
+        of_mbdyn("rod.fem", numbers, nodes, shapes, shapes.T @ K @ shapes, lumped)
+        of_mbdyn("massless.fem", numbers, nodes, shapes, shapes.T @ K @ shapes)
+
+        squares, modes = eigsh(K, 46, M, sigma=-1e6, v0=np.ones(K.shape[0]))
+        file = pyuff.UFF("rod.unv")
+        one = np.ones(len(numbers), int)
+        file.write_sets({"type": 2411, "node_nums": numbers, "def_cs": one, "disp_cs": one, "color": one,
+                         **dict(zip("xyz", nodes.T, strict=True))}, "overwrite")  # fmt: skip
+        for k, (square, mode) in enumerate(zip(squares, modes.T, strict=True)):
+            u, v, w = mode.reshape(-1, 3).T
+            file.write_sets(pyuff.prepare_55(
+                id1="a", id2="a", id3="a", id4="a", id5="a", model_type=1, analysis_type=2, data_ch=2,
+                spec_data_type=8, data_type=2, n_data_per_node=3, r1=u, r2=v, r3=w, node_nums=numbers, load_case=1,
+                mode_n=k + 1, modal_m=1.0, freq=np.sqrt(max(square, 0.0)) / (2 * np.pi), modal_damp_vis=0.0,
+                modal_damp_his=0.0,
+            ), "add")  # fmt: skip
+        result = cli("import", "rod-mass.mtx", "rod-stiffness.mtx", "rod-nodes.txt", *POINTS, *HOW, "-o", "rod.npz")
+        assert result.exit_code == 0, result.output
+        yield
+
+
+def imported(*files, name):
+    result = cli("import", *files, *POINTS, *HOW, "-o", name)
+    assert result.exit_code == 0, result.output
+    return read_modal_data(name)
+
+
+def omega(data, name):
+    """Circular frequencies of the shapes, which are orthogonal, of one kind [rad/s]."""
+    count = data.counts[0]
+    mass = [np.diag(data.arrays["mass_s_s"]), np.diag(data.arrays["mass_w_w"] + data.arrays["inertia_psi_psi"])]
+    own = slice(None, count) if name == "s" else slice(count, None)
+    return np.sqrt(data.arrays["stiffness"][own] / mass[name == "w"])
+
+
+def test_shapes_of_a_modal_file_are_taken_over():
+    """The mass matrix with the shapes that are imported of both matrices, and their stiffness: the same link."""
+    found, expected = imported("rod-mass.mtx", "rod.fem", "rod.fem", name="shapes.npz"), read_modal_data("rod.npz")
+    for name, array in expected.arrays.items():
+        np.testing.assert_allclose(abs(found.arrays[name]), abs(array), rtol=1e-6, atol=1e-7 * abs(array).max())
+
+
+def test_a_modal_file_alone():
+    """All of it from one file, with its lumped mass, which costs what lumping does to 24 elements of second order."""
+    found, expected = imported("rod.fem", "rod.fem", "rod.fem", name="lumped.npz"), read_modal_data("rod.npz")
+    assert found.rigid[:2] == pytest.approx(expected.rigid[:2], rel=1e-6)
+    assert found.rigid[2] == pytest.approx(expected.rigid[2], rel=2e-3)
+    for kind in "sw":
+        np.testing.assert_allclose(omega(found, kind)[:2], omega(expected, kind)[:2], rtol=1e-2)
+
+
+def test_free_modes_of_a_universal_file():
+    """46 free modes of the mesh, 12 of them across or along: static shapes are what they make of them.
+
+    They are stiffer than all of the mesh (Ritz 1909), the lowest one across by less than 1 %.
+    """
+    found, expected = imported("rod-mass.mtx", "rod.unv", "rod.unv", name="free.npz"), read_modal_data("rod.npz")
+    assert found.rigid == pytest.approx(expected.rigid, rel=1e-6)
+    ratio = omega(found, "w")[:2] / omega(expected, "w")[:2]
+    assert (ratio > 1.0 - 1e-9).all() and ratio[0] < 1.01
+
+
+@pytest.mark.parametrize(
+    "files, more, message",
+    [
+        (("massless.fem", "rod.fem", "rod.fem"), [], "massless.fem holds modes and no mass of its nodes"),
+        (("rod.unv", "rod.unv", "rod.unv"), [], "rod.unv holds modes and no mass of its nodes"),
+        (("rod-mass.mtx", "rod.fem", "rod-nodes.txt"), ["--coupling", "rigid"], "not that they move as one"),
+        (("rod-mass.mtx", "rod.fem", "rod-nodes.txt"), ["--modes", "9"], "Ask for fewer, or give more modes"),
+        (("rod-mass.mtx", "torn.fem", "rod-nodes.txt"), [], "torn.fem has no record group 10, modal stiffness"),
+        (("rod-mass.mtx", "short.fem", "rod-nodes.txt"), [], "short.fem: its record groups don't fit 1225 nodes"),
+        (("rod-mass.mtx", "rod.fem", "more.txt"), [], "rod-mass.mtx has the shape"),
+        (("rod.fem", "rod.fem", "swapped.txt"), [], "rod.fem holds node 1225"),
+        (("rod-mass.mtx", "empty.unv", "rod-nodes.txt"), [], "empty.unv"),
+    ],
+)
+def test_what_is_refused(files, more, message):
+    text = Path("rod.fem").read_text()
+    Path("torn.fem").write_text(text[: text.index("** RECORD GROUP 10")])
+    Path("short.fem").write_text(text.replace("NODAL Y COORDINATES\n", "NODAL Y COORDINATES\n1.0\n"))
+    Path("more.txt").write_text(Path("rod-nodes.txt").read_text() + "4711 0.1 0.2 0.3\n")
+    Path("swapped.txt").write_text(Path("rod-nodes.txt").read_text().replace("1225 ", "4711 "))
+    Path("empty.unv").write_text("\n")
+    refused(cli("import", *files, *POINTS, *HOW, *more, "-o", "other.npz"), message)
+    assert not Path("other.npz").exists()
