@@ -9,7 +9,7 @@ import pytest
 from command_line import cli
 from matplotlib.figure import Figure
 
-from kaneflex.cli.stability import speed_range
+from kaneflex.cli.stability import orders_of, speed_range
 from kaneflex.plots.stability import _over_speed
 from kaneflex.scene import read_scene
 from kaneflex.study.stability.sweep import Sweep
@@ -74,9 +74,19 @@ def test_orders_meet_frequencies():
     """A frequency of 10 Hz meets order k at 10 / k turns a second."""
     speeds, nothing = 2 * np.pi * np.linspace(1.0, 11.5, 50), np.zeros(50)
     level = np.full((50, 1), 10.0)
-    swept = Sweep("main", speeds, nothing, nothing, nothing, level, level, level, ())
-    found = {crossing.order: crossing.speed for crossing in swept.crossings(3)}
-    assert found == {k: pytest.approx(2 * np.pi * 10.0 / k) for k in (1, 2, 3)}
+    swept = Sweep("main", speeds, nothing, nothing, nothing, level, level, level, (), (1.0, 1.5, 3.0))
+    found = {crossing.order: crossing.speed for crossing in swept.crossings()}
+    assert found == {k: pytest.approx(2 * np.pi * 10.0 / k) for k in (1.0, 1.5, 3.0)}
+
+
+@pytest.mark.parametrize("text", ["", "1,,2", "0,1", "-1", "one", "nan", "inf"])
+def test_orders_that_are_none_are_refused(text):
+    with pytest.raises(SceneError, match="not orders above zero"):
+        orders_of(text)
+
+
+def test_orders_are_those_that_are_asked_for():
+    assert orders_of("2, 0.5,1,1") == (0.5, 1.0, 2.0)
 
 
 def test_campbells_diagram_names_its_curves():

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kaneflex.scene import Scene
     from kaneflex.study.stability.report import Stability
 
+LARGEST_ORDER = 1e4
 STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds.csv"
 
 
@@ -29,9 +30,13 @@ STABILITY_FILE, CYCLE_FILE, SPEEDS_FILE = "stability.json", "cycle.csv", "speeds
     help="Speeds of the first drive to go through, like 0:12000rpm; plain numbers are SI.",
 )  # fmt: skip
 @click.option("--points", type=click.IntRange(min=2), default=41, show_default=True, help="How many speeds.")
+@click.option(
+    "--orders", metavar="LIST", default="1,2,3,4,5,6", show_default=True,
+    help="Multiples of the drive's turns in Campbell's diagram, like 0.5,1,1.5.",
+)  # fmt: skip
 @folder_options("stability")
 @gathered(asked=SceneArguments, target=Target)
-def stability(asked: SceneArguments, target: Target, speed: str | None, points: int) -> None:
+def stability(asked: SceneArguments, target: Target, speed: str | None, points: int, orders: str) -> None:
     """Judge the stability of SCENE's periodic motion and say a sentence on each finding.
 
     Floquet multipliers, frozen frequencies over the cycle, buckling, the largest stable step of each integrator,
@@ -42,14 +47,24 @@ def stability(asked: SceneArguments, target: Target, speed: str | None, points: 
     from kaneflex.study.stability.report import stability as judged
     from kaneflex.study.stability.sweep import check_sweep, speeds_between
 
-    scene = asked.read()
-    speeds = None
+    multiples, scene, speeds = orders_of(orders), asked.read(), None
     if speed is not None:
         speeds = speeds_between(*speed_range(scene, check_sweep(scene), speed), points)
     target = target.named(scene, "stability")
-    found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage), _write, "stability")
+    found = into(target, STABILITY_FILE, lambda stage: judged(scene, speeds, stage, multiples), _write, "stability")
     click.echo(block("stability", found.findings))
     click.echo(f"Written to {target.folder}")
+
+
+def orders_of(text: str) -> tuple[float, ...]:
+    """Numbers above zero, commas between them, rising and each once. Raises SceneError for anything else."""
+    try:
+        found = sorted({float(part) for part in text.split(",")})
+    except ValueError:
+        found = []
+    if not found or not all(0.0 < order < LARGEST_ORDER for order in found):
+        raise SceneError("--orders", text, "not orders above zero", "Write like 0.5,1,2")
+    return tuple(found)
 
 
 def speed_range(scene: Scene, drive: str, text: str) -> tuple[float, float]:

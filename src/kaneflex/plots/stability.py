@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from kaneflex.plots.style import GREY, PALETTE, new_figure, readable
 from kaneflex.study.stability.report import Stability
-from kaneflex.study.stability.sweep import ORDERS, Sweep
+from kaneflex.study.stability.sweep import Sweep
 
 _LEAST = 1e-3
 """Multiplier under which all disturbances are gone after a period."""
@@ -53,19 +53,21 @@ def _over_speed(campbell: Axes, radii: Axes, swept: Sweep, factor: float, slides
         campbell.fill_between(x, scale * swept.lowest[:, k], scale * swept.highest[:, k], color=colour, alpha=0.25)
         campbell.plot(x, scale * swept.mean[:, k], color=colour)
     # What the orders can't reach is of no use to read where they cross.
-    reach = max(swept.highest[:, :2].max(), ORDERS * swept.speeds[-1] / (2.0 * np.pi))
+    reach = max(swept.highest[:, :2].max(), max(swept.orders) * swept.speeds[-1] / (2.0 * np.pi))
     campbell.set_ylim(0.0, 1.05 * scale * reach)
     for k in range(swept.mean.shape[1]):
         at = k * len(x) // 12  # beside each other, where modes are close
         _name(campbell, f"mode {k + 1}", x[at], scale * swept.mean[at, k], PALETTE[k % len(PALETTE)], above=True)
-    for order in range(1, ORDERS + 1) if not slides else ():
+    for order in swept.orders if not slides else ():
         line = scale * order * swept.speeds / (2.0 * np.pi)
         campbell.plot(x, line, color=GREY, linewidth=0.7, linestyle=(0, (4, 2)))
-        _name(campbell, f"{order}", x[-1], line[-1], "black", above=False)
-    campbell.set_title(f"frozen frequencies over the cycle (shaded), orders 1 to {ORDERS} (dashed)")
+        _name(campbell, f"{order:g}", x[-1], line[-1], "black", above=False)
+    orders = "" if slides else f", orders {', '.join(f'{order:g}' for order in swept.orders)} (dashed)"
+    campbell.set_title(f"frozen frequencies over the cycle (shaded){orders}")
     campbell.set_ylabel(f"[{unit}]")
-    radii.semilogy(x, swept.radii, marker=".", markersize=3)
-    radii.set_ylim(bottom=max(_LEAST, 0.8 * swept.radii.min()))
+    seen = np.maximum(swept.radii, _LEAST)
+    radii.semilogy(x, seen, marker=".", markersize=3)
+    radii.set_ylim(bottom=max(_LEAST, 0.8 * seen.min()))
     radii.axhline(1.0, color=GREY, linewidth=0.8)
     radii.set_title("largest Floquet multiplier, unstable bands shaded")
     for axes in (campbell, radii):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from kaneflex.response.frozen import INSTANTS, Buckling, Frozen, buckling, freez
 from kaneflex.scene import Scene
 from kaneflex.solve.loading import load
 from kaneflex.study.stability.floquet import Multipliers, StepLimit, floquet_multipliers, recommended, step_limits
-from kaneflex.study.stability.sweep import Sweep, check_sweep, sweep
+from kaneflex.study.stability.sweep import ORDERS, Sweep, check_sweep, sweep
 
 FREQUENCIES = 6
 """Lowest frequencies that are followed."""
@@ -77,8 +77,9 @@ class Stability:
 
 
 def stability(
-    scene: Scene, speeds: np.ndarray | None = None, stage: Callable[[str], None] = lambda name: None
-) -> Stability:
+    scene: Scene, speeds: np.ndarray | None = None, stage: Callable[[str], None] = lambda name: None,
+    orders: Sequence[float] = ORDERS,
+) -> Stability:  # fmt: skip
     """Judge the stability of a scene's periodic equations.
 
     Parameters
@@ -88,6 +89,8 @@ def stability(
         Of the first drive, rising, to be gone through as well [rad/s, or m/s of a guide].
     stage : callable
         Called with the name of each stage.
+    orders : sequence of float
+        Multiples of that drive's turns that are held against the frequencies, where there are speeds.
 
     Raises
     ------
@@ -105,7 +108,7 @@ def stability(
     swept = None
     if speeds is not None:
         stage("speeds")
-        swept = sweep(scene, speeds, FREQUENCIES)
+        swept = sweep(scene, speeds, FREQUENCIES, orders=orders)
     highest = frozen.frequencies.max(axis=0)
     lowest = float(highest[highest > 0.0].min(initial=np.inf)) if highest.any() else 0.0
     best = recommended(limits, lowest)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,14 +18,14 @@ from kaneflex.support.errors import SceneError
 _EDGE = 2e-5
 """Share of the sweep's width to which a band's edge is found between two of its speeds."""
 
-ORDERS = 6
+ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 """Engine orders, multiples of the drive's turns, that are held against the frequencies."""
 
 
 class Crossing(NamedTuple):
     """An engine order meets a frequency (the first is 1) at a speed [rad/s]."""
 
-    order: int
+    order: float
     mode: int
     speed: float
 
@@ -49,6 +49,8 @@ class Sweep:
         Of each frozen frequency over the cycle [Hz].
     bands : tuple of (float, float)
         Speeds between which the motion is unstable; a band that the range cuts off ends where the range does.
+    orders : tuple of float
+        Multiples of the drive's turns that are held against the frequencies.
     """
 
     drive: str
@@ -60,10 +62,11 @@ class Sweep:
     mean: np.ndarray
     highest: np.ndarray
     bands: tuple[tuple[float, float], ...]
+    orders: tuple[float, ...] = ORDERS
 
-    def crossings(self, orders: int = ORDERS) -> list[Crossing]:
-        """Where multiples of the drive's turns meet the mean of a frequency, between two speeds by a straight line."""
-        return _crossings(self.speeds, self.mean, orders)
+    def crossings(self) -> list[Crossing]:
+        """Where orders meet the mean of a frequency, between two speeds by a straight line."""
+        return _crossings(self.speeds, self.mean, self.orders)
 
     @property
     def widest_gap(self) -> float:
@@ -71,11 +74,13 @@ class Sweep:
         return float(np.diff(self.speeds).max())
 
 
-def _crossings(speeds: np.ndarray, frequencies: np.ndarray, orders: int, share: float = 1.0) -> list[Crossing]:
+def _crossings(
+    speeds: np.ndarray, frequencies: np.ndarray, orders: Sequence[float], share: float = 1.0
+) -> list[Crossing]:
     """Speeds at which a multiple of the turns meets ``share`` times a frequency, (n_speeds, count) in Hz."""
     found = []
     for mode, own in enumerate(frequencies.T):
-        for order in range(1, orders + 1):
+        for order in orders:
             gap = share * own - order * speeds / (2.0 * np.pi)
             for k in np.flatnonzero((gap[:-1] < 0.0) != (gap[1:] < 0.0)):
                 part = gap[k] / (gap[k] - gap[k + 1])
@@ -111,8 +116,9 @@ def check_sweep(scene: Scene) -> str:
 
 
 def sweep(
-    scene: Scene, speeds: np.ndarray, count: int, progress: Callable[[float], None] = lambda share: None
-) -> Sweep:
+    scene: Scene, speeds: np.ndarray, count: int, progress: Callable[[float], None] = lambda share: None,
+    orders: Sequence[float] = ORDERS,
+) -> Sweep:  # fmt: skip
     """Multipliers and ``count`` lowest frozen frequencies of a scene at some speeds [rad/s or m/s], rising.
 
     Speeds at which a pulsation can excite one of these frequencies are looked at beside them: a band around one may be
@@ -149,7 +155,7 @@ def sweep(
     return Sweep(
         drive, speeds, radii, rates, converged,
         np.array([each.min(axis=0) for each in frozen]), np.array([each.mean(axis=0) for each in frozen]),
-        np.array([each.max(axis=0) for each in frozen]), bands,
+        np.array([each.max(axis=0) for each in frozen]), bands, tuple(orders),
     )  # fmt: skip
 
 
