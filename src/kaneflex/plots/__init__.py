@@ -145,6 +145,7 @@ def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]],
         records,
         sensors,
         spatial,
+        stress,
     )
 
     of_any = (sensors.figures, orders.figures, energy.figures)
@@ -153,5 +154,5 @@ def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]],
         return (*moving, spatial.modes)
     if not _moves(solution):
         return loads.figures, modes.figures
-    kinds = (loads, motion, paths, modes, displacements, clearances, records)
+    kinds = (loads, motion, paths, modes, displacements, stress, clearances, records)
     return (*(kind.figures for kind in kinds), *of_any)

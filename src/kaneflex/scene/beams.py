@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from kaneflex.scene.materials import MATERIALS, Constants, Made
 from kaneflex.scene.profile import Piece, Profile, SpatialProfile
-from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveSecondMoment, WholeNumber
+from kaneflex.scene.quantities import PositiveArea, PositiveLength, PositiveModulus, PositiveSecondMoment, WholeNumber
 from kaneflex.scene.sections import SectionNumbers, Shape, ShearCoefficient, SpatialSectionNumbers
 from kaneflex.support.errors import Fault
 
@@ -76,7 +76,8 @@ class Sectioned(Made):
             return Piece(start, stop, partial(_given, self.kappa), first, last, made_of)
         last = self.section if self.taper is None else self.taper
         shaped = partial(_shaped, self.section, made_of.nu, self.kappa)
-        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of)
+        ends = self.section.dimensions, last.dimensions
+        return Piece(start, stop, shaped, *ends, made_of, heights=(ends[0][0], ends[1][0]))
 
 
     def spatial_piece(self, start: float, stop: float, made_of: Constants, area: float | None = None) -> Piece:
@@ -89,7 +90,8 @@ class Sectioned(Made):
             return Piece(start, stop, numbers, given, given, made_of)
         last = self.section if self.taper is None else self.taper
         shaped = partial(_shaped_in_space, self.section, made_of.nu, self.kappa)
-        return Piece(start, stop, shaped, self.section.dimensions, last.dimensions, made_of)
+        ends = self.section.dimensions, last.dimensions
+        return Piece(start, stop, shaped, *ends, made_of, heights=(ends[0][0], ends[1][0]))
 
 
 _IN_SPACE = ("I_y", "I_z", "J")
@@ -134,7 +136,7 @@ class Beam(Sectioned):
 
     `A` may be left out where the body's mass is given. `theory`: Euler-Bernoulli, with the sections' rotary inertia
     Rayleigh, with shear the shear beam, with both Timoshenko. An `axially_rigid` beam does not stretch. `shapes` are
-    those of preset coupled.
+    those of preset coupled. Nothing is computed with `yield_strength` but shares of it.
     """
 
     segments: dict[str, Segment] = Field(default={})
@@ -142,6 +144,7 @@ class Beam(Sectioned):
     axially_rigid: bool = False
     elements: WholeNumber = 4
     shapes: Literal["craig-bampton", "sine", "clamped-free", "polynomial"] = "craig-bampton"
+    yield_strength: PositiveModulus | None = Field(default=None, description="stress that pictures hold others against")
 
     @model_validator(mode="after")
     def _has_material(self) -> Beam:

@@ -44,7 +44,7 @@ class Inertia(NamedTuple):
 class Piece:
     """A stretch of a beam from `start` to `stop` [m] whose section's dimensions change linearly from end to end.
 
-    `made_of`: its material's constants.
+    `made_of`: its material's constants; `heights` [m] of the section at its ends, None where its shape isn't known.
     """
 
     start: float
@@ -53,6 +53,7 @@ class Piece:
     first: tuple[float, ...]
     last: tuple[float, ...]
     made_of: Constants
+    heights: tuple[float, float] | None = None
 
     def at(self, x: float) -> Any:
         """Numbers of the section at distance x [m] from the beam's start, SectionNumbers or SpatialSectionNumbers."""
@@ -89,6 +90,13 @@ class Stretches:
     def piece_at(self, x: float) -> Piece:
         """The piece at distance x [m] from the start; at a border the one before it."""
         return next(piece for piece in self.pieces if x <= piece.stop or piece is self.pieces[-1])
+
+    def height(self, x: float) -> float | None:
+        """Height of the section at distance x [m] from the start [m], None where its shape isn't known."""
+        piece = self.piece_at(x)
+        if piece.heights is None:
+            return None
+        return float(np.interp(x, (piece.start, piece.stop), piece.heights))
 
     def _gauss(self, a: float, b: float) -> tuple[np.ndarray, np.ndarray]:
         """Points [m] and weights [m] of an exact quadrature from a to b, piece by piece."""
