@@ -150,13 +150,15 @@ def test_slides(peer, tmp_path):
 
 
 def test_moments_of_all_kinds_of_joints(peer, tmp_path):
-    """A universal joint holds one turn, a guide all of them; the shaft's crank turns freely about its x axis alone."""
+    """A universal joint, here askew, holds one turn, a guide all of them; the shaft's crank turns freely about its x
+    axis alone."""
     peer("exudyn")
     asked = {"cross": "xyz", "guide": "xyz", "shaft": "yz"}
     path = tmp_path / "moments.toml"
     sensors = [f'{joint}_{axis} = {{joint_force = "{joint}", component = "angle_{axis}"}}'
                for joint, axes in asked.items() for axis in axes]  # fmt: skip
-    path.write_text('schema = 1\nlike = "spatial-slider-crank"\n[sensors]\n' + "\n".join(sensors) + "\n")
+    askew = "[joints]\ncross = {axes = [[0, 2, -1], [1, 0, 0]]}\n[sensors]\n"
+    path.write_text('schema = 1\nlike = "spatial-slider-crank"\n' + askew + "\n".join(sensors) + "\n")
     found = shares(read_scene(path), 4000)
     assert {f"{joint}_{axis}" for joint, axes in asked.items() for axis in axes} < set(found)
     assert all(share < 2e-3 for share in found.values())
