@@ -39,7 +39,8 @@ def export(asked: SceneArguments, fmi: str, output: Path, force: bool) -> None:
     write_bytes(output, made.content)
     click.echo(f"FMI {fmi}.0, {len(made.outputs)} outputs; can be set: {', '.join(made.inputs) or 'nothing'}")
     if made.unread:
-        click.echo(f"Warning: left out, as they are angles of turned bodies: {', '.join(made.unread)}", err=True)
+        left = ", ".join(made.unread)
+        click.echo(f"Warning: left out, as angles of turned bodies and springs between points are: {left}", err=True)
     if made.compiled_for is None:
         click.echo("Warning: not compiled, as there is no C compiler here: the sources are inside", err=True)
     click.echo(f"Written to {output}")

@@ -145,7 +145,9 @@ class Reader:
             return self._clearance(sensor, address.body)
         if address.body in self.scene.joints:
             return self._joint_coordinate(address.body)
-        return self._component(sensor, self._place(address), self._angle(address))
+        if sensor.component == "angle":
+            return self._angle(address)
+        return self._component(sensor, self._place(address), np.zeros(self.steps))
 
     def _joint_coordinate(self, name: str) -> np.ndarray:
         """Angle of a joint's second body relative to its first [rad], or its slide along a guide [m]."""
