@@ -232,10 +232,10 @@ def _section() -> tuple[emit.Kernel, Program]:
 
 
 _ABOUT = f"""
-A slice of the body stands in its axes at (X - 1/2 H_jk q_j q_k) e_x + N_j q_j, its section turns by psi_j q_j; what is
-summed over the slices is in SINGLE for every shape, in PAIR for every two of them in either order. Behind the pairs are
-the third derivatives of the strain energy, halved, of three shapes each, in which twist couples bending. Axes are
-called {', '.join(XYZ)}; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
+A particle at r of the body stands in its axes at r + N_j q_j + 1/2 G_jk q_j q_k; sums over the mass are in SINGLE for
+every shape, in PAIR for every two of them in either order. Behind the pairs are the third derivatives of the strain
+energy, halved, of three shapes each. A section turns by angles that are linear in q. Axes are called
+{', '.join(XYZ)}; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
 (kaneflex.generated.spatial), which a body of no shapes is.
 """
 _DEMAND = '''@njit(**OPTIONS)

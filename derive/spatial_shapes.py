@@ -1,15 +1,15 @@
 """Kane's equations of a body in space that deforms by shapes, less those of the rigid body that it is without.
 
-A slice of the body stands at the distance X along the body's axis x; with modal coordinates q_j its point moves by the
-shapes N_j(X), the body shortens by both planes of bending, and its section turns by the angles psi_j(X):
+A particle of the body that stands at r in its axes is moved by the shapes N_j(r), whose modal coordinates are q_j, and
+to the second order by G_jk(r), which are symmetric in j and k:
 
-    p = (X - 1/2 H_jk q_j q_k) e_x + N_j q_j,    H_jk(X) = int (v_j' v_k' + w_j' w_k') dX,    theta = psi_j q_j
+    p = r + N_j q_j + 1/2 G_jk q_j q_k
 
-The foreshortening is part of the position before partial velocities are formed (Kane, Ryan & Banerjee 1987), and a
-section turns by bending the shortest way, then about its tangent (:mod:`kaneflex.derive.spatial_slice`). The sum over
-all slices turns products of shapes into moments; products of up to two shapes are kept, H counting for two, so that
-kinetic energy is complete to the second order. As it is linear in the moments, what is kept is still the exact equation
-of a system whose energy has an integral.
+Of a link G has its shortening by bending and what sections that turn far move their fibres by. It is part of the
+position before partial velocities are formed (Kane, Ryan & Banerjee 1987). The sum over all particles turns products of
+these fields into moments; products of up to two shapes are kept, G counting for two, so that kinetic energy is complete
+to the second order. As it is linear in the moments, what is kept is still the exact equation of a system whose energy
+has an integral.
 """
 
 from __future__ import annotations
@@ -18,25 +18,21 @@ from collections.abc import Iterator, Sequence
 from functools import cache, reduce
 
 import sympy as sm
-from sympy.physics.mechanics import KanesMethod, Point, ReferenceFrame, RigidBody, dynamicsymbols, inertia
-
-from kaneflex.derive.spatial_slice import section_angular_velocity, section_rotation
+from sympy.physics.mechanics import KanesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
 
 XYZ = "xyz"
 OMEGA, ACCEL, EPSILON = (sm.symbols(f"{letter}_x {letter}_y {letter}_z") for letter in ("omega", "a", "epsilon"))
 MOTION = (*OMEGA, *ACCEL, *EPSILON)
 """Angular velocity, acceleration of the origin less gravity, angular acceleration, in the body's axes."""
-SINGLE = (
-    *(f"mass_{a}" for a in XYZ), *(f"mass_X_{a}" for a in XYZ), *(f"I_y_{a}" for a in XYZ), *(f"I_z_{a}" for a in XYZ),
-)  # fmt: skip
-"""Moments of one shape: sums over the slices of dm N_a, dm X N_a, dI_y psi_a, dI_z psi_a."""
+SINGLE = (*(f"N_{a}" for a in XYZ), *(f"{a}_N_{b}" for a in XYZ for b in XYZ))
+"""Moments of one shape: sums over the mass of N_a, r_a N_b."""
 PAIR = (
-    *(f"mass_{a}{b}" for a in XYZ for b in XYZ), "mass_H", "mass_X_H",
-    *(f"I_y_{a}{b}" for a in XYZ for b in XYZ), *(f"I_z_{a}{b}" for a in XYZ for b in XYZ),
+    *(f"N_{a}_N_{b}" for a in XYZ for b in XYZ), *(f"G_{a}" for a in XYZ), *(f"{a}_G_{b}" for a in XYZ for b in XYZ),
 )  # fmt: skip
-"""Moments of a pair j, k: of dm N_ja N_kb, dm H_jk, dm X H_jk, dI_y psi_ja psi_kb, dI_z psi_ja psi_kb."""
+"""Moments of a pair j, k: of N_ja N_kb, G_jka, r_a G_jkb."""
 _ORDER = sm.Symbol("order")
-_X, _MASS, _I_Y, _I_Z = sm.symbols("X mass I_y I_z")
+_MASS = sm.Symbol("mass")
+_PLACE = sm.symbols("r_x r_y r_z")
 
 
 def coordinates(j: int) -> tuple[sm.Symbol, sm.Symbol, sm.Symbol]:
@@ -51,19 +47,16 @@ def single(name: str, j: int) -> sm.Symbol:
 
 def pair(name: str, j: int, k: int) -> sm.Symbol:
     """A moment of two shapes; both orders of the same are one symbol."""
-    if j > k:
-        j, k = k, j
-        name = name if name.endswith("H") else name[:-2] + name[:-3:-1]
-    elif j == k and not name.endswith("H"):
-        name = name[:-2] + "".join(sorted(name[-2:]))
-    return sm.Symbol(f"{name}_{j}_{k}")
+    if "G" not in name and (j > k or (j == k and name[2] > name[-1])):
+        name = f"N_{name[-1]}_N_{name[2]}"
+    return sm.Symbol("{}_{}_{}".format(name, *sorted((j, k))))
 
 
 @cache
 def shaped_equations(count: int) -> sm.Matrix:
     """-fr* of a body with so many shapes in moments and MOTION, less that of the same body without: three forces, three
     moments about its origin, then the row of each shape, (6 + count, 1)."""
-    rows = [_orders(row) for row in _of_slice(count)]
+    rows = [_orders(row) for row in _of_particle(count)]
     return sm.Matrix([_summed(first + second, count) for _, first, second in rows])
 
 
@@ -85,37 +78,32 @@ def _times(left: tuple[sm.Expr, ...], right: tuple[sm.Expr, ...]) -> tuple[sm.Ex
     return a * d, a * e + b * d, a * f + b * e + c * d
 
 
-def _of_slice(count: int) -> sm.Matrix:
-    """-fr* of one slice; every shape stands with the symbol _ORDER to the power that it counts for."""
-    N, psi = ([sm.symbols(f"{name}{j}_x {name}{j}_y {name}{j}_z") for j in range(count)] for name in ("N", "psi"))
+def _of_particle(count: int) -> sm.Matrix:
+    """-fr* of one particle; every shape stands with the symbol _ORDER to the power that it counts for."""
     q, rates = ([dynamicsymbols(f"{name}_{j}") for j in range(count)] for name in "qv")
     v, w = dynamicsymbols("v_x v_y v_z"), dynamicsymbols("w_x w_y w_z")
-    inertial, body, section = (ReferenceFrame(name) for name in ("inertial", "body", "section"))
+    inertial, body = ReferenceFrame("inertial"), ReferenceFrame("body")
     origin, point, time = Point("origin"), Point("point"), dynamicsymbols._t
     rate = {c.diff(time): r for c, r in zip(q, rates, strict=True)}
 
     def in_body(components: Sequence[sm.Expr]):
         return sum((c * axis for c, axis in zip(components, body, strict=True)), 0 * body.x)
 
-    def field(shapes: Sequence, factors: Sequence) -> list[sm.Expr]:
-        return [_ORDER * sum((s[i] * c for s, c in zip(shapes, factors, strict=True)), sm.S.Zero) for i in range(3)]
-
-    along, across, aside = field(N, q)
-    shortening = sum((_H(j, k) * q[j] * q[k] for j in range(count) for k in range(count)), sm.S.Zero) / 2
-    place = (_X + along - _ORDER**2 * shortening, across, aside)
+    place = [
+        at + _ORDER * sum((_N(a, j) * q[j] for j in range(count)), sm.S.Zero)
+        + _ORDER**2 / 2 * sum((_G(a, j, k) * q[j] * q[k] for j in range(count) for k in range(count)), sm.S.Zero)
+        for a, at in zip(XYZ, _PLACE, strict=True)
+    ]  # fmt: skip
     body.set_ang_vel(inertial, in_body(w))
     origin.set_vel(inertial, in_body(v))
     point.set_pos(origin, in_body(place))
     point.set_vel(body, in_body([component.diff(time).xreplace(rate) for component in place]))
     point.v1pt_theory(origin, inertial, body)
-    section.orient_explicit(body, section_rotation(*field(psi, q)))
-    section.set_ang_vel(body, in_body(section_angular_velocity(field(psi, q), field(psi, rates))))
-    slice_ = RigidBody("slice", point, section, _MASS, (inertia(section, _I_Y + _I_Z, _I_Y, _I_Z), point))
     kinematics = [c.diff(time) - r for c, r in zip(q, rates, strict=True)]
     places = dynamicsymbols("p_:6")  # coordinates of the body, which the equations don't have
     kinematics += [p.diff(time) - u for p, u in zip(places, (*v, *w), strict=True)]
     kane = KanesMethod(inertial, q_ind=[*q, *places], u_ind=[*v, *w, *rates], kd_eqs=kinematics)
-    _, inertial_forces = kane.kanes_equations([slice_], [])
+    _, inertial_forces = kane.kanes_equations([Particle("particle", point, _MASS)], [])
     plain = {c.diff(time): value for c, value in zip(w, EPSILON, strict=True)}
     turned = sm.Matrix(OMEGA).cross(sm.Matrix(v))
     plain |= {c.diff(time): a - t for c, a, t in zip(v, ACCEL, turned, strict=True)}
@@ -127,42 +115,42 @@ def _of_slice(count: int) -> sm.Matrix:
     return found
 
 
-def _H(j: int, k: int) -> sm.Symbol:
-    return sm.Symbol("H{}_{}".format(*sorted((j, k))))
+def _N(a: str, j: int) -> sm.Symbol:
+    return sm.Symbol(f"N{j}_{a}")
+
+
+def _G(a: str, j: int, k: int) -> sm.Symbol:
+    return sm.Symbol("G{}{}_{}".format(*sorted((j, k)), a))
 
 
 def _summed(expression: sm.Expr, count: int) -> sm.Expr:
-    """The sum over the slices of an expression: products of functions of X become moments."""
+    """The sum over the particles of an expression: products of fields become moments."""
     products = dict(_products(count))
-    functions = sorted({f for product in products for f, _ in product}, key=str)
+    fields = sorted({f for product in products for f in product}, key=str)
     total = sm.S.Zero
-    for powers, coefficient in sm.Poly(expression.expand(), *functions).terms():
-        product = tuple((f, power) for f, power in zip(functions, powers, strict=True) if power)
+    for powers, coefficient in sm.Poly(expression.expand(), *fields).terms():
+        product = tuple(f for f, power in zip(fields, powers, strict=True) for _ in range(power))
         total += products[product] * coefficient
-    left = total.free_symbols & {_X, _MASS, _I_Y, _I_Z, *functions}
+    left = total.free_symbols & {_MASS, *_PLACE, *fields}
     if left or total.has(sm.Derivative):
         raise ValueError(f"Kane's equations of a body that deforms depend on {sorted(map(str, left))}")
     return total
 
 
-def _products(count: int) -> Iterator[tuple[tuple[tuple[sm.Symbol, int], ...], sm.Symbol]]:
-    """Products under the sum, as powers of functions in the order of their names, with the moments that they are."""
+def _products(count: int) -> Iterator[tuple[tuple[sm.Symbol, ...], sm.Symbol]]:
+    """Products under the sum, factors in the order of their names, with the moments that they are."""
 
-    def key(*factors: sm.Symbol) -> tuple[tuple[sm.Symbol, int], ...]:
-        return tuple((f, factors.count(f)) for f in sorted(set(factors), key=str))
+    def key(*factors: sm.Symbol) -> tuple[sm.Symbol, ...]:
+        return tuple(sorted((_MASS, *factors), key=str))
 
     for j in range(count):
-        for a in XYZ:
-            N, psi = sm.Symbol(f"N{j}_{a}"), sm.Symbol(f"psi{j}_{a}")
-            yield key(_MASS, N), single(f"mass_{a}", j)
-            yield key(_MASS, _X, N), single(f"mass_X_{a}", j)
-            for of in (_I_Y, _I_Z):
-                yield key(of, psi), single(f"{of}_{a}", j)
-            for k in range(j, count):
-                for b in XYZ:
-                    yield key(_MASS, N, sm.Symbol(f"N{k}_{b}")), pair(f"mass_{a}{b}", j, k)
-                    for of in (_I_Y, _I_Z):
-                        yield key(of, psi, sm.Symbol(f"psi{k}_{b}")), pair(f"{of}_{a}{b}", j, k)
+        for b in XYZ:
+            yield key(_N(b, j)), single(f"N_{b}", j)
+            for a, at in zip(XYZ, _PLACE, strict=True):
+                yield key(at, _N(b, j)), single(f"{a}_N_{b}", j)
         for k in range(j, count):
-            yield key(_MASS, _H(j, k)), pair("mass_H", j, k)
-            yield key(_MASS, _X, _H(j, k)), pair("mass_X_H", j, k)
+            for b in XYZ:
+                yield key(_G(b, j, k)), pair(f"G_{b}", j, k)
+                for a, at in zip(XYZ, _PLACE, strict=True):
+                    yield key(_N(a, j), _N(b, k)), pair(f"N_{a}_N_{b}", j, k)
+                    yield key(at, _G(b, j, k)), pair(f"{a}_G_{b}", j, k)

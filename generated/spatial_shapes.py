@@ -2,11 +2,11 @@
 
 Format 3, SymPy 1.14; made by: make derive
 
-A slice of the body stands in its axes at (X - 1/2 H_jk q_j q_k) e_x + N_j q_j, its section turns by psi_j q_j; what
-is summed over the slices is in SINGLE for every shape, in PAIR for every two of them in either order. Behind the
-pairs are the third derivatives of the strain energy, halved, of three shapes each, in which twist couples bending.
-Axes are called x, y, z; equations are Kane's, by SymPy's KanesMethod, less those of the rigid body
-(kaneflex.generated.spatial), which a body of no shapes is.
+A particle at r of the body stands in its axes at r + N_j q_j + 1/2 G_jk q_j q_k; sums over the mass are in SINGLE for
+every shape, in PAIR for every two of them in either order. Behind the pairs are the third derivatives of the strain
+energy, halved, of three shapes each. A section turns by angles that are linear in q. Axes are called x, y, z;
+equations are Kane's, by SymPy's KanesMethod, less those of the rigid body (kaneflex.generated.spatial), which a body
+of no shapes is.
 
 Operations of one call, written out -> with shared subexpressions:
     section     600 -> 124
@@ -21,51 +21,43 @@ OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "c
 
 # p: the numbers of shape j begin at o + 12 j
 SINGLE = (
-    'mass_x',
-    'mass_y',
-    'mass_z',
-    'mass_X_x',
-    'mass_X_y',
-    'mass_X_z',
-    'I_y_x',
-    'I_y_y',
-    'I_y_z',
-    'I_z_x',
-    'I_z_y',
-    'I_z_z',
+    'N_x',
+    'N_y',
+    'N_z',
+    'x_N_x',
+    'x_N_y',
+    'x_N_z',
+    'y_N_x',
+    'y_N_y',
+    'y_N_z',
+    'z_N_x',
+    'z_N_y',
+    'z_N_z',
 )
 
-# those of j and l at o + 12 n + 31 (n j + l)
+# those of j and l at o + 12 n + 23 (n j + l)
 PAIR = (
-    'mass_xx',
-    'mass_xy',
-    'mass_xz',
-    'mass_yx',
-    'mass_yy',
-    'mass_yz',
-    'mass_zx',
-    'mass_zy',
-    'mass_zz',
-    'mass_H',
-    'mass_X_H',
-    'I_y_xx',
-    'I_y_xy',
-    'I_y_xz',
-    'I_y_yx',
-    'I_y_yy',
-    'I_y_yz',
-    'I_y_zx',
-    'I_y_zy',
-    'I_y_zz',
-    'I_z_xx',
-    'I_z_xy',
-    'I_z_xz',
-    'I_z_yx',
-    'I_z_yy',
-    'I_z_yz',
-    'I_z_zx',
-    'I_z_zy',
-    'I_z_zz',
+    'N_x_N_x',
+    'N_x_N_y',
+    'N_x_N_z',
+    'N_y_N_x',
+    'N_y_N_y',
+    'N_y_N_z',
+    'N_z_N_x',
+    'N_z_N_y',
+    'N_z_N_z',
+    'G_x',
+    'G_y',
+    'G_z',
+    'x_G_x',
+    'x_G_y',
+    'x_G_z',
+    'y_G_x',
+    'y_G_y',
+    'y_G_z',
+    'z_G_x',
+    'z_G_y',
+    'z_G_z',
     'stiffness',
     'damping',
 )
@@ -103,7 +95,7 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         x3 = x0 + x2
         x4 = c1 * q_j
         x5 = omega_z * x1
-        x6 = x4 + x5
+        x6 = -x4 - x5
         x7 = c3 * q_j
         x8 = x5 + x7
         x9 = c5 * q_j
@@ -112,145 +104,127 @@ def shaped_demand(p, o, count, w, k, q, i, u, s, du, out, n, h, r):
         x12 = c7 * q_j
         x13 = x10 + x12
         x14 = c6 * q_j
-        x15 = x14 + x2
+        x15 = -x14 - x2
         x16 = a_z * q_j
         x17 = p[j1 + 2] * q_j
         x18 = c9 * q_j
         x19 = c11 * q_j
-        f_x += -p[j1 + 1] * x6 + p[j1 + 2] * x3 + p[j1] * (b_j - c0 * q_j)
+        f_x += p[j1 + 1] * x6 + p[j1 + 2] * x3 + p[j1] * (b_j - c0 * q_j)
         f_y += p[j1 + 1] * (b_j - c4 * q_j) + p[j1 + 2] * x11 + p[j1] * x8
-        f_z += p[j1 + 1] * x13 + p[j1 + 2] * (b_j - c8 * q_j) - p[j1] * x15
-        m_x -= (
-            a_y * x17 - p[j1 + 11] * x15 - p[j1 + 1] * x16 + p[j1 + 4] * x14 + p[j1 + 5] * x7
-            - p[j1 + 6] * (b_j + x18) + p[j1 + 7] * x8 - p[j1 + 9] * (b_j - x18)
+        f_z += p[j1 + 1] * x13 + p[j1 + 2] * (b_j - c8 * q_j) + p[j1] * x15
+        m_x += (
+            -a_y * x17 + p[j1 + 10] * (-b_j - x18) + p[j1 + 11] * (x10 + 2.0 * x9) + p[j1 + 1] * x16
+            - p[j1 + 4] * x14 - p[j1 + 5] * x7 + p[j1 + 6] * x15 + p[j1 + 7] * (x10 + 2.0 * x12)
+            + p[j1 + 8] * (b_j - x18) - p[j1 + 9] * x8
         )
         m_y += (
-            a_x * x17 + p[j1 + 11] * x12 + p[j1 + 3] * (2.0 * x14 + x2) - p[j1 + 4] * x13
-            + p[j1 + 5] * (-b_j + c10 * q_j) + p[j1 + 6] * x6 + p[j1 + 7] * (b_j + c10 * q_j) - p[j1 + 9] * x4
-            - p[j1] * x16
+            a_x * x17 + p[j1 + 10] * x6 + p[j1 + 11] * (2.0 * x0 + x2) + p[j1 + 3] * (2.0 * x14 + x2)
+            - p[j1 + 4] * x13 + p[j1 + 5] * (-b_j + c10 * q_j) - p[j1 + 6] * x12 - p[j1 + 8] * x4
+            + p[j1 + 9] * (b_j + c10 * q_j) - p[j1] * x16
         )
         m_z += (
-            -a_x * p[j1 + 1] * q_j + a_y * p[j1] * q_j + p[j1 + 11] * (b_j + x19) + p[j1 + 3] * (x5 + 2.0 * x7)
-            + p[j1 + 4] * (b_j - x19) + p[j1 + 5] * x11 + p[j1 + 6] * x0 - p[j1 + 7] * x9 - p[j1 + 9] * x3
+            -a_x * p[j1 + 1] * q_j + a_y * p[j1] * q_j - p[j1 + 10] * x0 + p[j1 + 3] * (x5 + 2.0 * x7)
+            + p[j1 + 4] * (b_j - x19) + p[j1 + 5] * x11 + p[j1 + 6] * (-b_j - x19) + p[j1 + 7] * (2.0 * x4 + x5)
+            - p[j1 + 8] * x3 - p[j1 + 9] * x9
         )
         row += (
-            a_x * p[j1] + a_y * p[j1 + 1] + a_z * p[j1 + 2] - c0 * p[j1 + 3] + c1 * p[j1 + 11] + c2 * p[j1 + 7]
-            + c3 * p[j1 + 4] + c5 * p[j1 + 6] - c6 * p[j1 + 5] + c7 * p[j1 + 9]
+            a_x * p[j1] + a_y * p[j1 + 1] + a_z * p[j1 + 2] - c0 * p[j1 + 3] - c1 * p[j1 + 6] + c2 * p[j1 + 9]
+            + c3 * p[j1 + 4] - c4 * p[j1 + 7] - c5 * p[j1 + 10] - c6 * p[j1 + 5] + c7 * p[j1 + 8] - c8 * p[j1 + 11]
         )
         for l in range(count):
-            jl = o + 12 * count + 31 * (count * j + l)
+            jl = o + 12 * count + 23 * (count * j + l)
             q_l, v_l, b_l = q[i + l], u[s + l], du[s + l]
-            y0 = b_l * q_j
-            y1 = v_j * v_l
-            y2 = c3 * q_l
-            y3 = q_j * y2
-            y4 = 0.5 * y3
-            y5 = q_j * v_l
-            y6 = omega_z * y5
-            y7 = 2.0 * y6
-            y8 = y4 + y7
-            y9 = -y8
-            y10 = c6 * q_l
+            y0 = c1 * q_l
+            y1 = q_j * y0
+            y2 = 0.5 * y1
+            y3 = 2.0 * v_l
+            y4 = omega_z * y3
+            y5 = q_j * y4
+            y6 = -y2 - y5
+            y7 = c2 * q_l
+            y8 = q_j * y7
+            y9 = 0.5 * y8
+            y10 = omega_y * y3
             y11 = q_j * y10
-            y12 = 0.5 * y11
-            y13 = omega_y * y5
-            y14 = 2.0 * y13
-            y15 = y12 + y14
-            y16 = omega_z * q_j * q_l
-            y17 = 2.0 * omega_y * y16
-            y18 = c9 * q_l
-            y19 = 0.5 * q_j
-            y20 = y18 * y19
-            y21 = c7 * q_l
+            y12 = y11 + y9
+            y13 = c0 * q_l
+            y14 = 0.5 * q_j
+            y15 = b_l * q_j
+            y16 = v_j * v_l
+            y17 = y15 + y16
+            y18 = c5 * q_l
+            y19 = q_j * y18
+            y20 = 0.5 * y19
+            y21 = omega_x * y3
             y22 = q_j * y21
-            y23 = 2.0 * omega_x
-            y24 = y23 * y5
-            y25 = y22 + y24
-            y26 = c5 * q_l
-            y27 = q_j * y26
-            y28 = y24 + y27
-            y29 = -y15
-            y30 = 0.25 * q_j * y18
-            y31 = 0.5 * y0 + 0.5 * y1
-            y32 = -y30 - y31
-            y33 = -y30 + y31
-            y34 = p[jl + 9] * q_l
-            y35 = y19 * y34
-            y36 = c1 * q_l
-            y37 = q_j * y36
-            y38 = 0.25 * y37
-            y39 = 0.5 * y37
-            y40 = 0.5 * y22
-            y41 = c10 * q_l
-            y42 = y19 * y41
-            y43 = y0 - y42
-            y44 = y0 + y42
-            y45 = c2 * q_l
-            y46 = q_j * y45
-            y47 = y14 + y46
-            y48 = y11 + y14
-            y49 = y24 + y40
-            y50 = -y38 - y6
-            y51 = y1 + y44
-            y52 = 0.25 * y46
-            y53 = 0.5 * y46
-            y54 = 0.5 * y27
-            y55 = c11 * q_l
-            y56 = y19 * y55
-            y57 = y0 + y56
-            y58 = y0 - y56
-            y59 = y37 + y7
-            y60 = y3 + y7
-            y61 = -y13 - y52
-            y62 = y24 + y54
-            y63 = -y1 - y57
-            y64 = c0 * q_l
-            y65 = 0.5 * y26
-            y66 = 0.5 * y21
-            y67 = 2.0 * v_l
-            y68 = omega_z * y67
-            y69 = y36 + y68
-            y70 = omega_y * y67
-            y71 = y10 + y70
-            y72 = y45 + y70
-            y73 = y2 + y68
-            y74 = omega_x * y67
-            f_x += p[jl + 9] * (0.5 * c0 * q_j * q_l - y0 - y1)
-            f_y += p[jl + 9] * y9
-            f_z += p[jl + 9] * y15
+            y23 = -y20 - y22
+            y24 = c3 * q_l
+            y25 = q_j * y24
+            y26 = 0.5 * y25
+            y27 = y26 + y5
+            y28 = c4 * q_l
+            y29 = c7 * q_l
+            y30 = q_j * y29
+            y31 = 0.5 * y30
+            y32 = y22 + y31
+            y33 = c6 * q_l
+            y34 = q_j * y33
+            y35 = 0.5 * y34
+            y36 = -y11 - y35
+            y37 = c8 * q_l
+            y38 = p[jl + 11] * q_l
+            y39 = p[jl + 10] * q_l
+            y40 = q_l * y14
+            y41 = c9 * y40
+            y42 = y15 - y41
+            y43 = y22 + y30
+            y44 = y19 + y22
+            y45 = y15 + y41
+            y46 = -y27
+            y47 = a_x * q_l
+            y48 = y14 * y47
+            y49 = p[jl + 9] * y40
+            y50 = c10 * y40 + y15
+            y51 = y11 + y34
+            y52 = y11 + y8
+            y53 = -0.5 * c10 * q_j * q_l + y15
+            y54 = -y32
+            y55 = c11 * y40
+            y56 = y15 - y55
+            y57 = y25 + y5
+            y58 = y1 + y5
+            y59 = y15 + y55
+            y60 = -y12
+            f_x += p[jl + 10] * y6 + p[jl + 11] * y12 + p[jl + 9] * (-y13 * y14 + y17)
+            f_y += p[jl + 10] * (-y14 * y28 + y17) + p[jl + 11] * y23 + p[jl + 9] * y27
+            f_z += p[jl + 10] * y32 + p[jl + 11] * (-y14 * y37 + y17) + p[jl + 9] * y36
             m_x += (
-                p[jl + 11] * y17 + p[jl + 12] * y15 + p[jl + 13] * y9 + p[jl + 14] * y12 - p[jl + 15] * y28
-                + p[jl + 16] * y32 + p[jl + 17] * y9 + p[jl + 18] * y32 - p[jl + 1] * y12 - p[jl + 20] * y17
-                + p[jl + 21] * y29 + p[jl + 22] * y8 + p[jl + 23] * y29 + p[jl + 25] * y33 + p[jl + 26] * y4
-                + p[jl + 27] * y33 - p[jl + 28] * y25 - p[jl + 2] * y4 + p[jl + 3] * y29 + p[jl + 4] * y25
-                + p[jl + 5] * (y0 - y20) + p[jl + 6] * y9 + p[jl + 7] * (-y0 - y20) + p[jl + 8] * y28
+                -a_y * y14 * y38 + a_z * y14 * y39 - p[jl + 13] * y35 - p[jl + 14] * y26 + p[jl + 15] * y36
+                + p[jl + 16] * y43 + p[jl + 17] * (y16 + y42) + p[jl + 18] * y46 + p[jl + 19] * (-y16 - y45)
+                - p[jl + 1] * y35 + p[jl + 20] * y44 - p[jl + 2] * y26 + p[jl + 3] * y36 + p[jl + 4] * y43
+                + p[jl + 5] * y42 + p[jl + 6] * y46 - p[jl + 7] * y45 + p[jl + 8] * y44
             )
             m_y += (
-                a_z * y35 - p[jl + 10] * y48 - p[jl + 11] * y47 + p[jl + 12] * y40 + p[jl + 13] * y51 + p[jl + 14] * y49
-                - p[jl + 15] * y16 * y23 + p[jl + 16] * y50 + p[jl + 17] * y51 + p[jl + 18] * y50 - p[jl + 1] * y49
-                + p[jl + 20] * y47 - p[jl + 21] * y40 - p[jl + 22] * y44 - p[jl + 23] * y40 - p[jl + 25] * y38
-                + p[jl + 26] * y43 - p[jl + 27] * y38 + p[jl + 28] * y48 - p[jl + 2] * y43 - p[jl + 3] * y40
-                - p[jl + 5] * y39 + p[jl + 6] * y44 + p[jl + 7] * (-y39 - y7) + p[jl + 8] * y47 + p[jl] * y48
+                -a_z * y49 + p[jl + 11] * y48 + p[jl + 12] * y51 + p[jl + 13] * y54 + p[jl + 14] * (-y16 - y53)
+                - p[jl + 15] * y31 - p[jl + 17] * y2 + p[jl + 18] * (y16 + y50) + p[jl + 19] * y6 + p[jl + 1] * y54
+                + p[jl + 20] * y52 - p[jl + 2] * y53 - p[jl + 3] * y31 - p[jl + 5] * y2 + p[jl + 6] * y50
+                + p[jl + 7] * y6 + p[jl + 8] * y52 + p[jl] * y51
             )
             m_z += (
-                -a_y * y35 + omega_y * p[jl + 28] * q_j * q_l * y23 - p[jl + 10] * y60 + p[jl + 11] * y59
-                + p[jl + 12] * y57 - p[jl + 13] * y54 - p[jl + 14] * y58 + p[jl + 15] * y60 - p[jl + 16] * y52
-                - p[jl + 17] * y54 - p[jl + 18] * y52 + p[jl + 1] * y58 - p[jl + 20] * y59 + p[jl + 21] * y63
-                + p[jl + 22] * y54 + p[jl + 23] * y63 + p[jl + 25] * y61 + p[jl + 26] * y62 + p[jl + 27] * y61
-                - p[jl + 2] * y62 - p[jl + 3] * y57 + p[jl + 4] * y59 + p[jl + 5] * (-y14 - y53) - p[jl + 6] * y54
-                - p[jl + 7] * y53 + p[jl] * y60
+                a_y * y49 - p[jl + 10] * y48 + p[jl + 12] * y57 + p[jl + 13] * (y16 + y56) + p[jl + 14] * y23
+                + p[jl + 15] * (-y16 - y59) + p[jl + 16] * y58 + p[jl + 17] * y60 - p[jl + 18] * y20 - p[jl + 19] * y9
+                + p[jl + 1] * y56 + p[jl + 2] * y23 - p[jl + 3] * y59 + p[jl + 4] * y58 + p[jl + 5] * y60
+                - p[jl + 6] * y20 - p[jl + 7] * y9 + p[jl] * y57
             )
             row += (
-                -a_x * y34 + p[jl + 10] * y64 + p[jl + 11] * (b_l + y18) - p[jl + 12] * y73 + p[jl + 13] * y45
-                + p[jl + 14] * y69 + p[jl + 15] * (b_l + y41) - p[jl + 16] * y65 + p[jl + 17] * y45 - p[jl + 18] * y65
-                - p[jl + 1] * y69 + p[jl + 20] * (b_l - y18) - p[jl + 21] * y36 + p[jl + 22] * y71 - p[jl + 23] * y36
-                + p[jl + 25] * y66 - p[jl + 26] * y72 + p[jl + 27] * y66 + p[jl + 28] * (b_l + y55) + p[jl + 29] * q_l
-                + p[jl + 2] * y72 + p[jl + 30] * v_l + p[jl + 3] * y73 + p[jl + 4] * (b_l - c4 * q_l)
-                + p[jl + 5] * (-y26 - y74) - p[jl + 6] * y71 + p[jl + 7] * (y21 + y74) + p[jl + 8] * (b_l - c8 * q_l)
-                + p[jl] * (b_l - y64)
+                a_y * y39 + a_z * y38 - p[jl + 12] * y13 + p[jl + 13] * y24 - p[jl + 14] * y33 - p[jl + 15] * y0
+                - p[jl + 16] * y28 + p[jl + 17] * y29 + p[jl + 18] * y7 - p[jl + 19] * y18 + p[jl + 1] * (-y0 - y4)
+                - p[jl + 20] * y37 + p[jl + 21] * q_l + p[jl + 22] * v_l + p[jl + 2] * (y10 + y7)
+                + p[jl + 3] * (y24 + y4) + p[jl + 4] * (b_l - y28) + p[jl + 5] * (-y18 - y21) + p[jl + 6] * (-y10 - y33)
+                + p[jl + 7] * (y21 + y29) + p[jl + 8] * (b_l - y37) + p[jl + 9] * y47 + p[jl] * (b_l - y13)
             )
             for g in range(count):
-                row += p[o + 31 * count * count + 12 * count + count * (count * j + l) + g] * q_l * q[i + g]
+                row += p[o + 23 * count * count + 12 * count + count * (count * j + l) + g] * q_l * q[i + g]
         h[r + j] += row
     out[n] += f_x
     out[n + 1] += f_y
@@ -273,10 +247,13 @@ def shaped_inertia(p, o, count, q, i, out, n):
         x3 = -x0
         x4 = p[j1] * q_j
         x5 = -x4
-        x6 = p[j1 + 11] * q_j - p[j1 + 4] * q_j
-        x7 = -p[j1 + 5] * q_j - p[j1 + 7] * q_j
-        x8 = 2.0 * p[j1 + 3] * q_j
-        x9 = p[j1 + 6] * q_j - p[j1 + 9] * q_j
+        x6 = 2.0 * q_j
+        x7 = p[j1 + 11] * x6
+        x8 = p[j1 + 7] * x6
+        x9 = -p[j1 + 4] * q_j - p[j1 + 6] * q_j
+        x10 = -p[j1 + 5] * q_j - p[j1 + 9] * q_j
+        x11 = p[j1 + 3] * x6
+        x12 = -p[j1 + 10] * q_j - p[j1 + 8] * q_j
         out[n + 4] += x0
         out[n + 5] += x2
         out[n + 9] += x3
@@ -285,70 +262,82 @@ def shaped_inertia(p, o, count, q, i, out, n):
         out[n + 16] += x5
         out[n + 19] += x3
         out[n + 20] += x1
-        out[n + 22] += x6
-        out[n + 23] += x7
+        out[n + 21] += x7 + x8
+        out[n + 22] += x9
+        out[n + 23] += x10
         out[n + 24] += x0
         out[n + 26] += x5
-        out[n + 27] += x6
-        out[n + 28] += x8
-        out[n + 29] += x9
+        out[n + 27] += x9
+        out[n + 28] += x11 + x7
+        out[n + 29] += x12
         out[n + 30] += x2
         out[n + 31] += x4
-        out[n + 33] += x7
-        out[n + 34] += x9
-        out[n + 35] += x8
+        out[n + 33] += x10
+        out[n + 34] += x12
+        out[n + 35] += x11 + x8
         f_x = p[j1]
         f_y = p[j1 + 1]
         f_z = p[j1 + 2]
-        m_x = p[j1 + 6] + p[j1 + 9]
-        m_y = -p[j1 + 5] + p[j1 + 7]
-        m_z = p[j1 + 11] + p[j1 + 4]
+        m_x = -p[j1 + 10] + p[j1 + 8]
+        m_y = -p[j1 + 5] + p[j1 + 9]
+        m_z = p[j1 + 4] - p[j1 + 6]
         for l in range(count):
-            jl, q_l = o + 12 * count + 31 * (count * j + l), q[i + l]
-            y0 = p[jl + 9] * q_l
+            jl, q_l = o + 12 * count + 23 * (count * j + l), q[i + l]
+            y0 = p[jl + 11] * q_l
             y1 = 0.5 * q_j
             y2 = y0 * y1
-            y3 = -y2
-            y4 = q_j * q_l
-            y5 = p[jl + 15] * y4
-            y6 = p[jl + 28] * y4
-            y7 = p[jl + 1] * q_l
-            y8 = p[jl + 21] * q_l
-            y9 = p[jl + 23] * q_l
-            y10 = 0.5 * p[jl + 12] * q_j * q_l + 0.5 * p[jl + 14] * q_j * q_l - p[jl + 3] * q_l * y1 - y1 * y7 - y1 * y8 - y1 * y9
-            y11 = p[jl + 13] * q_l
-            y12 = p[jl + 17] * q_l
-            y13 = p[jl + 2] * q_l
-            y14 = p[jl + 6] * q_l
-            y15 = 0.5 * p[jl + 22] * q_j * q_l + 0.5 * p[jl + 26] * q_j * q_l - y1 * y11 - y1 * y12 - y1 * y13 - y1 * y14
-            y16 = p[jl + 20] * y4
-            y17 = p[jl + 11] * y4
-            y18 = -p[jl + 10] * y4 + p[jl] * y4
-            y19 = 0.25 * y4
-            y20 = p[jl + 5] * q_l
-            y21 = -p[jl + 16] * y19 - p[jl + 18] * y19 - p[jl + 25] * y19 - p[jl + 27] * y19 - p[jl + 7] * q_l * y1 - y1 * y20
-            y22 = 0.5 * q_l
-            out[n + 11] += y3
-            out[n + 16] += y2
-            out[n + 21] += p[jl + 4] * q_j * q_l + p[jl + 8] * q_j * q_l - y5 - y6
-            out[n + 22] += y10
-            out[n + 23] += y15
-            out[n + 26] += y2
-            out[n + 27] += y10
-            out[n + 28] += p[jl + 8] * y4 + y16 - y17 + y18 + y6
-            out[n + 29] += y21
-            out[n + 31] += y3
-            out[n + 33] += y15
-            out[n + 34] += y21
-            out[n + 35] += p[jl + 4] * y4 - y16 + y17 + y18 + y5
-            f_x -= y0
-            m_x -= (
-                p[jl + 16] * y22 + p[jl + 18] * y22 - 0.5 * p[jl + 25] * q_l - 0.5 * p[jl + 27] * q_l - p[jl + 7] * q_l
-                + y20
-            )
-            m_y += p[jl + 22] * q_l - p[jl + 26] * q_l + y11 + y12 + y13 - y14
-            m_z -= p[jl + 12] * q_l - p[jl + 14] * q_l - p[jl + 3] * q_l + y7 + y8 + y9
-            out[modal + count * j + l] = p[jl + 11] + p[jl + 15] + p[jl + 20] + p[jl + 28] + p[jl + 4] + p[jl + 8] + p[jl]
+            y3 = p[jl + 10] * q_l
+            y4 = y1 * y3
+            y5 = -y4
+            y6 = -y2
+            y7 = p[jl + 9] * q_l
+            y8 = y1 * y7
+            y9 = -y8
+            y10 = q_j * q_l
+            y11 = p[jl + 20] * y10 + p[jl + 8] * y10
+            y12 = p[jl + 16] * y10 + p[jl + 4] * y10
+            y13 = p[jl + 13] * q_l
+            y14 = p[jl + 15] * q_l
+            y15 = p[jl + 1] * q_l
+            y16 = p[jl + 3] * q_l
+            y17 = -y1 * y13 - y1 * y14 - y1 * y15 - y1 * y16
+            y18 = p[jl + 14] * q_l
+            y19 = p[jl + 6] * q_l
+            y20 = -p[jl + 18] * q_l * y1 - p[jl + 2] * q_l * y1 - y1 * y18 - y1 * y19
+            y21 = p[jl + 12] * y10 + p[jl] * y10
+            y22 = p[jl + 17] * q_l
+            y23 = p[jl + 19] * q_l
+            y24 = p[jl + 5] * q_l
+            y25 = p[jl + 7] * q_l
+            y26 = -y1 * y22 - y1 * y23 - y1 * y24 - y1 * y25
+            out[n + 4] += y2
+            out[n + 5] += y5
+            out[n + 9] += y6
+            out[n + 11] += y8
+            out[n + 15] += y4
+            out[n + 16] += y9
+            out[n + 19] += y6
+            out[n + 20] += y4
+            out[n + 21] += y11 + y12
+            out[n + 22] += y17
+            out[n + 23] += y20
+            out[n + 24] += y2
+            out[n + 26] += y9
+            out[n + 27] += y17
+            out[n + 28] += y11 + y21
+            out[n + 29] += y26
+            out[n + 30] += y5
+            out[n + 31] += y8
+            out[n + 33] += y20
+            out[n + 34] += y26
+            out[n + 35] += y12 + y21
+            f_x += y7
+            f_y += y3
+            f_z += y0
+            m_x += y22 - y23 - y24 + y25
+            m_y += p[jl + 18] * q_l + p[jl + 2] * q_l - y18 - y19
+            m_z += y13 - y14 - y15 + y16
+            out[modal + count * j + l] = p[jl + 4] + p[jl + 8] + p[jl]
         out[n + 36 + j] = f_x
         out[n + 36 + 1 * count + j] = f_y
         out[n + 36 + 2 * count + j] = f_z

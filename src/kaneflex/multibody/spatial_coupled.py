@@ -13,7 +13,7 @@ from kaneflex.multibody.spatial_curves import Curve
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.spatial_shapes import SpatialShapes, spatial_shapes
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
-from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Flexible
+from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Flexible, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 from kaneflex.support.errors import SceneError
@@ -43,7 +43,7 @@ class CoupledKinematics(SpatialKinematics):
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
     """A scene in space whose elastic bodies deform."""
 
-    def shapes(name: str, held: float | None, freed: str) -> SpatialShapes:
+    def shapes(name: str, held: Place | None, freed: str) -> SpatialShapes:
         beam = scene.bodies[name].beam
         assert beam is not None
         link = link_of_scene(scene, name, options.elements or beam.elements)

@@ -295,14 +295,16 @@ def _shaped(m, n, q, i, x, at):
 
 @njit(**OPTIONS)
 def _deform(m, n, k, q):
-    """Move and turn a station from where it stands undeformed: by N q - 1/2 e_x H q q, and by theta = psi q."""
+    """Move and turn a station from where it stands undeformed: by N q + 1/2 G q q, and by theta = psi q."""
     apart()
     x, first, base = k.x, m.nodes[n, COORDINATE], k.R[m.nodes[n, PARENT]]
     count, o = m.nodes[n, COUNT], m.nodes[n, AT]
     _shaped(m, n, q, first, x, 0)
-    for i in range(count):
-        for j in range(count):
-            x[0] -= 0.5 * m.p[o + 6 * count + count * i + j] * q[first + i] * q[first + j]
+    for row in range(3):
+        at = o + count * (6 + count * row)
+        for i in range(count):
+            for j in range(count):
+                x[row] += 0.5 * m.p[at + count * i + j] * q[first + i] * q[first + j]
     times(base, x, 0, x, 6)
     for i in range(3):
         k.P[n, i] += x[6 + i]
@@ -317,7 +319,7 @@ def _deform(m, n, k, q):
 
 @njit(**OPTIONS)
 def _deformed_partials(m, n, k):
-    """Partial velocities of a station by its body's shapes, as H is symmetric N_j - e_x H_jk q_k and T psi_j."""
+    """Partial velocities of a station by its body's shapes, as G is symmetric N_j + G_jk q_k and T psi_j."""
     apart()
     x, base, Jv, Jw = k.x, k.R[m.nodes[n, PARENT]], k.Jv[n], k.Jw[n]
     count, o, q, u = m.nodes[n, COUNT], m.nodes[n, AT], m.nodes[n, COORDINATE], m.nodes[n, SPEED]
@@ -331,8 +333,8 @@ def _deformed_partials(m, n, k):
             x[6 + i], x[9 + i] = m.p[o + count * i + j], 0.0
             for l in range(3):
                 x[9 + i] += k.turned[15 + 3 * i + l] * m.p[o + count * (3 + l) + j]
-        for s in range(count):
-            x[6] -= m.p[o + 6 * count + count * j + s] * k.q[q + s]
+            for s in range(count):
+                x[6 + i] += m.p[o + count * (6 + count * i + j) + s] * k.q[q + s]
         times(base, x, 6, Jv[u + j], 0)
         times(base, x, 9, Jw[u + j], 0)
 
@@ -347,11 +349,13 @@ def _deformed_accelerations(m, n, u, du, k):
     _shaped(m, n, k.q, q, x, 15)
     _shaped(m, n, u, s, x, 21)
     _shaped(m, n, du, s, x, 27)
-    for i in range(count):
-        for j in range(count):
-            H = m.p[o + 6 * count + count * i + j]
-            x[21] -= H * k.q[q + i] * u[s + j]
-            x[27] -= H * (k.q[q + i] * du[s + j] + u[s + i] * u[s + j])
+    for row in range(3):
+        at = o + count * (6 + count * row)
+        for i in range(count):
+            for j in range(count):
+                G = m.p[at + count * i + j]
+                x[21 + row] += G * k.q[q + i] * u[s + j]
+                x[27 + row] += G * (k.q[q + i] * du[s + j] + u[s + i] * u[s + j])
     for i in range(3):
         k.turned[i], k.turned[3 + i] = x[18 + i], x[24 + i]
     shape_laws.section(k.turned, 0, k.turned, 6)

@@ -58,14 +58,19 @@ class Deformed:
 
 
 def deformed(motion: SpatialMotion, side: Side) -> Deformed:
-    """Of a point of a body that deforms; beside the axis it goes along with its section."""
+    """Of a point of a body that deforms; beside its carrier it goes along with the section there."""
     shapes, count = motion.system.layout.shapes[side.body], len(motion.times)
-    rows, H = shapes.at(float(side.at[0]))
+    place = shapes.carrier(side.at)
+    (rows, G), beside = shapes.at(place), np.subtract(side.at, place)
     q, u, b = (np.array([motion[f"{side.body}.shape_{k}{tail}"] for k in range(shapes.count)]) for tail, _ in _RATES)
     d, d_rate, d_accel = (rows[:3] @ of for of in (q, u, b))
-    d[0] -= 0.5 * np.einsum("jt,jk,kt->t", q, H, q)
-    d_rate[0] -= np.einsum("jt,jk,kt->t", q, H, u)
-    d_accel[0] -= np.einsum("jt,jk,kt->t", q, H, b) + np.einsum("jt,jk,kt->t", u, H, u)
+
+    def second(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.einsum("jt,ajk,kt->at", one, G, other, optimize=True)
+
+    d += 0.5 * second(q, q)
+    d_rate += second(q, u)
+    d_accel += second(q, b) + second(u, u)
     angles = np.ascontiguousarray(np.vstack([rows[3:6] @ q, rows[3:6] @ u]).T)
     found = np.zeros((count, 21))
     for k in range(count):
@@ -73,9 +78,9 @@ def deformed(motion: SpatialMotion, side: Side) -> Deformed:
     turned, T = found[:, :9].T.reshape(3, 3, count), found[:, 9:18].T.reshape(3, 3, count)
     omega = np.einsum("ijt,jt->it", T, rows[3:6] @ u)
     alpha = np.einsum("ijt,jt->it", T, rows[3:6] @ b) + found[:, 18:].T
-    arm = np.einsum("ijt,j->it", turned, np.array([0.0, *side.at[1:]]))
+    arm = np.einsum("ijt,j->it", turned, beside)
     carried = cross(omega, arm)
-    moved = (d + arm - np.array([0.0, *side.at[1:]])[:, None], d_rate + carried,
+    moved = (d + arm - beside[:, None], d_rate + carried,
              d_accel + cross(alpha, arm) + cross(omega, carried))  # fmt: skip
     return Deformed(moved, turned, (omega, alpha))
 

@@ -16,10 +16,11 @@ import numpy as np
 from scipy.linalg import eigh
 
 from kaneflex.fem.spatial_links import SpatialLink
-from kaneflex.generated.spatial_shapes import PAIR, SINGLE
 from kaneflex.mechanism.floating_frames import axial_modes
 from kaneflex.mechanism.spatial import Side, spatial_mechanism_of
+from kaneflex.multibody.shape_moments import ShapeMoments
 from kaneflex.multibody.spatial_damping import against_axes, shape_damping
+from kaneflex.multibody.spatial_tables import Place
 from kaneflex.scene import Scene
 from kaneflex.support.spatial_contract import SPATIAL_NODE
 
@@ -60,19 +61,18 @@ class SpatialShapes:
         """Whether each shape is one of twist, (count,): its coordinate is an angle [rad]."""
         return np.asarray(~self.basis.reshape(-1, 6, self.count)[:, :3].any(axis=(0, 1)))
 
-    def station(self, x: float) -> np.ndarray:
-        """N, psi (3, count), and H (count, count) x [m] from the start, one after the other."""
-        rows, H = self.at(x)
-        return np.concatenate([rows[:6].ravel(), H.ravel()])
+    def carrier(self, at: Place) -> Place:
+        """The place on the axis whose section carries a point."""
+        return float(at[0]), 0.0, 0.0
 
-    def spread(self, rises: bool) -> tuple[float, np.ndarray]:
-        """The mean of such numbers, and of x, by a weight that falls linearly to zero at the end, or rises from there
-        at the start."""
+    def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
+        """The mean of places, and of what :meth:`at` gives there, by a weight that falls linearly to zero at the end,
+        or rises from there at the start."""
         x, _, _, rows, H, lengths = self._slices
         weight = lengths * (x if rises else self.link.nodes[-1] - x)
         weight /= weight.sum()
-        mean = np.einsum("g,gaj->aj", weight, rows[:, :6]), np.einsum("g,gjk->jk", weight, H - self._start)
-        return float(weight @ x), np.concatenate([part.ravel() for part in mean])
+        mean = np.einsum("g,gaj->aj", weight, rows), np.einsum("g,gjk->jk", weight, H - self._start)
+        return (float(weight @ x), 0.0, 0.0), (mean[0], _along(-mean[1]))
 
     @cached_property
     def turn(self) -> np.ndarray:
@@ -80,27 +80,46 @@ class SpatialShapes:
         M = self.link.part.matrices["M"].at({}).toarray()
         return (self.basis - against_axes(self.scene, self.link, self.basis, M))[3:6]
 
-    def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
-        """Rows u, v, w, theta_x, theta_y, theta_z, v', w' of the shapes, (8, count), and H (count, count) [1/m]."""
-        return self._rows(x), self._shortening(x) - self._start
+    def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Rows u, v, w, theta_x, theta_y, theta_z of the shapes, (6, count), and G (3, count, count) [1/m]."""
+        x = place[0]
+        return self._rows(x), _along(self._start - self._shortening(x))
 
     def numbers(self) -> np.ndarray:
         """Those of :mod:`kaneflex.generated.spatial_shapes`: SINGLE of every shape, PAIR of every two."""
-        x, dm, (I_y, I_z), rows, H, _ = self._slices
-        H = H - self._start
-        N, psi = rows[:, :3], rows[:, 3:6].copy()
-        profile = self.scene.bodies[self.link.name].spatial_profile
-        if not profile.rotary:  # then a section does not turn against its axes by bending
-            psi[:, 1:] = 0.0
-        one = [np.einsum("g,gaj->ja", weight, of) for weight, of in ((dm, N), (dm * x, N), (I_y, psi), (I_z, psi))]
-        two = [np.einsum("g,gaj,gbl->jlab", weight, of, of).reshape(self.count, self.count, 9)
-               for weight, of in ((dm, N), (I_y, psi), (I_z, psi))]  # fmt: skip
-        shortening = [np.einsum("g,gjl->jl", weight, H)[..., None] for weight in (dm, dm * x)]
-        inside = [matrix[..., None] for matrix in (self.stiffness, self.damping)]
-        pairs = np.concatenate([two[0], *shortening, *two[1:], *inside], axis=2)
-        singles = np.concatenate(one, axis=1)
-        assert singles.shape[1] == len(SINGLE) and pairs.shape[2] == len(PAIR)
-        return np.concatenate([singles.ravel(), pairs.ravel(), self.cubic.ravel()])
+        return self.moments.numbers(self.stiffness, self.damping, self.cubic)
+
+    @cached_property
+    def moments(self) -> ShapeMoments:
+        """Sums over the slices, whose fibres at y and z of the section go along with it.
+
+        A section that bends the shortest way by theta_y and theta_z and then turns by theta_x about itself moves these
+        to the second order by
+
+            y (theta_x theta_y, -(theta_x^2 + theta_z^2) / 2, theta_y theta_z / 2)
+            z (theta_x theta_z, theta_y theta_z / 2, -(theta_x^2 + theta_y^2) / 2)
+        """
+        x, dm, inertias, rows, H, _ = self._slices
+        N, psi = rows[:, :3], rows[:, 3:].copy()
+        if not self.scene.bodies[self.link.name].spatial_profile.rotary:
+            psi[:, 1:] = 0.0  # then a section does not turn against its axes by bending
+        turned, still = psi.transpose(1, 0, 2), np.zeros_like(psi[:, 0])
+        first = [np.stack(of, axis=1) for of in ((-turned[2], still, turned[0]), (turned[1], -turned[0], still))]
+        xx, yy, zz, xy, xz, yz = (
+            np.einsum("gj,gl->gjl", turned[a], turned[b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+        second = [np.stack([0.5 * (of + of.transpose(0, 2, 1)) for of in (a, b, c)], axis=1)
+                  for a, b, c in ((2.0 * xy, -(xx + zz), yz), (2.0 * xz, yz, -(xx + yy)))]  # fmt: skip
+        G = _along(-np.einsum("g,gjl->jl", dm, H - self._start))
+        along = _along(-np.einsum("g,gjl->jl", dm * x, H - self._start))
+        beside = list(zip(inertias[::-1], first, second, strict=True))  # of the fibres' y I_z, of their z I_y
+        return ShapeMoments(
+            np.einsum("g,gaj->aj", dm, N),
+            np.stack([np.einsum("g,gaj->aj", w, of) for w, of in ((dm * x, N), *((w, of) for w, of, _ in beside))]),
+            sum((np.einsum("g,gaj,gbl->abjl", w, of, of) for w, of, _ in beside),
+                np.einsum("g,gaj,gbl->abjl", dm, N, N)),
+            G, np.stack([along, *(np.einsum("g,gajl->ajl", w, of) for w, _, of in beside)]),
+        )  # fmt: skip
 
     @cached_property
     def stiffness(self) -> np.ndarray:
@@ -149,11 +168,11 @@ class SpatialShapes:
 
     def _rows(self, x: float) -> np.ndarray:
         e, local = self.link.locate(x)
-        return self.link.shape(e, local) @ self.basis[6 * e : 6 * e + 12]
+        return self.link.shape(e, local)[:6] @ self.basis[6 * e : 6 * e + 12]
 
     @cached_property
     def _slices(self) -> tuple[np.ndarray, ...]:
-        """Places of the slices [m], their masses, rotary inertias about y and z (2, n), rows (n, 8, count), H from
+        """Places of the slices [m], their masses, rotary inertias about y and z (2, n), rows (n, 6, count), H from
         the start, and how long they are."""
         profile, x, weights = self.scene.bodies[self.link.name].spatial_profile, [], []
         for a, b in pairwise(self.link.nodes):
@@ -199,28 +218,34 @@ class SpatialShapes:
         return np.einsum("g,gjl->jl", dm / dm.sum(), H)
 
 
+def _along(x: np.ndarray) -> np.ndarray:
+    """Numbers of every two shapes (count, count) as the x of vectors, (3, count, count)."""
+    return np.stack([x, np.zeros_like(x), np.zeros_like(x)])
+
+
 def _product(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     return np.einsum("i,j,k->ijk", a, b, c)
 
 
 def spatial_shapes(
-    scene: Scene, link: SpatialLink, modes: int, held: float | None, freed: str = ""
+    scene: Scene, link: SpatialLink, modes: int, held: Place | None, freed: str = ""
 ) -> SpatialShapes:
     """Static shapes of the points where joints and loads act, and ``modes`` modes of bending in either plane, fewer of
     stretch and twist, with these points held.
 
-    ``held``: where the link's axes go along with its section [m]. About axes ``freed`` that its joint there lets it
-    turn about, they follow its mean turn: without momentum its shapes can't take the place of that turn (Buckens),
+    ``held``: the place where the link's axes go along with its section. About axes ``freed`` that its joint there lets
+    it turn about, they follow its mean turn: without momentum its shapes can't take the place of that turn (Buckens),
     which would leave it next to no inertia of its own.
     """
-    first = None if held is None else link.node_at(held)
+    x = None if held is None else held[0]
+    first = None if x is None else link.node_at(x)
     joints, pushed = points_of(scene, link.name)
     turned, kept = ({node for node in map(link.node_at, places) if node not in (first, None)}
                     for places in (joints, [*joints, *pushed]))  # fmt: skip
     if held is None and not turned:
         turned, kept = {0}, kept | {0}  # what is left of its motions deforms nothing
     K, M = (link.part.matrices[name].at({}).toarray() for name in ("K_s", "M"))
-    twisted = held in _torques(scene, link.name) or sum(place == held for place in joints) > 1
+    twisted = x in _torques(scene, link.name) or sum(place == x for place in joints) > 1
     found = []
     for kind, rigid in _KINDS.items():
         places = [SPATIAL_NODE.index(name) for name in kind]
@@ -232,7 +257,7 @@ def spatial_shapes(
         still = rigid if held is None else len(loose)
         own = _of_kind(K, M, rows, static, wanted + (len(loose) if not static else 0))
         found.append(own[:, still:])
-    return SpatialShapes(scene, link, np.hstack(found), held, freed)
+    return SpatialShapes(scene, link, np.hstack(found), x, freed)
 
 
 def points_of(scene: Scene, body: str) -> tuple[list[float], list[float]]:

@@ -3,8 +3,8 @@
 Every joint of the tree is a chain of *nodes*, each of which turns about an axis, slides along one, turns as a ball
 does, or stays: a universal joint is two nodes that turn, a cylindrical one slides and turns, and a body that moves
 freely hangs on three that slide and a ball. The last node of a chain carries the body. On a body that deforms follow a
-node that owns its modal coordinates and a *station* for each of its points where something acts: it stands and turns as
-the section there. Joints that the tree leaves over are *cuts*, which close its loops by elementary constraints.
+node that owns its modal coordinates and a *station* for each of its places where something acts: it stands and turns as
+the body does there. Joints that the tree leaves over are *cuts*, which close its loops by elementary constraints.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FIXED, TURN, SLIDE, BALL, SHAPES, STATION = range(6)
 KIND, PARENT, COORDINATE, SPEED, BODY, COUNT, AT = range(7)
 """Columns of ``nodes``; BODY: where the numbers of a body that has mass begin in ``p``, else -1. COUNT: shapes of a
 body that deforms, whose coordinates and speeds begin at COORDINATE and SPEED; AT: where the numbers of a station begin
-in ``p``, N and psi, (3, COUNT) each, then H, (COUNT, COUNT)."""
+in ``p``, N and psi, (3, COUNT) each, then G, (3, COUNT, COUNT)."""
 ROTATION, PLACE, AXIS, SHIFT = 0, 9, 12, 15
 """Columns of ``numbers``: axes at zero in the parent's, joint's point in the parent's axes, axis and the joint's point
 in its own."""
@@ -83,9 +83,13 @@ class Tables(NamedTuple):
     gravity: np.ndarray
 
 
+Place = tuple[float, ...]
+"""Of a point, in its body's axes [m]."""
+
+
 class Deformable(Protocol):
-    """Shapes of a body, which move nothing at the point of its axis that a joint of the tree holds, and turn nothing
-    there but about axes that follow the body's mean turn."""
+    """Shapes of a body, which move nothing at the place that a joint of the tree holds, and turn nothing there but
+    about axes that follow the body's mean turn."""
 
     @property
     def count(self) -> int:
@@ -102,20 +106,20 @@ class Deformable(Protocol):
     def numbers(self) -> np.ndarray:
         """Those of ``kaneflex.generated.spatial_shapes``."""
 
-    def at(self, x: float) -> tuple[np.ndarray, np.ndarray]:
-        """N and psi, (6, count) or more rows, and H (count, count) at a distance from the start [m]."""
+    def carrier(self, at: Place) -> Place:
+        """The place whose shapes carry a point: of a link that of its axis, where its section is."""
 
-    def station(self, x: float) -> np.ndarray:
-        """The same one after the other."""
+    def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """N and psi, (6, count), and G (3, count, count) at a carrier."""
 
-    def spread(self, rises: bool) -> tuple[float, np.ndarray]:
-        """The mean of all places by what falls linearly to zero at the end, or rises from there at the start: distance
-        from the start [m], and numbers like a station's."""
+    def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
+        """The mean of all places by what falls linearly to zero at the end, or rises from there at the start, and that
+        of what :meth:`at` gives."""
 
 
-Flexible = Mapping[str, Callable[[float | None, str], Deformable]]
-"""Body that deforms -> its shapes, by where its axes are held [m], None: in the mean of its mass; and by those of x, y,
-z about which they turn in the mean although they are held."""
+Flexible = Mapping[str, Callable[[Place | None, str], Deformable]]
+"""Body that deforms -> its shapes, by the place that holds its axes, None: in the mean of its mass; and by those of x,
+y, z about which they turn in the mean although they are held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +131,7 @@ class Layout:
     node_of : mapping
         Body -> its node.
     stations : mapping
-        Point of a body that deforms, by the body and its distance from the start [m] -> the node that stands there.
+        Carrier of points of a body that deforms, by the body and its place -> the node that stands there.
     shapes : mapping
         Body that deforms -> its shapes.
     tree : mapping
@@ -142,7 +146,7 @@ class Layout:
     """
 
     node_of: Mapping[str, int]
-    stations: Mapping[tuple[str, float], int]
+    stations: Mapping[tuple[str, Place], int]
     shapes: Mapping[str, Deformable]
     tree: Mapping[str, tuple[tuple[int, ...], int]]
     cuts: Mapping[str, slice]
@@ -151,18 +155,28 @@ class Layout:
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """The node (-1: the ground) that carries a point of a body, and where in that node's axes."""
-        return carried(self.node_of, self.stations, side)
+        return _carried(self, side)
 
 
-def carried(
-    node_of: Mapping[str, int], stations: Mapping[tuple[str, float], int], side: Side
-) -> tuple[int, np.ndarray]:
-    """A side's node, and its place in that node's axes: from the axis of a body that deforms."""
+class _Carrying(Protocol):
+    """What knows which nodes carry points: a layout, or one in the making."""
+
+    @property
+    def node_of(self) -> Mapping[str, int]: ...
+    @property
+    def stations(self) -> Mapping[tuple[str, Place], int]: ...
+    @property
+    def shapes(self) -> Mapping[str, Deformable]: ...
+
+
+def _carried(layout: _Carrying, side: Side) -> tuple[int, np.ndarray]:
+    """A side's node, and its place in that node's axes: of a body that deforms from the carrier, where one stands."""
     at = np.asarray(side.at, float)
-    station = stations.get((side.body, float(at[0])))
-    if station is None:
-        return node_of.get(side.body, -1), at
-    return station, np.array([0.0, *at[1:]])
+    if side.body in layout.shapes:
+        place = layout.shapes[side.body].carrier(side.at)
+        if (side.body, place) in layout.stations:
+            return layout.stations[side.body, place], at - place
+    return layout.node_of.get(side.body, -1), at
 
 
 _RIGID: Flexible = {}
@@ -176,7 +190,7 @@ class _Maker:
     def __init__(self, mechanism: SpatialMechanism, flexible: Flexible) -> None:
         self.mechanism, self.flexible = mechanism, flexible
         self.shapes: dict[str, Deformable] = {}
-        self.stations: dict[tuple[str, float], int] = {}
+        self.stations: dict[tuple[str, Place], int] = {}
         self.freed: dict[str, tuple[str, np.ndarray]] = {}
         self.nodes: list[list[int]] = []
         self.numbers: list[np.ndarray] = []
@@ -203,14 +217,14 @@ class _Maker:
         """The body that the last node of a chain carries, joined at a point in its axes."""
         self.numbers[node][SHIFT:] = at
         if name in self.flexible:
-            node = self.deforming(name, node, None if name in self.mechanism.floating else float(at[0]), freed)
+            node = self.deforming(name, node, None if name in self.mechanism.floating else tuple(map(float, at)), freed)
         self.node_of[name] = node
         body = self.mechanism.bodies[name]
         if body.mass or np.any(body.inertia):
             shapes = self.shapes[name].numbers() if name in self.shapes else np.zeros(0)
             self.nodes[node][BODY] = self.stored(np.concatenate([[body.mass], body.centre, body.inertia, shapes]))
 
-    def deforming(self, name: str, frame: int, held: float | None, freed: str) -> int:
+    def deforming(self, name: str, frame: int, held: Place | None, freed: str) -> int:
         """The node of a body's modal coordinates, in its axes."""
         shapes = self.shapes[name] = self.flexible[name](held, freed)
         node = self.node(SHAPES, frame, [f"{name}.shapes.{k}" for k in range(shapes.count)])
@@ -225,18 +239,20 @@ class _Maker:
 
     def on(self, side: Side) -> tuple[int, np.ndarray]:
         """The node that carries a point of a body, and where in its axes; of a body that deforms, a station."""
-        x = float(side.at[0])
-        if side.body in self.shapes and (side.body, x) not in self.stations:
-            self.stations[side.body, x] = self.station(side.body, x, self.shapes[side.body].station(x))
-        return carried(self.node_of, self.stations, side)
+        if side.body in self.shapes:
+            shapes = self.shapes[side.body]
+            place = shapes.carrier(side.at)
+            if (side.body, place) not in self.stations:
+                self.stations[side.body, place] = self.station(side.body, place, shapes.at(place))
+        return _carried(self, side)
 
-    def station(self, body: str, x: float, numbers: np.ndarray) -> int:
-        """Node of a point of a body that deforms."""
+    def station(self, body: str, place: Place, numbers: Sequence[np.ndarray]) -> int:
+        """Node of a place of a body that deforms."""
         frame = self.node_of[body]
-        node = self.node(STATION, frame, (), place=(x, 0.0, 0.0))
+        node = self.node(STATION, frame, (), place=place)
         self.nodes[node][COORDINATE : SPEED + 1] = self.nodes[frame][COORDINATE : SPEED + 1]
         self.nodes[node][COUNT] = self.shapes[body].count
-        self.nodes[node][AT] = self.stored(numbers)
+        self.nodes[node][AT] = self.stored(np.concatenate([np.ravel(part) for part in numbers]))
         return node
 
     def section(self, side: Side) -> int:
@@ -364,7 +380,7 @@ def _hang(maker: _Maker, joint: SpatialJoint, child: int) -> tuple[int, ...]:
     maker.body(outer.body, parent, outer.at, "".join(name for name, of in zip("xyz", aligned, strict=True) if of))
     if aligned.any():
         shapes = maker.shapes[outer.body]
-        maker.freed[joint.name] = outer.body, aligned @ shapes.at(float(outer.at[0]))[0][3:6]
+        maker.freed[joint.name] = outer.body, aligned @ shapes.at(shapes.carrier(outer.at))[0][3:6]
     return tuple(nodes)
 
 
