@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import energy, figures, orders, paths
+from kaneflex.plots import energy, figures, orders, paths, show
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
-from kaneflex.scene import read_scene, with_settings
+from kaneflex.scene import read_scene, scene_of, with_settings
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.solve.solution import Solution
@@ -63,6 +64,29 @@ def test_paths_and_hodographs_are_those_of_the_closed_form():
     assert "a dot each 30 deg" in path.get_title(loc="left")
     dots = next(line for line in path.get_lines() if line.get_marker() == "o" and line.get_markersize() == 3)
     assert len(dots.get_xdata()) == 24
+
+
+def test_points_beside_the_bodies_are_in_the_pictures():
+    """A thread lever's eye stands far beside its link, a counterweight behind the crank's pivot."""
+    tables = {
+        "schema": 1, "like": "four-bar", "solve": {"preset": "rigid", "start": "zero", "steps": 72},
+        "bodies": {"coupler": {"points": {"eye": ["0.9 m", "0.5 m"]}}, "crank": {"points": {"back": ["-0.6 m", 0]}}},
+        "masses": {"weight": {"at": "crank.back", "mass": "2 kg"}},
+        "sensors": {"eye": {"position": "coupler.eye", "component": "x"}},
+    }  # fmt: skip
+    scene = scene_of(tables)
+    with styled():
+        path = paths.figures(simulate(load(scene)))["paths"].axes[0]
+    seen = curves(path)["coupler.eye"]
+    drawing = show(scene).axes[0]
+    placed = {name: pose.place(at) for name, at in (("crank", (-0.6, 0.0)), ("coupler", (0.9, 0.5)))
+              for pose in [place(scene, {}).pose(name)]}  # fmt: skip
+    for axes, points in ((path, seen.T), (drawing, [1e3 * np.array(each) for each in placed.values()])):
+        assert all(axes.viewLim.contains(*point) for point in points)
+    lines = [line.get_xydata() for line in drawing.get_lines()]
+    for point in placed.values():
+        reached = [line for line in lines if len(line) > 1 and (abs(line - 1e3 * np.array(point)) < 1e-6).all(1).any()]
+        assert reached, "nothing is drawn from the body to its point"
 
 
 def test_orders_are_those_of_the_series():

@@ -124,11 +124,11 @@ def _line(axes: Axes, points: np.ndarray, colour, width: float, zorder: float) -
 def frame_axes(
     axes: Axes, outlines: list[Outline], fixed: Scenery, room: float = _MARGIN
 ) -> tuple[float, float]:
-    """Limits that hold the scenery and every instant of the outlines; returns width and height [mm].
+    """Limits that hold what the run sweeps and every instant of the outlines; returns width and height [mm].
 
     ``room`` is left free around them, in sizes of the mechanism.
     """
-    parts = [fixed.pivots - [0, 0.07 * fixed.size]]
+    parts = [fixed.pivots - [0, 0.07 * fixed.size], fixed.lower, fixed.upper]
     for outline in outlines:
         parts += [*outline.links.values(), *outline.bars.values(), *outline.boxes.values()]
     points = np.concatenate([part.reshape(-1, 2) for part in parts])

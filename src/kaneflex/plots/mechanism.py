@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +60,8 @@ class Outline:
     links : mapping of str to ndarray (n_times, n_points, 2)
         Axis of each elastic link.
     bars : mapping of str to ndarray (n_times, n_points, 2)
-        Path through the used points of each rigid body, and the guides that it carries.
+        Path through the used points of each rigid body, and the guides that it carries; of elastic links a stiff arm
+        from the axis to each used point that does not lie on it, by the link's name and a number.
     boxes : mapping of str to ndarray (n_times, 5, 2)
         Closed outline of the body on each guide, by the guide's joint.
     pins : mapping of str to ndarray (n_times, 2)
@@ -140,6 +141,7 @@ class _Pose:
     def outline(self) -> Outline:
         links = {name: _to_global(self.rigid, name, axis) for name, axis in self.axes.items()}
         bars = {name: bar for name in self.scene.bodies if (bar := self._bar(name)).size}
+        bars |= {f"{name} {k}": arm for name in self.axes for k, arm in enumerate(self._arms(name))}
         boxes, pins = {}, {}
         for name, joint in self.scene.joints.items():
             if joint.kind == "revolute":
@@ -168,7 +170,7 @@ class _Pose:
             return BodyFrame(self.rigid, body).place(moved).T
         x, y = at
         share = x / self.scene.bodies[body].length * (ALONG_LINK - 1)
-        k = min(int(share), ALONG_LINK - 2)
+        k = min(max(int(share), 0), ALONG_LINK - 2)
         axis = self.axes[body]
         local = axis[:, k] + (share - k) * (axis[:, k + 1] - axis[:, k]) + np.array([0.0, y])
         return _to_global(self.rigid, body, local[:, None])[:, 0]
@@ -185,6 +187,14 @@ class _Pose:
                 path += [self._point(name, tuple(end)) for end in ends]
         return np.stack(path, axis=1) if path else np.zeros((0, 0, 2))
 
+    def _arms(self, name: str) -> Iterator[np.ndarray]:
+        """From an elastic link's axis to each used point beside it, (n_times, 2, 2)."""
+        length = self.scene.bodies[name].length or 0.0
+        for x, y in used_points(self.scene, name):
+            foot = min(max(x, 0.0), length), 0.0
+            if foot != (x, y):
+                yield np.stack([self._point(name, foot), self._point(name, (x, y))], axis=1)
+
     def _box(self, carrier: Address, rider: Address, direction: Place) -> np.ndarray:
         """Corners of a guided body about its joint, along its guide, (n_times, 5, 2)."""
         centre = self._point(rider.body, self.scene.point(rider))
@@ -196,9 +206,16 @@ class _Pose:
 
 
 def used_points(scene: Scene, body: str) -> list[Place]:
-    """Points of a body that joints use, and its ends, in its axes; each place once, the first joint's first."""
-    sides = [joint.addresses for joint in scene.joints.values()] + [joint.sides for joint in scene.loose.values()]
-    used = [scene.point(side) for pair in sides for side in pair if side.body == body]
+    """Points of a body that anything of the scene names, and its ends, in its axes; each place once.
+
+    Those of joints are first, in the scene's order, then those of springs, loads, masses and sensors.
+    """
+    pairs = [joint.addresses for joint in scene.joints.values()] + [joint.sides for joint in scene.loose.values()]
+    pairs += [spring.ends or () for spring in scene.springs.values()]
+    places: list[object] = [side for pair in pairs for side in pair]
+    places += [load.force_on for load in scene.forces.values()] + [mass.at for mass in scene.masses.values()]
+    places += [sensor.target for sensor in scene.sensors.values()]
+    used = [scene.point(each) for each in places if isinstance(each, Address) and each.body == body]
     if body != "ground" and scene.bodies[body].length is not None:
         used += [(0.0, 0.0), (scene.bodies[body].length, 0.0)]
     return list(dict.fromkeys(used)) or [(0.0, 0.0)]
