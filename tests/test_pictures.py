@@ -9,7 +9,7 @@ import pytest
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import energy, figures, orders, paths, show
+from kaneflex.plots import energy, figures, loads, orders, paths, show
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, scene_of, with_settings
@@ -87,6 +87,50 @@ def test_points_beside_the_bodies_are_in_the_pictures():
     for point in placed.values():
         reached = [line for line in lines if len(line) > 1 and (abs(line - 1e3 * np.array(point)) < 1e-6).all(1).any()]
         assert reached, "nothing is drawn from the body to its point"
+
+
+# A motor that runs up a fan, and beside it a slide that a damper on a moving guide slows down.
+MOTOR = """
+schema = 1
+[bodies]
+fan = {mass = "3 kg", inertia = "0.05 kg m^2"}
+slide = {mass = "1 kg"}
+[joints]
+shaft = {revolute = ["ground", "fan"]}
+bore = {prismatic = ["fan", "slide"], direction = [0.6, 0.8]}
+[drives]
+shaft = {free = true}
+bore = {free = true, initial_speed = "2 m/s"}
+[loads]
+motor = {torque_at = "shaft", law = "20 * (1 - shaft_speed / 150)"}
+damper = {force_on = "slide", axes = "body", direction = [0.6, 0.8], law = "-3 * bore_speed"}
+[solve]
+duration = "0.3 s"
+steps = 60
+"""
+
+
+@pytest.mark.parametrize("preset", ["rigid", "coupled"])
+def test_motors_and_dampers_are_drawn_over_time_and_over_their_speeds(preset):
+    with styled():
+        solution = simulate(load(with_settings(scene_of(MOTOR), [f"solve.preset={preset}"])))
+        found = loads.figures(solution)
+    force, torque = sorted(found["loads"].axes, key=lambda axes: axes.get_title(loc="left"))
+    assert (force.get_ylabel(), torque.get_ylabel()) == ("force [N]", "torque [N m]")
+    motor, damper = found["characteristics"].axes
+    assert motor.get_xlabel() == "speed of shaft, from the ring on [rpm]"
+    rpm, nm = curves(motor)["motor"]
+    assert rpm[0] == pytest.approx(0.0, abs=1e-9) and np.ptp(rpm) > 100.0
+    assert nm == pytest.approx(20.0 * (1.0 - rpm * np.pi / 30.0 / 150.0), rel=1e-9)
+    assert torque.get_lines()[0].get_ydata() == pytest.approx(nm)
+    speed, newton = curves(damper)["damper"]
+    assert speed[0] == pytest.approx(2.0, rel=1e-9) and newton == pytest.approx(-3.0 * speed, rel=1e-9, abs=1e-9)
+
+
+def test_loads_that_do_not_vary_have_no_picture():
+    constant = MOTOR.replace('law = "20 * (1 - shaft_speed / 150)"', "value = 20")
+    constant = constant.replace('law = "-3 * bore_speed"', "value = -3")
+    assert loads.figures(simulate(load(with_settings(scene_of(constant), ["solve.preset=rigid"])))) == {}
 
 
 def test_orders_are_those_of_the_series():

@@ -161,10 +161,12 @@ def test_gas_pressure_and_force_peak_where_the_table_does():
     pressure, force = drawn("engine")["loads"].axes
     assert pressure.get_ylabel() == "pressure [bar]" and force.get_ylabel() == "force [kN]"
     x, bar = pressure.lines[0].get_data()
-    assert (x[np.argmax(bar)], bar.max()) == pytest.approx((373.5, 92.3), abs=0.05)
+    assert x[np.argmax(bar)] == pytest.approx(373.5, abs=0.5) and bar.max() == pytest.approx(92.3, abs=0.05)
     assert force.lines[0].get_ydata().max() == pytest.approx(37.2, abs=0.05)
     peaks = [axes.lines[k].get_data() for axes in [drawn("engine-3")["loads"].axes[1]] for k in range(0, 3)]
-    assert sorted(round(x[np.argmax(y)] - 373.5) % 720 for x, y in peaks) == [0, 240, 480]
+    first, *_ = tops = [x[np.argmax(y)] for x, y in peaks]
+    assert first == pytest.approx(373.5, abs=2.5)
+    assert sorted((top - first) % 720 for top in tops) == pytest.approx([0, 240, 480])
 
 
 def test_torque_panel_states_the_mean():
@@ -336,7 +338,7 @@ def test_a_run_that_broke_off_is_drawn_up_to_there(tmp_path):
 
 def test_without_an_instant_there_are_the_pictures_that_need_none(tmp_path):
     written = draw_all(cut(solved("engine"), 0), tmp_path)
-    assert {path.stem for path in written} == {"loads", "modes"}
+    assert {path.stem for path in written} == {"modes"}
 
 
 def test_pictures_leave_the_callers_matplotlib_alone():

@@ -148,11 +148,11 @@ def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]],
         stress,
     )
 
-    of_any = (sensors.figures, orders.figures, energy.figures)
+    of_any = (loads.figures, sensors.figures, orders.figures, energy.figures)
     if solution.model.scene.is_spatial:
         moving = (spatial.figures, spatial.deformed, *of_any) if _moves(solution) else ()
         return (*moving, spatial.modes)
     if not _moves(solution):
-        return loads.figures, modes.figures
-    kinds = (loads, motion, paths, modes, displacements, stress, clearances, records)
+        return (modes.figures,)
+    kinds = (motion, paths, modes, displacements, stress, clearances, records)
     return (*(kind.figures for kind in kinds), *of_any)

@@ -1,16 +1,18 @@
-"""Loads from tables: the force against the drive's angle, with the gas pressure it comes from; paper Figs. 5, 6."""
+"""Loads as they act over what is shown, with the gas pressure of tables (paper Figs. 5, 6), and over speeds."""
 
 from __future__ import annotations
 
 import csv
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from kaneflex.plots.style import mark_angles, new_figure, plot_curves, readable
-from kaneflex.plots.view import angle_name
+from kaneflex.plots.style import new_figure, plot_curves, readable
+from kaneflex.plots.view import View, view
+from kaneflex.response.coupled_motion import CoupledMotion
+from kaneflex.response.motion import Motion
 from kaneflex.scene.parts import Load
 from kaneflex.scene.tables import Table, evaluate_block
 
@@ -19,42 +21,96 @@ if TYPE_CHECKING:
 
 _PRESSURE = "p_abs_bar"
 """Column of a load's CSV file that holds the absolute gas pressure [bar]."""
-_POINTS = 1441
+_QUANTITY = {"N": "Force", "N m": "Torque", "N/m": "Force per length"}
+_EVEN = 1e-9
+"""Share of a speed within which it does not vary."""
+
+
+class Panel(NamedTuple):
+    """Curves by name in their SI unit, over what is shown."""
+
+    title: str
+    quantity: str
+    unit: str
+    curves: dict[str, np.ndarray]
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
-    """``loads``: what the tables of one unit against one drive, or against time, hold over their period."""
-    tables = {name: load for name, load in solution.model.scene.loads.items() if load.table is not None}
-    pictures = {}
-    for against, unit in dict.fromkeys((load.against, load.si_unit) for load in tables.values()):
-        group = {name: load for name, load in tables.items() if (load.against, load.si_unit) == (against, unit)}
-        name = f"loads_{against}" if pictures else "loads"
-        pictures[name if name not in pictures else f"{name}_{len(pictures) + 1}"] = _figure(solution, against, group)
-    return pictures
+    """``loads``: sizes of all of them, where one varies; ``characteristics``: of those that follow a joint's speed."""
+    loads = solution.model.scene.loads
+    if all(load.kind == "value" for load in loads.values()):
+        return {}
+    shown = view(solution)
+    sizes = {name: shown.motion.scalars[name] for name in loads}
+    found = {"loads": _over_run(shown, sizes)}
+    speeds = {name: seen for name in loads if (seen := _followed(shown, name)) is not None}
+    return found | ({"characteristics": _over_speeds(shown, sizes, speeds)} if speeds else {})
 
 
-def _figure(solution: Solution, against: str, loads: dict[str, Load]) -> Figure:
-    x = _abscissa(solution, loads)
-    factor, label = _axis(solution, against, x)
-    pressures = {name: p for name, load in loads.items() if (p := _pressure(load, x)) is not None}
-    rows = 1 + bool(pressures)
-    figure = new_figure(6.6, 0.8 + 2.3 * rows, "Gas pressure and force" if pressures else "Loads")
-    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    if pressures:
-        plot_curves(panels[0], factor * x, pressures.items(), "bar", "Absolute gas pressure", "pressure")
-        _mark_peak(panels[0], factor * x, next(iter(pressures.values())), "bar", label)
-        panels[0].set_ylim(bottom=0)
-    forces = {name: _force(load, x) for name, load in loads.items()}
-    unit = next(iter(loads.values())).si_unit
-    quantity = {"N": "Force", "N m": "Torque", "N/m": "Force per length"}[unit]
-    towards = {_where(load) for load in loads.values()}
-    title = f"{quantity} {towards.pop()}" if len(towards) == 1 else quantity
-    plot_curves(panels[-1], factor * x, forces.items(), unit, title, quantity.lower())
-    _mark_peak(panels[-1], factor * x, next(iter(forces.values())), unit, label)
-    panels[-1].set_xlabel(label)
-    if against != "t":
-        mark_angles(panels[-1], factor * float(np.ptp(x)))
+def _over_run(shown: View, sizes: dict[str, np.ndarray]) -> Figure:
+    loads = shown.solution.model.scene.loads
+    pressures = {name: p for name, load in loads.items() if (p := _pressure(load, shown)) is not None}
+    panels = [Panel("Absolute gas pressure", "pressure", "bar", pressures)] if pressures else []
+    for unit in dict.fromkeys(load.si_unit for load in loads.values()):
+        group = {name: size for name, size in sizes.items() if loads[name].si_unit == unit}
+        towards = {_where(loads[name]) for name in group}
+        quantity = _QUANTITY[unit]
+        title = f"{quantity} {towards.pop()}" if len(towards) == 1 else quantity
+        panels.append(Panel(title, quantity.lower(), unit, group))
+    heading = "Gas pressure and loads" if pressures else "Loads"
+    figure = new_figure(6.6, 0.8 + 2.3 * len(panels), f"{heading}{shown.note}")
+    places = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (title, quantity, unit, curves) in zip(places, panels, strict=True):
+        plot_curves(axes, shown.x, curves.items(), unit, title, quantity)
+        _mark_peak(axes, shown, [*curves.values()], unit)
+    shown.label_x(places[-1])
     return figure
+
+
+def _over_speeds(shown: View, sizes: dict[str, np.ndarray], speeds: dict[str, tuple[str, np.ndarray]]) -> Figure:
+    """Torque over the speed that it follows, as motors and brakes are chosen by."""
+    scene = shown.solution.model.scene
+    figure = new_figure(6.6, 0.8 + 2.6 * len(speeds), f"Loads over speeds{shown.note}")
+    places = figure.subplots(len(speeds), 1, squeeze=False)[:, 0]
+    for axes, (name, (joint, speed)) in zip(places, speeds.items(), strict=True):
+        load = scene.loads[name]
+        factor, unit = readable("m/s", speed) if scene.joints[joint].kind == "prismatic" else (30.0 / np.pi, "rpm")
+        quantity = _QUANTITY[load.si_unit]
+        title = f"{name}: {quantity.lower()} {_where(load)}"
+        size, _ = plot_curves(axes, factor * speed, [(name, sizes[name])], load.si_unit, title, quantity.lower())
+        axes.plot(factor * speed[0], size * sizes[name][0], "o", color="black", markersize=5, markerfacecolor="white")
+        axes.set_xlabel(f"speed of {joint}, from the ring on [{unit}]")
+        axes.margins(x=0.02)
+    return figure
+
+
+def _followed(shown: View, name: str) -> tuple[str, np.ndarray] | None:
+    """The joint whose speed a load's law knows, and that speed [rad/s or m/s]; None where there is none that varies."""
+    scene = shown.solution.model.scene
+    law = scene.law(name)
+    if law is None or scene.is_spatial:
+        return None
+    for joint in scene.joints:
+        if law.uses(f"{joint}_speed"):
+            speed = _speed(shown.motion, joint)
+            return (joint, speed) if np.ptp(speed) > _EVEN * abs(speed).max() else None
+    return None
+
+
+def _speed(motion: Motion, joint: str) -> np.ndarray:
+    """Of a joint of a planar mechanism [rad/s], or along its guide [m/s], as laws know it."""
+    if isinstance(motion, CoupledMotion):
+        return motion.coordinate(joint)[1]
+    scene = motion.model.scene
+    first, second = scene.joints[joint].addresses
+    one, other = (motion.rigid.frame(address.body) for address in (first, second))
+    direction = scene.joints[joint].direction
+    if direction is None:
+        return other.omega - one.omega
+    still = np.zeros((2, len(motion.times)))
+    here, there = (frame.velocity(still + np.reshape(scene.point(address), (2, 1)), still)
+                   for frame, address in ((one, first), (other, second)))  # fmt: skip
+    return (one.to_global(direction) * (there - here)).sum(axis=0)
 
 
 def _where(load: Load) -> str:
@@ -63,31 +119,10 @@ def _where(load: Load) -> str:
     return f"at {load.torque_at}" if load.torque_at is not None else f"along {load.spread_on}"
 
 
-def _abscissa(solution: Solution, loads: dict[str, Load]) -> np.ndarray:
-    """One period, or what the tables span where they do not repeat [rad or s]."""
-    period = max((load.period or 0.0 for load in loads.values()), default=0.0)
-    if period:
-        return np.linspace(0.0, period, _POINTS)
-    tables = [(load, load.read_table()) for load in loads.values()]
-    first = min(table.x[0] + load.offset for load, table in tables)
-    last = max(table.x[-1] + load.offset for load, table in tables)
-    return np.linspace(first, last, _POINTS)
-
-
-def _axis(solution: Solution, against: str, x: np.ndarray) -> tuple[float, str]:
-    if against == "t":
-        factor, unit = readable("s", x)
-        return factor, f"time [{unit}]"
-    return 180 / np.pi, f"{angle_name(solution, against)} [deg]"
-
-
-def _force(load: Load, x: np.ndarray) -> np.ndarray:
-    """Magnitude of the load in its SI unit, by the arithmetic of the kernels."""
-    return evaluate_block(load.curve(), x - load.offset)
-
-
-def _pressure(load: Load, x: np.ndarray) -> np.ndarray | None:
-    """The file's pressure [bar] at x, where the file has it; between its rows as the force."""
+def _pressure(load: Load, shown: View) -> np.ndarray | None:
+    """The pressure [bar] that a load's table has beside the force, between its rows as that; else None."""
+    if load.table is None:
+        return None
     with open(load.table, encoding="utf-8-sig", newline="") as file:
         header, *rows = csv.reader(line for line in file if line.strip() and line[0] != "#")
     if _PRESSURE not in header:
@@ -95,17 +130,22 @@ def _pressure(load: Load, x: np.ndarray) -> np.ndarray | None:
     column = header.index(_PRESSURE)
     bar = np.array([float(row[column]) for row in rows])
     curve = Table(load.read_table().x, bar).coefficients(load.period, load.interpolation)
-    return evaluate_block(curve, x - load.offset)
+    at = shown.times if load.against == "t" else shown.rigid[f"{load.against}.angle"]
+    return evaluate_block(curve, at - load.offset)
 
 
-def _mark_peak(axes: Axes, x: np.ndarray, values: np.ndarray, unit: str, label: str) -> None:
-    """Write the largest value of a curve beside it."""
-    factor, name = readable(unit, values)
-    peak = int(np.argmax(values))
-    x_unit = label[label.index("[") + 1 : -1]
+def _mark_peak(axes: Axes, shown: View, curves: list[np.ndarray], unit: str) -> None:
+    """Write the largest size of the first curve beside it, where it varies."""
+    factor, name = readable(unit, *curves)
+    first = curves[0]
+    if np.ptp(first) == 0.0:
+        return
+    peak = int(np.argmax(abs(first)))
+    x, value = shown.x[peak], factor * first[peak]
+    x_unit = shown.x_label[shown.x_label.index("[") + 1 : -1]
     axes.annotate(
-        f"{factor * values[peak]:.3g} {name} at {x[peak]:.4g} {x_unit}",
-        (x[peak], factor * values[peak]), xytext=(8, -3), textcoords="offset points", fontsize=8,
+        f"{value:.3g} {name} at {x:.4g} {x_unit}".replace("-", "\N{MINUS SIGN}"), (x, value), xytext=(6, 4),
+        textcoords="offset points", fontsize=8,
     )  # fmt: skip
     axes.margins(y=0.1)
-    axes.plot(x[peak], factor * values[peak], "o", color="black", markersize=3)
+    axes.plot(x, value, "o", color="black", markersize=3)
