@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kaneflex.multibody import binding
-from kaneflex.scene import read_scene
+from kaneflex.scene import read_scene, scene_of
 from kaneflex.solve.loading import load
 from kaneflex.solve.simulation import simulate
 from kaneflex.support.errors import SceneError
@@ -116,6 +116,38 @@ def test_what_nothing_drives(tmp_path, nothing_is_derived):
 def test_rigid_bodies_that_elastic_ones_can_not_carry_name_the_preset_that_can(tmp_path, nothing_is_derived):
     said = refused(tmp_path, CARRIED_RHOMBUS)
     assert "hold it between rigid bodies, so that it can't follow the links" in said and "Take preset coupled" in said
+
+
+TWO_AT_A_POINT = """
+schema = 1
+[bodies]
+arm = {length = "300 mm", beam = {material = "steel", section = {circle = "10 mm"}}}
+a = {length = "200 mm", mass = "1 kg"}
+b = {length = "200 mm", mass = "1 kg"}
+[joints]
+main = {revolute = ["ground", "arm.start"]}
+first = {revolute = ["arm.end", "a.start"]}
+second = {revolute = ["arm.end", "b.start"]}
+[drives]
+main = {law = "0.6 + 0.1 * sin(2 * t)"}
+first = {law = "0"}
+second = {law = "1"}
+[solve]
+duration = "1 s"
+steps = 20
+"""
+
+
+def test_two_rigid_bodies_at_one_point_of_a_link_and_the_cures_that_are_named(tmp_path):
+    said = refused(tmp_path, TWO_AT_A_POINT)
+    assert said == (
+        "joints.second = ['arm.end', 'b.start']: the point of arm carries a already, and can't carry b, too. "
+        "Join b to a.start instead, give one of these two a beam, or take preset coupled."
+    )
+    joined = TWO_AT_A_POINT.replace('["arm.end", "b.start"]', '["a.start", "b.start"]')
+    beam = TWO_AT_A_POINT.replace('b = {length = "200 mm", mass = "1 kg"}', 'b = {like = "arm"}')
+    for text in (joined, beam):
+        load(scene_of(text))
 
 
 def test_a_free_drive_beside_another_one_in_a_larger_loop(tmp_path, nothing_is_derived):

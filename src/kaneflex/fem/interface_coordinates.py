@@ -88,7 +88,7 @@ def find_interfaces(
     prescribed = prescribed_bodies(mechanism_of(scene))
     shifts, turns = _Groups(), _Groups()
     nodes: dict[Node, str] = {}
-    held: list[tuple[Node, Address]] = []
+    held: list[tuple[str, Node, Address]] = []
     for name, joint in scene.joints.items():
         sides = [_side(scene, links, prescribed, address) for address in joint.addresses]
         elastic = [side for side in sides if isinstance(side, tuple)]
@@ -99,7 +99,7 @@ def find_interfaces(
             continue
         rigid = [address for address in joint.addresses if address.body in carried]
         if rigid:
-            held.append((elastic[0], rigid[0]))
+            held.append((name, elastic[0], rigid[0]))
         else:
             shifts.join(*sides)
         keeps = name in scene.drives and scene.drives[name].rotation == "held" and not free_drives
@@ -115,20 +115,21 @@ def find_interfaces(
         turned,
         frozenset(displaced[node] for node in nodes if shifts.find(node) == shifts.find("prescribed")),
         frozenset(turned[node] for node in nodes if turns.find(node) == turns.find("prescribed")),
-        _carriers(displaced, held),
+        _carriers(scene, displaced, held),
         {turned[node]: bodies[turns.find(node)] for node in nodes if turns.find(node) in bodies},
         {displaced[node]: name for node, name in reversed(nodes.items())},
     )
 
 
-def _carriers(displaced: Mapping[Node, int], held: list[tuple[Node, Address]]) -> dict[int, Address]:
+def _carriers(scene: Scene, displaced: Mapping[Node, int], held: list[tuple[str, Node, Address]]) -> dict[int, Address]:
     carrier: dict[int, Address] = {}
-    for node, address in held:
+    for joint, node, address in held:
         known = carrier.setdefault(displaced[node], address)
         if known.body != address.body:
             raise SceneError(
-                f"bodies.{node[0]}", str(address), f"{known.body} and {address.body} meet in one point of it",
-                "Join the two rigid bodies to each other, and one of them to the link",
+                f"joints.{joint}", [str(side) for side in scene.joints[joint].addresses],
+                f"the point of {node[0]} carries {known.body} already, and can't carry {address.body}, too",
+                f"Join {address.body} to {known} instead, give one of these two a beam, or take preset coupled",
             )  # fmt: skip
     return carrier
 

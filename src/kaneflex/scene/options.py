@@ -330,7 +330,7 @@ def _check_laws(scene: Scene, dynamics: str) -> None:
         jump, preset = law.jumps(), scene.solve.preset
         if strange is not None and dynamics != "coupled":
             reason = f"under preset {preset} laws know the joints that have a drive: {strange} has none"
-            raise SceneError(key, load.law, reason, "Take preset coupled, or give the joint a drive")
+            raise SceneError(key, load.law, reason, "Take preset coupled, or write the law in a joint that has a drive")
         if jump is not None and free is not None and dynamics != "coupled":
             reason = f"{jump} jumps, which preset {preset} would step over as it integrates {free}"
             raise SceneError(key, load.law, reason, f"Take preset coupled, or a smooth law: {_SMOOTH}")
