@@ -21,7 +21,7 @@ BASELINE = {
     "report": 6,
     "response": 53,
     "scene": 86,
-    "solve": 42,
+    "solve": 34,
     "study": 85,
     "support": 5,
 }

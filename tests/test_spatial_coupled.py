@@ -303,10 +303,3 @@ def test_a_run_that_stops_names_its_cures(tmp_path):
     with pytest.raises(SceneError, match=r"can't go on after t = 0\.0081\d+ s: .* Give fewer solve\.modes"):
         _solution(tmp_path, text + tail.format(3))
     assert _solution(tmp_path, text + tail.format(2)).model.energy.drift < 1e-6
-
-
-def test_modes_and_linearisation_are_refused_by_name(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text(_princeton(30, count=1))
-    with pytest.raises(SceneError, match="only planar scenes"):
-        kaneflex.linearise(kaneflex.load(read_scene(path)))

@@ -52,7 +52,7 @@ def build_model(
     ``frozen`` gives the order of the coordinates, the bases and the modes of damping; ``like`` the equations, where
     they are the same. ``bare``: no equations beside the coupled ones, as no elastic stage can follow the rigid one.
     """
-    reference, warnings = _reference(scene, options, motion)
+    reference, warnings = reference_instant(scene, options, motion)
     if like is not None and _same_equations(scene, options, motion, like):
         return replace(
             like, scene=scene, options=options, motion=motion, reference_time=reference, energy=None, warnings=(),
@@ -209,7 +209,7 @@ def _at(affine: Affine, rigid: RigidMotion) -> csr_array:
     return affine.at({name: float(rigid[name][0]) for monomial in affine.terms for name in monomial})
 
 
-def _reference(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
+def reference_instant(scene: Scene, options: Options, motion: RigidKinematics) -> tuple[float, tuple[str, ...]]:
     """The instant [s] whose configuration reference modes are of, :func:`stands_at` or the first; what to warn of it.
 
     Raises SceneError where a place was asked for at which the first drive never stands.

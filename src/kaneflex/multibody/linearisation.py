@@ -6,8 +6,7 @@ satisfy
 
     M y'' + C y' + K y = B u,   M = dD/dy'', C = dD/dy', K = dD/dy, B = -dD/du:
 
-geometric stiffening, the loops and how fast they turn are in these derivatives. They are central differences of fourth
-order, at steps that leave 1e-11 of the largest entry of truncation and rounding.
+geometric stiffening, the loops and how fast they turn are in these derivatives.
 """
 
 from __future__ import annotations
@@ -20,14 +19,9 @@ import numpy as np
 from kaneflex.generated import joints as laws
 from kaneflex.multibody import tables as at
 from kaneflex.multibody.engine import Engine
+from kaneflex.multibody.linear_equations import OFFSETS, STEP, WEIGHTS, Linear
 from kaneflex.multibody.run import CoupledTrajectory, by_themselves
 from kaneflex.multibody.system import CoupledSystem, Unfolded
-
-_OFFSETS, _WEIGHTS = np.array([2.0, 1.0, -1.0, -2.0]), np.array([-1.0, 8.0, -8.0, 1.0]) / 12.0
-"""Of central differences of fourth order."""
-_STEP = 1e-4
-"""Their step in places, in sizes of the mechanism and rad; nothing has less than that to do with accelerations and
-forces, in which the equations are affine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,27 +36,6 @@ class Instant:
     def row(self, inputs: int) -> np.ndarray:
         """As an argument of :meth:`Engine.demand`."""
         return np.concatenate([[self.t], self.y, self.v, self.a, np.zeros(inputs)])
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """M y'' + C y' + K y = B u about an instant.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of y: JOINT.angle, JOINT.position, BODY.axial_K or BODY.transverse_K; of a body on no joint BODY.x, y, phi.
-    M, C, K : ndarray (n, n)
-    B : ndarray (n, inputs)
-        By the sizes of the loads, then by the accelerations that drives prescribe.
-    """
-
-    instant: Instant
-    names: tuple[str, ...]
-    M: np.ndarray
-    C: np.ndarray
-    K: np.ndarray
-    B: np.ndarray
 
 
 def prepare(system: CoupledSystem, t: float, q: np.ndarray, v: np.ndarray) -> Engine:
@@ -88,10 +61,10 @@ def slopes(
     chosen = np.arange(len(steps)) if columns is None else np.asarray(columns)
     rows = np.tile(middle, (4 * len(chosen) + 1, 1))
     for k, column in enumerate(chosen):
-        rows[4 * k : 4 * k + 4, 1 + column] += _OFFSETS * steps[column]
+        rows[4 * k : 4 * k + 4, 1 + column] += OFFSETS * steps[column]
     found = engine.demand(rows)
     moved = found[:-1].reshape(len(chosen), 4, -1)
-    return found[-1], np.einsum("j,cjn->nc", _WEIGHTS, moved) / steps[chosen]
+    return found[-1], np.einsum("j,cjn->nc", WEIGHTS, moved) / steps[chosen]
 
 
 def _steps(engine: Engine) -> np.ndarray:
@@ -103,7 +76,7 @@ def _steps(engine: Engine) -> np.ndarray:
     push = np.full(engine.inputs, max(1.0, abs(reactions).max(initial=0.0)))
     push[loads:] = acceleration
     own = measure[which]
-    return np.concatenate([_STEP * own, 1e-2 * rate * own, acceleration * own, push])
+    return np.concatenate([STEP * own, 1e-2 * rate * own, acceleration * own, push])
 
 
 def settled(engine: Engine, t: float) -> Instant | None:
@@ -129,7 +102,7 @@ def settled(engine: Engine, t: float) -> Instant | None:
     return None
 
 
-def linear(engine: Engine, instant: Instant) -> Linear:
+def linear(engine: Engine, instant: Instant) -> Linear[Instant]:
     """The linear equations about an instant. Raises ArithmeticError where loops don't close about it."""
     n = len(instant.y)
     K, C, M, by_inputs = np.split(slopes(engine, instant)[1], [n, 2 * n, 3 * n], axis=1)
@@ -176,7 +149,7 @@ def _parts(engine: Engine, fields: np.ndarray, sections: np.ndarray, moved: np.n
     return out[2:4]
 
 
-def probes(system: CoupledSystem, found: Linear) -> tuple[CoupledTrajectory, np.ndarray, np.ndarray]:
+def probes(system: CoupledSystem, found: Linear[Instant]) -> tuple[CoupledTrajectory, np.ndarray, np.ndarray]:
     """States about an instant, from whose differences derivatives by y, y' and u follow.
 
     Returns a trajectory with four of them for every one of these, how far each is from the instant, and the weight with
@@ -186,7 +159,7 @@ def probes(system: CoupledSystem, found: Linear) -> tuple[CoupledTrajectory, np.
     engine.demand(base.row(engine.inputs)[None])
     which, middle, steps = engine.independent, engine.row(base.t), _steps(engine)
     steps = np.delete(steps, np.arange(2 * n, 3 * n))
-    away = np.outer(steps, _OFFSETS)
+    away = np.outer(steps, OFFSETS)
     states: list[Unfolded] = []
     for k, part in enumerate(away):
         for distance in part:
@@ -206,4 +179,4 @@ def probes(system: CoupledSystem, found: Linear) -> tuple[CoupledTrajectory, np.
     apart = 1e-15 * max(1.0, abs(base.t)) * bool(system.mechanism.free)
     times = base.t + apart * np.arange(len(states))
     trajectory = by_themselves(times, every.q, every.v, every.a, every.reactions)
-    return trajectory, away.ravel(), (_WEIGHTS / steps[:, None]).ravel()
+    return trajectory, away.ravel(), (WEIGHTS / steps[:, None]).ravel()

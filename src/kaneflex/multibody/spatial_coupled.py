@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from types import ModuleType
 
 import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
-from kaneflex.multibody.spatial_curves import Curve
+from kaneflex.multibody.spatial_curves import Curve, Followed
+from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
 from kaneflex.multibody.spatial_shapes import SpatialShapes, spatial_shapes
+from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
 from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Flexible, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
-from kaneflex.support.errors import SceneError
 
 _STEPS = 60
 """Newton steps to a balanced deformation."""
 _BALANCED = 1e-10
 """Last of them, as a share of the mechanism's size, up to which it counts as balanced."""
-_PROBE = 1e-6
-"""Change of a coordinate by which the others' answer is found, as a share of the mechanism's size."""
 _BENT = 0.02
 """Largest modal coordinate, as a share of its link's length, up to which no one is warned of shapes that can take a
 turn's place."""
@@ -38,6 +37,24 @@ class CoupledKinematics(SpatialKinematics):
 
     rigid: SpatialKinematics
     freedoms: int
+
+    def along(self, curve: Curve) -> CoupledKinematics:
+        """The same mechanism in another motion."""
+        beside = self.rigid.curve
+        assert isinstance(beside, _Beside)
+        moved = SpatialKinematics(self.module, self.parameters, curve)
+        rigid = replace(self.rigid, curve=_Beside(moved, beside.system, beside.start))
+        return replace(self, curve=curve, rigid=rigid)
+
+    def undeformed(self, t: float) -> State:
+        """The state at t [s] with its shapes at rest and zero: where drives prescribe it, else where the motion is."""
+        system = self.module.system
+        if not self.module.FREE:
+            return Followed(system, start_of(system))(t)
+        found = self.curve(t)
+        q, u = found.q.copy(), found.u.copy()
+        q[system.modal_coordinates] = u[system.modal_speeds] = 0.0
+        return system.settle(t, q, u, system.choose(q, prefer=True))
 
 
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
@@ -116,36 +133,25 @@ def taken_turns(motion: SpatialKinematics, times: np.ndarray) -> list[str]:
 
 
 def balanced(system: SpatialSystem, start: State) -> State:
-    """The state at the start whose shapes neither move nor accelerate: deformed by what acts there.
+    """The state near one that is settled whose shapes neither move nor accelerate: deformed by what acts there.
 
     Newton's method on the shapes' accelerations, which vanish with the forces; the load grows with the steps where
     these are long.
 
-    Raises SceneError if no balanced deformation is found.
+    Raises ArithmeticError if no balanced deformation is found.
     """
-    modal, at = system.modal_speeds, system.modal_coordinates
-    probe, state = _PROBE * system.mechanism.size, start
-
-    def accelerations(q: np.ndarray) -> State:
-        return system.settle(start.t, q, start.u, start.choice)
-
+    which, still = start.choice.independent, start.u.copy()
+    shapes = np.flatnonzero(np.isin(which, system.modal_speeds))
+    still[which[shapes]] = 0.0
+    state = system.settle(start.t, start.q, still, start.choice)
     for _ in range(_STEPS):
-        J = np.zeros((len(modal), len(modal)))
-        for k, column in enumerate(at):
-            ends = []
-            for sign in (1.0, -1.0):
-                q = state.q.copy()
-                q[column] += sign * probe
-                ends.append(accelerations(q).du[modal])
-            J[:, k] = (ends[0] - ends[1]) / (2.0 * probe)
-        step = np.linalg.solve(J, -state.du[modal])
-        largest = abs(step).max() / system.mechanism.size
-        q = state.q.copy()
-        q[at] += step * min(1.0, _LARGEST / max(largest, 1e-300))
-        state = accelerations(q)
+        beside = neighbours(system, state, shapes)
+        J = beside.slopes(system.instants(beside.found).du[:, which[shapes]])
+        step = np.zeros(system.speeds)
+        step[which[shapes]] = np.linalg.solve(J, -state.du[which[shapes]])
+        largest = abs(step).max(initial=0.0) / system.mechanism.size
+        step *= min(1.0, _LARGEST / max(largest, 1e-300))
+        state = system.settle(start.t, system.advanced(state.q, step[None])[0], still, start.choice)
         if largest < _BALANCED:
             return state
-    raise SceneError(
-        "solve.start", "quasistatic", "no deformation is found that balances what acts at the start",
-        "Start from zero, with damping",
-    )  # fmt: skip
+    raise ArithmeticError("no deformation is found that balances what acts")

@@ -26,7 +26,16 @@ from kaneflex.multibody import (
     spatial_tables,
     tables,
 )
-from kaneflex.multibody.spatial_dynamics import accelerations, basis, close, coordinate_rates, exerted, pass_on, tie
+from kaneflex.multibody.spatial_dynamics import (
+    accelerations,
+    advance,
+    basis,
+    close,
+    coordinate_rates,
+    exerted,
+    pass_on,
+    tie,
+)
 from kaneflex.multibody.spatial_forces import deforming, demand
 from kaneflex.multibody.spatial_kinematics import partials, place
 from kaneflex.multibody.tables import COURSES, MAGNITUDES, OPTIONS, OUTER, apart, kernel, larger
@@ -68,6 +77,8 @@ class Laws(NamedTuple):
         What magnitudes read, and what courses store.
     now : ndarray (2,)
         Where rows go on: the instant [s], and what came of it.
+    added : ndarray (n_loads + n_driven,)
+        To the sizes of the loads and to the accelerations of the prescribed drives.
     """
 
     kernels: np.ndarray
@@ -77,6 +88,7 @@ class Laws(NamedTuple):
     x: np.ndarray
     course: np.ndarray
     now: np.ndarray
+    added: np.ndarray
 
 
 @intrinsic
@@ -104,7 +116,8 @@ def settle(m, choice, k, law, t):
     _courses(law, t)
     for i in range(len(law.driven)):
         k.q[law.driven[i]] = law.course[3 * i]
-        k.u[choice.prescribed[i]], k.du[choice.prescribed[i]] = law.course[3 * i + 1], law.course[3 * i + 2]
+        k.u[choice.prescribed[i]] = law.course[3 * i + 1]
+        k.du[choice.prescribed[i]] = law.course[3 * i + 2] + law.added[len(k.sizes) + i]
     if not close(m, k.q, k, choice):
         return OPEN
     if len(choice.rows) < len(k.rows):
@@ -117,6 +130,8 @@ def settle(m, choice, k, law, t):
         at = law.told[i, 0]
         law.x[at], law.x[at + 1] = k.q[law.told[i, 1]], k.u[law.told[i, 2]]
     kernel(_address(law.kernels), MAGNITUDES)(t, _address(law.x), 0, _address(law.p), _address(k.sizes), 0)
+    for i in range(len(k.sizes)):
+        k.sizes[i] += law.added[i]
     if not accelerations(m, k, choice, k.u, k.du, k.sizes):
         return MASSLESS
     for s in range(len(k.du)):
@@ -205,7 +220,7 @@ def near(m, choice, k, law, times, given, out):
     return len(times)
 
 
-PLACE, CLOSE, SETTLE, EXERT, PASS_ON, BASIS, RATES, DEMAND, FOLLOW, NEAR = range(10)
+PLACE, CLOSE, SETTLE, EXERT, PASS_ON, BASIS, RATES, ADVANCE, DEMAND, FOLLOW, NEAR = range(11)
 """What :func:`compute` does."""
 
 
@@ -228,6 +243,9 @@ def compute(what, m, choice, k, law, times, given, out):
         basis(k, choice)
     elif what == RATES:
         coordinate_rates(m, k.q, k.u, out[0])
+    elif what == ADVANCE:
+        for i in range(len(given)):
+            advance(m, out[i], given[i])
     elif what == DEMAND:
         demand(m, k, k.sizes, True)
     elif what == FOLLOW:

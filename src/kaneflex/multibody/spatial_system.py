@@ -17,6 +17,7 @@ from kaneflex.multibody.inner import compiling
 from kaneflex.multibody.spatial_dynamics import Choice
 from kaneflex.multibody.spatial_kinematics import Instants, Work, work_of
 from kaneflex.multibody.spatial_rows import (
+    ADVANCE,
     APART,
     BASIS,
     CLOSE,
@@ -199,6 +200,17 @@ class SpatialSystem:
         self._compute(RATES, out=out)
         return out[0]
 
+    def advanced(self, q: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Coordinates (n, coordinates) of q moved by steps (n, speeds) of the speeds; a ball turns in its axes."""
+        out = np.tile(q, (len(steps), 1))
+        self._compute(ADVANCE, given=np.ascontiguousarray(steps), out=out)
+        return out
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """What is added to the sizes of the loads and then to the accelerations of the prescribed drives."""
+        return self._laws.added
+
     def basis(self, choice: Choice) -> np.ndarray:
         """Speeds for a unit of each independent one, (independent, speeds), where the loops are closed."""
         self._compute(BASIS, choice)
@@ -219,6 +231,7 @@ class SpatialSystem:
         return Laws(
             np.array(kernels), np.ascontiguousarray(self.parameters, float), self.driven_coordinates,
             np.array(where, int).reshape(-1, 3), np.zeros(reads), np.zeros(3 * len(self.driven)), np.zeros(2),
+            np.zeros(len(self.mechanism.loads) + len(self.driven)),
         )  # fmt: skip
 
     @cached_property

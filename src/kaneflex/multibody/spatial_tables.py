@@ -103,6 +103,10 @@ class Deformable(Protocol):
     def omega(self) -> np.ndarray:
         """Circular frequency of each of them, its axes held [rad/s]."""
 
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Of the modal coordinates [N/m], (count, count)."""
+
     def numbers(self) -> np.ndarray:
         """Those of ``kaneflex.generated.spatial_shapes``."""
 

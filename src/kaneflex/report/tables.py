@@ -167,10 +167,14 @@ def _reached(summary: Summary) -> str:
 
 def modes_table(found: Modes) -> str:
     """Frequencies, and the coordinates that are displaced [m] and that turn [rad] most in each mode."""
-    model, coupled = found.model, found.model.coupled is not None
+    from kaneflex.solve.initial import start_dimensions
+    from kaneflex.support.units import ANGLE
+
+    model, coupled = found.model, found.model.options.dynamics == "coupled"
     names, moved = (list(found.coordinates), found.shapes) if coupled else _nodal(model, found.shapes)
     last = {name: name.rpartition(".")[2] for name in names}
-    turning = {name for name, what in last.items() if what in ("theta", "turn", "phi")}
+    turning = {name for name, what in last.items() if what in ("theta", "turn", "phi", "angle") or "turn_" in what}
+    turning |= {name for name, kind in start_dimensions(model).items() if kind is ANGLE}
     shifting = {name for name, what in last.items() if name not in turning and not what.startswith("mode_")}
 
     def largest(shape: np.ndarray, among: set[str]) -> str:

@@ -1,40 +1,71 @@
-"""State space and modes of a coupled model: what `linearise` and `modes` show of it."""
+"""State space and modes of a coupled model: what `linearise` and `modes` show of it, in the plane and in space."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 from scipy.linalg import eigh
 
-from kaneflex.multibody.linearisation import Linear, at_rest, linear, prepare, probes, settled
+from kaneflex.multibody import spatial_linear
+from kaneflex.multibody.linear_equations import Linear
+from kaneflex.multibody.linearisation import Instant, at_rest, linear, prepare, probes, settled
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.run import rigid_state
+from kaneflex.multibody.spatial_coupled import CoupledKinematics, balanced
+from kaneflex.multibody.spatial_system import SpatialSystem, State
+from kaneflex.response.motion import Motion
 from kaneflex.response.sensors import sensor_values
+from kaneflex.response.spatial_coupled_motion import SpatialCoupledMotion
 from kaneflex.scene.contact_check import refuse_contacts
 from kaneflex.scene.sensors import Sensor
 from kaneflex.solve.coupled import as_solution, unwrapped
 from kaneflex.support.errors import SceneError
 
 
-def linear_about(model: Model, t: float) -> Linear:
+def linear_about(model: Model, t: float) -> Linear[Any]:
     """The linear equations about the steady deformation at the time t [s].
 
-    Raises SceneError where the deformed mechanism finds no balance, and where bodies touch at times.
+    Raises SceneError where the deformed mechanism finds no balance, where bodies touch at times, and where a motion of
+    free joints in space is not known.
     """
     reason = "the equations are others while bodies touch, and those are not linear"
     refuse_contacts(model.scene, "solve.preset", "coupled", reason, "Leave it out")
-    rigid, system = model.motion.at(t), model.coupled
-    q, v = rigid_state(system, rigid)
-    engine = prepare(system, t, unwrapped(model.scene, system, q, rigid), v)
-    found = settled(engine, t)
+    found = (_linear_in_space if model.scene.is_spatial else _linear_in_plane)(model, t)
     if found is None:
         raise SceneError(
             "solve.preset", model.options.preset, f"the deformed mechanism finds no balance at t = {t:.6g} s",
             "Take another configuration",
         )  # fmt: skip
-    return linear(engine, found)
+    return found
+
+
+def _linear_in_plane(model: Model, t: float) -> Linear[Instant] | None:
+    rigid, system = model.motion.at(t), model.coupled
+    assert system is not None
+    q, v = rigid_state(system, rigid)
+    engine = prepare(system, t, unwrapped(model.scene, system, q, rigid), v)
+    found = settled(engine, t)
+    return None if found is None else linear(engine, found)
+
+
+def _linear_in_space(model: Model, t: float) -> Linear[State] | None:
+    system, state = _undeformed(model, t)
+    try:
+        return spatial_linear.linear(spatial_linear.neighbours(system, balanced(system, state)))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return None
+
+
+def _undeformed(model: Model, t: float) -> tuple[SpatialSystem, State]:
+    """A mechanism in space, and how it moves at t [s] without deformation."""
+    motion, end = cast(CoupledKinematics, model.motion), model.options.duration
+    if motion.module.FREE and not 0.0 <= t <= end:
+        reason = f"where {motion.module.FREE[0]} goes is known from 0 to {end:.6g} s"
+        raise SceneError("t", t, reason, "Take an instant of the run, or a longer solve.duration")
+    return motion.module.system, motion.undeformed(t)
 
 
 def inputs(model: Model) -> tuple[str, ...]:
@@ -43,16 +74,30 @@ def inputs(model: Model) -> tuple[str, ...]:
     return (*scene.loads, *(f"{name}.acceleration" for name, drive in scene.drives.items() if drive.kind != "free"))
 
 
-def readings(model: Model, found: Linear, sensors: Mapping[str, Sensor]) -> np.ndarray:
+def readings(model: Model, found: Linear[Any], sensors: Mapping[str, Sensor]) -> np.ndarray:
     """Derivatives of the sensors by coordinates, their rates and the inputs, (n_sensors, 2 n_y + n_inputs)."""
+    motion, weights = (_beside_in_space if model.scene.is_spatial else _beside_in_plane)(model, found)
+    rows = [(sensor_values(motion, sensor) * weights).reshape(-1, 4).sum(axis=1) for sensor in sensors.values()]
+    return np.array(rows).reshape(len(sensors), len(weights) // 4)
+
+
+def _beside_in_plane(model: Model, found: Linear[Instant]) -> tuple[Motion, np.ndarray]:
+    """Motions beside an instant, and the weights with which four of them make up a derivative."""
+    assert model.coupled is not None
     trajectory, away, weights = probes(model.coupled, found)
     shift = {}
     for k, name in enumerate(inputs(model), start=2 * len(found.names)):
         shift[name] = np.zeros(len(away))
         shift[name][4 * k : 4 * k + 4] = away[4 * k : 4 * k + 4]
-    motion = replace(as_solution(model, trajectory, 0.0).motion, shift=shift)
-    rows = [(sensor_values(motion, sensor) * weights).reshape(-1, 4).sum(axis=1) for sensor in sensors.values()]
-    return np.array(rows).reshape(len(sensors), len(away) // 4)
+    return replace(as_solution(model, trajectory, 0.0).motion, shift=shift), weights
+
+
+def _beside_in_space(model: Model, found: Linear[State]) -> tuple[Motion, np.ndarray]:
+    """The same."""
+    motion = cast(CoupledKinematics, model.motion)
+    beside = spatial_linear.neighbours(motion.module.system, found.instant)
+    motion = motion.along(beside)
+    return SpatialCoupledMotion(replace(model, motion=motion), motion.at(beside.times)), beside.weights
 
 
 def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
@@ -60,11 +105,20 @@ def modes_at_rest(model: Model) -> tuple[tuple[str, ...], np.ndarray, np.ndarray
 
     Free joints take part, so that a mechanism that turns freely has modes of zero frequency.
     """
-    system, t = model.coupled, model.reference_time
-    rigid = model.motion.at(t)
-    q = unwrapped(model.scene, system, rigid_state(system, rigid)[0], rigid)
-    engine = prepare(system, t, q, np.zeros(system.size))
-    M, K = at_rest(engine, t)
+    names, M, K = (_at_rest_in_space if model.scene.is_spatial else _at_rest_in_plane)(model, model.reference_time)
     squares, shapes = eigh(K, (M + M.T) / 2.0)
     largest = shapes[abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    return engine.names, np.sqrt(np.maximum(squares, 0.0)), shapes * np.sign(largest)
+    return names, np.sqrt(np.maximum(squares, 0.0)), shapes * np.sign(largest)
+
+
+def _at_rest_in_plane(model: Model, t: float) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    system, rigid = model.coupled, model.motion.at(t)
+    assert system is not None
+    q = unwrapped(model.scene, system, rigid_state(system, rigid)[0], rigid)
+    engine = prepare(system, t, q, np.zeros(system.size))
+    return engine.names, *at_rest(engine, t)
+
+
+def _at_rest_in_space(model: Model, t: float) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    system, state = _undeformed(model, t)
+    return spatial_linear.at_rest(system, t, state.q)

@@ -11,7 +11,6 @@ import numpy as np
 from kaneflex.multibody.building import reference_modes
 from kaneflex.multibody.model import Model
 from kaneflex.scene import Scene, with_settings
-from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.solve.loading import load
 from kaneflex.solve.solution import MOST_FREQUENCIES
 from kaneflex.support.errors import SceneError
@@ -81,7 +80,7 @@ def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] =
         If the scene can't be loaded, nothing is elastic, or it has fewer modes.
     """
     model = load(scene, stage)
-    if model.coupled is None:
+    if model.options.dynamics != "coupled":
         number = _count(model, model.equations.size, count)
         omega, shapes = reference_modes(model, number)
         return Modes(model, model.coordinates, omega / (2.0 * math.pi), shapes)
@@ -93,8 +92,6 @@ def modes(scene: Scene, count: int | None = None, stage: Callable[[str], None] =
 
 
 def _count(model: Model, size: int, count: int | None) -> int:
-    if model.options.dynamics == "coupled" and model.coupled is None:
-        refuse_in_space(model.scene, "solve.preset", "modes of preset coupled are found for")
     if size == 0:
         cure = "Give a body a beam, or choose another preset"
         raise SceneError("solve.preset", model.options.preset, "nothing is elastic: there are no modes", cure)
@@ -108,7 +105,7 @@ def mesh_hint(found: Modes) -> str:
     model = found.model
     beams = {name: body.beam for name, body in model.scene.bodies.items() if body.elastic}
     finer = {name: 2 * beam.elements for name, beam in beams.items() if beam is not None}
-    if model.coupled is not None or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
+    if model.options.dynamics == "coupled" or model.options.elements or not finer or max(finer.values()) > 2 * _FEW:
         return ""
     counts = [f"bodies.{name}.beam.elements={count}" for name, count in finer.items()]
     exact = modes(with_settings(model.scene, counts), min(_LOOKED_AT, len(found.frequencies))).frequencies

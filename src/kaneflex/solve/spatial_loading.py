@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.multibody.binding import find_spatial_module
-from kaneflex.multibody.building import build_model, rigid_model
+from kaneflex.multibody.building import build_model, reference_instant, rigid_model
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.spatial_bushings import overturned
 from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system, taken_turns
@@ -57,7 +57,7 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     motion, energy = _moving(system, options, progress)
     check_springs(scene, motion, options)
     check_finite(scene, motion, options)
-    model = rigid_model(scene, options, motion) if coupled else build_model(scene, options, motion)
+    model = _coupled_model(scene, options, motion) if coupled else build_model(scene, options, motion)
     if isinstance(model.motion, DeformingKinematics):
         instants = model.motion.at(options.duration * _ELSEWHERE)
         check_spatial_sensors(scene, undetermined(model.motion.deforming.map, instants))
@@ -70,6 +70,11 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     return timed(model, started, derived, compiled)
 
 
+def _coupled_model(scene: Scene, options: Options, motion: SpatialKinematics) -> Model:
+    """Of bodies in space that deform: no linear equations beside theirs."""
+    return rigid_model(scene, options, motion, reference_instant(scene, options, motion)[0])
+
+
 def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
     """:func:`kaneflex.solve.loading.neighbour` of a mechanism in space."""
     duration = model.options.duration if scene.period is None or not model.options.cycles else scene.period
@@ -80,7 +85,7 @@ def neighbour_in_space(model: Model, scene: Scene, frozen: bool) -> Model:
     generated: ModuleType = model.module.system.module
     if options.dynamics == "coupled":
         motion, energy = _moving(build_coupled_system(scene, generated, options), options, lambda stage: None)
-        return replace(rigid_model(scene, options, motion), energy=energy)
+        return replace(_coupled_model(scene, options, motion), energy=energy)
     motion, energy = _moving(build_spatial_system(scene, generated), options, lambda stage: None)
     return replace(build_model(scene, options, motion, model if frozen else None), energy=energy)
 
@@ -94,7 +99,7 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
     if options.dynamics == "coupled":
         progress("coupled dynamics")
         if options.start == "quasistatic":
-            start = balanced(system, start)
+            start = _balanced(system, start)
         elif options.start == "given":
             start = _given(system, start)
         motion, energy = integrate(system, start, module, options)
@@ -130,6 +135,15 @@ def check_determined_start(options: Options) -> None:
             "solve.start", options.start, "in space preset coupled starts from zero, quasistatic or a table so far",
             "Choose one of them",
         )  # fmt: skip
+
+
+def _balanced(system: SpatialSystem, start: State) -> State:
+    """The start, deformed by what acts there. Raises SceneError if no deformation is found that balances that."""
+    try:
+        return balanced(system, start)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        reason = "no deformation is found that balances what acts at the start"
+        raise SceneError("solve.start", "quasistatic", reason, "Start from zero, with damping") from None
 
 
 def _given(system: SpatialSystem, start: State) -> State:

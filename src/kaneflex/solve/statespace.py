@@ -25,7 +25,6 @@ from kaneflex.mechanism.rigid_motion import RigidMotion
 from kaneflex.multibody.model import Model
 from kaneflex.response.frozen import state_matrix
 from kaneflex.scene.sensors import DRIVE_KINDS, Sensor
-from kaneflex.scene.spatial_check import refuse_in_space
 from kaneflex.solve.modelica import modelica
 from kaneflex.support.atomic_output import write_bytes, write_text
 from kaneflex.support.errors import OutputError, SceneError, nearest
@@ -161,11 +160,12 @@ def linearise(model: Model, t: float | None = None, sensors: Sequence[str] | Non
         reason = f"a {model.options.dynamics} model has no states"
         cure = "Choose preset linear or stiffened, for a scene with an elastic body"
         raise SceneError("solve.preset", model.options.preset, reason, cure)
-    if model.options.dynamics == "coupled" and model.coupled is None:
-        refuse_in_space(model.scene, "solve.preset", "preset coupled is linearised for")
+    if model.scene.is_spatial and model.options.dynamics != "coupled":
+        reason = "in space only preset coupled is linearised so far"
+        raise SceneError("solve.preset", model.options.preset, reason, "Choose preset coupled")
     t = model.reference_time if t is None else t
     chosen = _chosen(model, sensors)
-    found = (_one_way if model.coupled is None else _coupled)(model, t, chosen)
+    found = (_coupled if model.options.dynamics == "coupled" else _one_way)(model, t, chosen)
     scene, n = model.scene, len(found.names)
     A = state_matrix(found.M, found.C, found.K)
     inertia = np.linalg.solve(found.M, found.F_u)
