@@ -29,7 +29,7 @@ from kaneflex.report.summary import (
     json_schema,
     summarise,
 )
-from kaneflex.report.tables import _sensor_row
+from kaneflex.report.tables import _sensor_row, run_lines
 from kaneflex.response.time_statistics import statistics
 from kaneflex.solve.mode_angle_envelope import PeakSpread
 from kaneflex.solve.touching import ContactSummary, FrictionSummary
@@ -94,6 +94,17 @@ def test_a_row_is_shown_in_the_unit_that_its_values_ask_for(unit, largest, row):
     entry = SensorSummary(unit=unit, meaning="", min=low, max=high, at_min=at, at_max=at, rms=0.0, mean=0.0)
     cells = _sensor_row("tip", entry)
     assert (cells[1], cells[2] if largest < 0 else cells[4]) == row
+
+
+def test_what_is_told_of_a_run_is_no_rounding_and_in_units_that_people_read(solution):
+    at = Instant(time_s=0.0, drive_deg=0.0)
+    entry = SensorSummary(unit="m", meaning="", min=-1.0, max=1.0, at_min=at, at_max=at, rms=0.7, mean=3e-17)
+    assert _sensor_row("swing", entry)[6] == "0"
+    assert _sensor_row("swing", entry.model_copy(update={"mean": 3e-9}))[6] == "3e-06"
+    told = summarise(solution)
+    for ns, said in ((0.0, "solve"), (450.0, "450 ns a step"), (189787.0, "189.8 us a step"), (2e7, "20 ms a step")):
+        timing = told.timing.model_copy(update={"ns_per_step": ns})
+        assert run_lines(told.model_copy(update={"timing": timing})).splitlines()[-1].endswith(said)
 
 
 def test_dataset_has_a_variable_for_each_sensor_with_units_and_meaning(solution):

@@ -73,7 +73,7 @@ def _panel(axes: Axes, shown: View, name: str, edges: Edges, strength: float | N
     place, when = along * edges.x[station], shown.x[instant]
     axes.plot(place, factor * values[station, instant], "o", color="black", markersize=3.5, label="largest")
     over, _, over_unit = shown.x_label.rstrip("]").partition(" [")
-    title = f"{name}: {factor * largest:.3g} {unit} at {place:.3g} {length_unit}, {over} {when:.4g} {over_unit}"
+    title = f"{name}: {factor * largest:.3g} {unit} at {place:.4g} {length_unit}, {over} {when:.4g} {over_unit}"
     if strength is not None:
         title += f", {100.0 * largest / strength:.3g} % of {factor * strength:.4g} {unit}"
         for side in (-strength, strength):

@@ -26,6 +26,8 @@ _FOR_PEOPLE = {  # SI unit: (unit shown, factor)
     "rad/s": ("deg/s", 180.0 / math.pi),
     "rad/s^2": ("deg/s^2", 180.0 / math.pi),
 }
+_NOTHING = 1e-12
+"""Share of the root mean square below which a mean is rounding's."""
 _WHEN_SMALL = {"m": (1e-6, "um", 1e6), "N": (10.0, "N", 1.0)}
 """SI unit: values below this are shown in that unit, which is so many times finer."""
 _WHEN_LARGE = {"N": (1e6, "MN", 1e-6), "N m": (1e4, "kN m", 1e-3)}
@@ -94,7 +96,8 @@ def _sensor_row(name: str, entry: SensorSummary) -> tuple[str, ...]:
         return f"{instant.time_s:.5g}" if instant.drive_deg is None else f"{instant.drive_deg:.1f}"
 
     lowest, highest = where(entry.at_min), where(entry.at_max)
-    return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(entry.mean), number(entry.rms))
+    mean = 0.0 if abs(entry.mean) < _NOTHING * entry.rms else entry.mean
+    return (name, unit, number(entry.min), lowest, number(entry.max), highest, number(mean), number(entry.rms))
 
 
 def envelope_table(summary: Summary) -> str:
@@ -135,8 +138,8 @@ def run_lines(summary: Summary) -> str:
     if timing.derive_s:
         parts.insert(0, f"{timing.derive_s:.2f} s to derive")
     if timing.ns_per_step:
-        parts.append(f"{timing.ns_per_step:.0f} ns a step" if timing.ns_per_step < 1e6
-                     else f"{1e-6 * timing.ns_per_step:.3g} ms a step")  # fmt: skip
+        thousands = min(2, int(math.log10(max(1.0, timing.ns_per_step)) / 3))
+        parts.append(f"{timing.ns_per_step / 1e3**thousands:.4g} {('ns', 'us', 'ms')[thousands]} a step")
     steps = f"{summary.steps} steps over {summary.duration_s:.6g} s"
     if summary.outcome != "completed" and not _is_whole(summary):
         steps = f"{summary.steps} steps asked for, {_reached(summary)}"
