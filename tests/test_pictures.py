@@ -9,7 +9,7 @@ import pytest
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import energy, figures, loads, orders, paths, show
+from kaneflex.plots import energy, figures, loads, orders, paths, show, spatial
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, scene_of, with_settings
@@ -87,6 +87,38 @@ def test_points_beside_the_bodies_are_in_the_pictures():
     for point in placed.values():
         reached = [line for line in lines if len(line) > 1 and (abs(line - 1e3 * np.array(point)) < 1e-6).all(1).any()]
         assert reached, "nothing is drawn from the body to its point"
+
+
+INCLINED = """
+schema = 1
+[bodies]
+arm = {length = "0.5 m", mass = "1 kg", inertia = [1e-3, 0.02, 0.02]}
+[joints]
+hub = {revolute = ["ground", "arm.start"], axis = [0, 3, 4]}
+[drives]
+hub = {speed = "20 rad/s", cycle = "360 deg"}
+[sensors]
+tip = {position = "arm.end", component = "x"}
+pivot = {velocity = "arm.start", component = "z"}
+[solve]
+preset = "rigid"
+steps = 72
+"""
+
+
+def test_hodographs_in_space_are_those_of_a_point_on_a_circle():
+    """v = omega x r about the axis (0, 0.6, 0.8), r turned from (0.5, 0, 0); a point that stands still has none."""
+    with styled():
+        (figure,) = spatial.hodographs(simulate(load(scene_of(INCLINED)))).values()
+    along_z, along_y, along_x, angled = figure.axes
+    phi = np.radians(np.linspace(0.0, 360.0, 73))
+    v = 10.0 * np.array([-np.sin(phi), 0.8 * np.cos(phi), -0.6 * np.cos(phi)])
+    assert {*curves(along_z)} == {"arm.end"}
+    for axes, parts in ((along_z, [0, 1]), (along_y, [0, 2]), (along_x, [1, 2])):
+        assert curves(axes)["arm.end"] == pytest.approx(v[parts], abs=1e-8)
+    assert np.array(angled.get_lines()[0].get_data_3d()) == pytest.approx(v, abs=1e-8)
+    assert (along_y.get_xlabel(), along_y.get_ylabel(), angled.get_zlabel()) == ("v_x [m/s]", "v_z [m/s]", "v_z [m/s]")
+    assert all(low <= -10.0 and high >= 10.0 for low, high in (angled.get_xlim(), along_z.get_xlim()))
 
 
 # A motor that runs up a fan, and beside it a slide that a damper on a moving guide slows down.

@@ -150,7 +150,7 @@ def _kinds(solution: Solution) -> tuple[Callable[[Solution], dict[str, Figure]],
 
     of_any = (loads.figures, sensors.figures, orders.figures, energy.figures)
     if solution.model.scene.is_spatial:
-        moving = (spatial.figures, spatial.deformed, *of_any) if _moves(solution) else ()
+        moving = (spatial.figures, spatial.hodographs, spatial.deformed, *of_any) if _moves(solution) else ()
         return (*moving, spatial.modes)
     if not _moves(solution):
         return (modes.figures,)

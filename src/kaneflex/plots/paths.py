@@ -41,17 +41,16 @@ def figures(solution: Solution) -> dict[str, Figure]:
     draw_guides(path, fixed, grounded(scene), outline)
     draw_outline(path, outline, 0, ghost=True)
     drawn = [*zip(curves.items(), PALETTE, strict=False)]
-    velocities = [_velocity(shown, point) for ((point, *_), _), _ in drawn]
-    factor, unit = readable("m/s", *velocities)
-    for ((together, place), colour), velocity in zip(drawn, velocities, strict=True):
+    hodographs = [velocity(shown, point) for ((point, *_), _), _ in drawn]
+    factor, unit = readable("m/s", *hodographs)
+    for ((together, place), colour), velocities in zip(drawn, hodographs, strict=True):
         name = ", ".join(map(str, together))
-        _curve(path, shown, MM * place, colour, name)
-        _curve(hodograph, shown, factor * velocity, colour, name)
+        curve(path, shown, MM * place, colour, name)
+        curve(hodograph, shown, factor * velocities, colour, name)
     frame_axes(path, [outline], fixed)
     hodograph.plot(0.0, 0.0, "+", color="black", markersize=9)
     hodograph.set(aspect="equal", adjustable="datalim", xlabel=f"v_x [{unit}]", ylabel=f"v_y [{unit}]")
-    apart = f"{_APART:g} deg" if shown.drive else "twelfth of the time"
-    path.set_title(f"Paths from the ring on, a dot each {apart}")
+    path.set_title(f"Paths from the ring on, {dotted(shown)}")
     hodograph.set_title("Hodographs: velocities from one origin")
     legend_beside(hodograph)
     return {"paths": figure}
@@ -76,17 +75,23 @@ def _together(shown: View, points: list[Address], apart: float) -> dict[tuple[Ad
     return found
 
 
-def _velocity(shown: View, point: Address) -> np.ndarray:
-    """In global axes [m/s], (2, n_times)."""
-    sensors = (Sensor(velocity=point, component=each, axes="global") for each in ("x", "y"))  # type: ignore[arg-type]
+def velocity(shown: View, point: Address) -> np.ndarray:
+    """In global axes [m/s], (2, n_times), in space (3, n_times)."""
+    components = "xyz" if shown.solution.model.scene.is_spatial else "xy"
+    sensors = (Sensor(velocity=point, component=each, axes="global") for each in components)  # type: ignore[arg-type]
     return np.array([sensor_values(shown.motion, sensor) for sensor in sensors])
 
 
-def _curve(axes: Axes, shown: View, curve: np.ndarray, colour: str, name: str) -> None:
-    """A curve (2, n_times) with a ring where it begins and dots along it."""
-    axes.plot(*curve, color=colour, label=name)
+def dotted(shown: View) -> str:
+    """How far the dots of a curve are from each other."""
+    return f"a dot each {f'{_APART:g} deg' if shown.drive else 'twelfth of the time'}"
+
+
+def curve(axes: Axes, shown: View, values: np.ndarray, colour: str, name: str) -> None:
+    """A curve (2, n_times), in space (3, n_times), with a ring where it begins and dots along it."""
+    axes.plot(*values, color=colour, label=name)
     done = abs(shown.x - shown.x[0])
     apart = _APART if shown.drive else done[-1] / 12.0
     at = np.arange(apart, done[-1] + 1e-6 * apart, apart)
-    axes.plot(*(np.interp(at, done, part) for part in curve), "o", color=colour, markersize=3)
-    axes.plot(*curve[:, :1], "o", color=colour, markersize=7, markerfacecolor="white")
+    axes.plot(*(np.interp(at, done, part) for part in values), "o", color=colour, markersize=3)
+    axes.plot(*values[:, :1], "o", color=colour, markersize=7, markerfacecolor="white")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
 from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
@@ -20,7 +21,8 @@ from kaneflex.plots.animation import recording, title
 from kaneflex.plots.drawing import MM
 from kaneflex.plots.mechanism import ALONG_LINK
 from kaneflex.plots.modes import DRAWN, MOST, SMALL, hertz, title_at_reference
-from kaneflex.plots.style import GREY, PALETTE, as_file, legend_beside, new_figure, round_down, styled
+from kaneflex.plots.paths import curve, dotted, read_points, velocity
+from kaneflex.plots.style import GREY, PALETTE, as_file, legend_beside, new_figure, readable, round_down, styled
 from kaneflex.plots.view import FRAMES, View, frames_of, view
 from kaneflex.response.elastic_motion import elastic_motion
 from kaneflex.response.motion import Motion
@@ -44,6 +46,9 @@ _LARGEST = 0.1
 """Largest displacement as drawn, in sizes of the mechanism, before the factor is rounded down."""
 _FLAT = (("x", "y"), ("x", "z"), ("y", "z"))
 """Views along an axis: what is drawn to the right, and up."""
+_PLACE = "{} [mm]"
+_STILL = 1e-8
+"""A point that would go so far in all that is shown, in sizes of the mechanism, stands still."""
 
 
 def figures(solution: Solution) -> dict[str, Figure]:
@@ -52,6 +57,29 @@ def figures(solution: Solution) -> dict[str, Figure]:
     lines = _bodies(solution.model.scene, shown.rigid)
     figure = _drawn(solution.model.scene, shown.rigid, lines, f"Rigid motion{shown.note}", _tracks(solution))
     return {"motion": figure}
+
+
+def hodographs(solution: Solution) -> dict[str, Figure]:
+    """``hodographs``: velocities from one origin, of the points of bodies whose motion sensors read and that move."""
+    shown, scene = view(solution), solution.model.scene
+    still = _STILL * spatial_mechanism_of(scene).size / float(np.ptp(shown.times))
+    found = {str(point): velocity(shown, point) for point in read_points(scene)}
+    found = {name: values for name, values in found.items() if abs(values).max() > still}
+    found = dict(list(found.items())[: len(PALETTE)])
+    if not found:
+        return {}
+    factor, unit = readable("m/s", *found.values())
+    heading = f"Hodographs, velocities from one origin: from the ring on, {dotted(shown)}{shown.note}"
+    figure = new_figure(8.6, 7.0, heading)
+    label = f"v_{{}} [{unit}]"
+    for axes, columns in _views(figure, label):
+        for (name, velocities), colour in zip(found.items(), PALETTE, strict=False):
+            curve(axes, shown, factor * velocities[columns], colour, name)
+        axes.plot(*np.zeros((len(columns), 1)), "+", color="black", markersize=9)
+        if len(columns) == 3:
+            _frame(axes, [factor * velocities[None] for velocities in found.values()], label)
+    legend_beside(figure.axes[1])
+    return {"hodographs": figure}
 
 
 def deformed(solution: Solution) -> dict[str, Figure]:
@@ -87,7 +115,7 @@ def modes(solution: Solution) -> dict[str, Figure]:
         for n, name in enumerate(moved):
             drawn = lines[name][:, :, k] + away * (moved[name] - lines[name])[:, :, k]
             axes.plot(*(MM * drawn).T, color=PALETTE[n % len(PALETTE)], linewidth=2.2)
-        _frame(axes, [points[:, :, k : k + 1] for points in still.values()])
+        _frame(axes, [MM * points[:, :, k : k + 1] for points in still.values()])
         axes.set_title(f"Mode {k + 1}: {hertz(omega[k])}")
     handles = [Line2D([], [], color=PALETTE[n % len(PALETTE)], linewidth=2.2, label=name)
                for n, name in enumerate(moved)]  # fmt: skip
@@ -122,7 +150,7 @@ def animate(solution: Solution, files: Sequence[Path], frames: int = FRAMES, sec
     lines = _deformed(shown.motion, factor or 1.0)
     figure = new_figure(5.0, 4.6, title(factor))
     axes = figure.add_subplot(projection="3d")
-    _frame(axes, list(lines.values()))
+    _frame(axes, [MM * points for points in lines.values()])
     found = {name: axes.plot([], [], [], marker="" if name in solution.model.links else "o", markersize=3,
                              color=PALETTE[k % len(PALETTE)])[0] for k, name in enumerate(lines)}  # fmt: skip
     caption = axes.set_title("")
@@ -143,9 +171,7 @@ def _drawn(
     axes_of = _axes(scene, motion, max(abs(points[:, :, 0]).max() for points in lines.values()))
     count = motion.times.size
     ghosts = np.unique(np.linspace(0, count - 1, _GHOSTS).round().astype(int))[1:].tolist()
-    for place, names in enumerate((*_FLAT, None)):
-        axes = figure.add_subplot(2, 2, place + 1, projection=None if names else "3d")
-        columns = [0, 1, 2] if names is None else ["xyz".index(name) for name in names]
+    for axes, columns in _views(figure, _PLACE):
 
         def draw(points: np.ndarray, axes=axes, columns=columns, **style) -> None:
             axes.plot(*(MM * points[:, columns]).T, **style)
@@ -161,26 +187,33 @@ def _drawn(
             draw(ends, color="0.35", linestyle="-.", linewidth=0.9)
         for name, track in tracks.items():
             draw(track.T, color="0.1", linewidth=0.8, label=f"path of {name}")
-        if names is None:
-            _frame(axes, [*lines.values(), *(track.T[:, :, None] for track in tracks.values())])
-        else:
-            axes.set(xlabel=f"{names[0]} [mm]", ylabel=f"{names[1]} [mm]", title=f"along {_third(names)}")
-            axes.set_aspect("equal", adjustable="datalim")
+        if len(columns) == 3:
+            _frame(axes, [MM * part for part in (*lines.values(), *(track[None] for track in tracks.values()))])
     legend_beside(figure.axes[1])
     return figure
 
 
-def _third(names: tuple[str, str]) -> str:
-    return next(axis for axis in "xyz" if axis not in names)
+def _views(figure: Figure, label: str) -> Iterator[tuple[Axes, list[int]]]:
+    """Axes of the three views along an axis and the one at an angle, with the components that each shows.
+
+    ``label`` names an axis, with braces for x, y or z.
+    """
+    for place, names in enumerate(_FLAT):
+        (third,) = set("xyz") - set(names)
+        axes = figure.add_subplot(2, 2, place + 1, title=f"along {third}")
+        axes.set(xlabel=label.format(names[0]), ylabel=label.format(names[1]))
+        axes.set_aspect("equal", adjustable="datalim")
+        yield axes, ["xyz".index(name) for name in names]
+    yield figure.add_subplot(2, 2, 4, projection="3d"), [0, 1, 2]
 
 
-def _frame(axes, points: list[np.ndarray]) -> None:
-    """Equal scales around all that is drawn; points (n, 3, times)."""
-    found = MM * np.concatenate([part.transpose(0, 2, 1).reshape(-1, 3) for part in points])
+def _frame(axes, points: list[np.ndarray], label: str = _PLACE) -> None:
+    """Equal scales around all that is drawn; points (n, 3, times) in the unit of the axes."""
+    found = np.concatenate([part.transpose(0, 2, 1).reshape(-1, 3) for part in points])
     low, high = found.min(axis=0), found.max(axis=0)
     middle, half = (low + high) / 2, max(0.55 * (high - low).max(), 1e-9)
     for axis, centre in zip("xyz", middle, strict=True):
-        axes.set(**{f"{axis}lim": (centre - half, centre + half), f"{axis}label": f"{axis} [mm]"})
+        axes.set(**{f"{axis}lim": (centre - half, centre + half), f"{axis}label": label.format(axis)})
         getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(4))
     axes.set_box_aspect((1, 1, 1))
 
