@@ -3,8 +3,8 @@
 import importlib
 import os
 import shutil
-import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 
 import matplotlib
@@ -18,13 +18,18 @@ EXTRAS = {"exudyn": "peer", "distributed": "cluster", "zarr": "zarr", "meshio": 
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """What is derived in tests is kept for this session, in all its processes: never for a user, nor from one."""
+    """What is derived in tests is kept beside what numba compiles of it, for later sessions, too.
+
+    It is kept by the digest of the generator's sources; never for a user, nor from one. What a session chose by its own
+    runs (`kaneflex run --tolerance`) the next one chooses anew.
+    """
     if hasattr(config, "workerinput"):
         return
     os.environ.setdefault("MPLCONFIGDIR", matplotlib.get_cachedir())  # its list of fonts takes seconds to make
-    folder = tempfile.TemporaryDirectory(prefix="kaneflex-tests-")
-    config.add_cleanup(folder.cleanup)
-    os.environ["XDG_CACHE_HOME"] = folder.name
+    folder = Path(__file__).parents[1] / ".build" / "derived-in-tests"
+    for choices in folder.glob("kaneflex/*/choices"):
+        shutil.rmtree(choices)
+    os.environ["XDG_CACHE_HOME"] = str(folder)
 
 
 def absent(what: str, cure: str) -> None:

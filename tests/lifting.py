@@ -8,9 +8,9 @@ from kaneflex.scene.rotation import about
 TURN = about(np.array([2.0, -1.0, 2.0]) / 3.0, 1.1)
 
 
-def lifted(scene, R=TURN):
-    """Axes, gravity, loads and fixed points turned by R; bodies as they stand at first, links with sections that bend
-    across the plane and twist, too; sensors in body axes and of coordinates, nothing else."""
+def lifted(scene):
+    """Axes, gravity, loads and fixed points turned by TURN; bodies as they stand at first, links with sections that
+    bend across the plane and twist, too; sensors in body axes and of coordinates, nothing else."""
     scene = with_branches(scene)
     poses = place(scene).poses
     raw = scene.raw
@@ -19,11 +19,11 @@ def lifted(scene, R=TURN):
         return [*map(float, v), 0.0]
 
     def turned(v):
-        return [float(x) for x in R @ vector(v)]
+        return [float(x) for x in TURN @ vector(v)]
 
     bodies = {}
     for name, body in scene.bodies.items():
-        axes = R @ about(np.array([0.0, 0.0, 1.0]), poses[name][2])
+        axes = TURN @ about(np.array([0.0, 0.0, 1.0]), poses[name][2])
         entry = {
             "points": {p: vector(at) for p, at in body.points.items()},
             "rotation": {"x": axes[:, 0].tolist(), "y": axes[:, 1].tolist()},
@@ -42,7 +42,7 @@ def lifted(scene, R=TURN):
         entry = {joint.kind: [str(side) for side in joint.addresses]}
         ground = joint.addresses[0].body == "ground"
         if joint.kind == "revolute":
-            entry["axis"] = (R[:, 2] if ground else np.array([0.0, 0.0, 1.0])).tolist()
+            entry["axis"] = (TURN[:, 2] if ground else np.array([0.0, 0.0, 1.0])).tolist()
         if joint.kind == "prismatic":
             entry["direction"] = turned(joint.direction) if ground else vector(joint.direction)
         joints[name] = entry

@@ -224,26 +224,20 @@ def strut_multiplier(speed: float) -> float:
 
 
 def test_bands_of_the_strut_are_those_of_its_first_mode():
-    """Bolotin 1964: around omega_1 and 2 omega_1, omega_1 = 23.45 Hz under a mean of 20 % of Euler's load: 20.97 Hz."""
+    """Bolotin 1964: around omega_1 and 2 omega_1, omega_1 = 23.45 Hz under a mean of 20 % of Euler's load: 20.97 Hz.
+
+    Speeds are 150 rpm apart, as the 41 of the command from 0 to 6000 rpm; the band around omega_1 is 34 rpm wide.
+    """
     rpm = np.pi / 30
     edges = [
         brentq(lambda speed: strut_multiplier(rpm * speed) - 1.0, *around, xtol=1e-3)
         for around in ((1200, 1245), (1245, 1300), (2200, 2500), (2500, 2800))
     ]
-    found = sweep(read_scene("pulsating-strut"), rpm * np.linspace(1100, 2900, 61), 1)
-    assert [edge / rpm for band in found.bands for edge in band] == pytest.approx(edges, rel=1e-3)
-
-
-def test_a_band_between_two_speeds_is_found_where_it_begins():
-    """Speeds 150 rpm apart, as the 41 of the command from 0 to 6000 rpm; the band around omega_1 is 34 rpm wide."""
-    rpm = np.pi / 30
-    edges = [brentq(lambda speed: strut_multiplier(rpm * speed) - 1.0, *around, xtol=1e-3)
-             for around in ((1200, 1245), (1245, 1300))]  # fmt: skip
     speeds = rpm * np.linspace(150, 3150, 21)
     assert not any(edges[0] < speed / rpm < edges[1] for speed in speeds)
     found = sweep(read_scene("pulsating-strut"), speeds, 1)
-    assert [edge / rpm for edge in found.bands[0]] == pytest.approx(edges, rel=1e-3)
-    assert len(found.bands) == 2 and set(speeds) < set(found.speeds) and len(found.speeds) <= 2 * len(speeds)
+    assert [edge / rpm for band in found.bands for edge in band] == pytest.approx(edges, rel=1e-3)
+    assert set(speeds) < set(found.speeds) and len(found.speeds) <= 2 * len(speeds)
     assert 0.5 * 150 < found.widest_gap / rpm <= 150 * (1 + 1e-9)
     assert (np.diff(found.speeds) > 0).all() and found.radii.shape == found.speeds.shape
 
