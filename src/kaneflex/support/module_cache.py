@@ -71,8 +71,9 @@ def _temporary(root: str, reason: str) -> Path:
 
 @cache
 def _generator() -> str:
-    """Digest of the generator's sources, and of the modules that what it makes imports from."""
-    return _digest("kaneflex.derive", "kaneflex.generated")[:12]
+    """Digest of the generator's sources, those of the rooms below it that it reads a scene by, and the modules that
+    what it makes imports from."""
+    return _digest(*(f"kaneflex.{room}" for room in ("derive", "generated", "mechanism", "scene", "support")))[:12]
 
 
 @cache
