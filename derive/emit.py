@@ -98,7 +98,7 @@ class Kernel:
     """A program with what its function needs around it; ``zeros``: whether its array may arrive with other numbers.
 
     One that ``returns`` has no array: its outputs are numbers by names of their own. ``calls``: statements behind the
-    program's own, which read its outputs.
+    program's own, which read its outputs. ``inline``: into what calls it, whatever its size.
     """
 
     program: Program
@@ -108,6 +108,7 @@ class Kernel:
     zeros: bool = False
     returns: bool = False
     calls: tuple[str, ...] = ()
+    inline: bool = False
 
 
 def print_kernels(kernels: Iterable[Kernel], names: Names) -> list[str]:
@@ -130,7 +131,8 @@ def print_kernel(kernel: Kernel, identifiers: Mapping[sm.Symbol, str] = MappingP
     body += kernel.calls
     doc = textwrap.indent(f'"""{kernel.doc}"""', "    ")
     code = "\n".join(f"    {line}" for line in body or ["pass"])
-    return f"@njit(**OPTIONS)\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
+    options = "forceinline=True, **OPTIONS" if kernel.inline else "**OPTIONS"
+    return f"@njit({options})\ndef {kernel.program.name}({', '.join(kernel.arguments)}):\n{doc}\n{code}\n"
 
 
 def statements(kernel: Kernel, printer: ScalarPrinter) -> Iterator[tuple[str, list[str], str]]:

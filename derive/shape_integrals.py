@@ -1,13 +1,13 @@
 """Integrals of products of a spatial element's shape functions, which are numbers, and the module that holds them.
 
 With s = x/length the functions of ``shapes.beam_shape`` over (v_1, l theta_1, v_2, l theta_2) are of the form
-n + c bubble: n and the bubble, a polynomial that vanishes at both nodes, are the same for every section, and
+n + c bubble: n, Hermite's cubics, and the bubble, which vanishes at both nodes, are the same for every section, and
 
-    c = beta P + alpha Q,    beta = 1/(1 + phi),  alpha = (1 - beta) growth/6
+    c = (beta - 1) P + alpha Q,    beta = 1/(1 + phi),  alpha = (1 - beta) growth/6
 
 alone knows of shear and of the growth of E I over the element, relative to its mean. So the integral over an element of
 two functions' product with a power of s is a table of numbers, one row and one column more than the nodes have, and one
-loop adds it to an element's matrix, whichever theory it is of. n, bubble, P and Q are found here, not typed in.
+loop fills an element's matrix with it, whichever theory it is of. n, bubble, P and Q are found here, not typed in.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ def family() -> Family:
     P = c.subs({beta_s: 1, growth: 0})
     Q = ((c - beta_s * P) * 6 / (growth * (1 - beta_s))).applyfunc(cancel)
     assert not (P.free_symbols | Q.free_symbols), "the bubble's size is not beta P + alpha Q"
+    c -= P
     shear = _scaled(strains["shear"], 1)
     assert (shear + P / 2 - growth * Q / 12).expand().is_zero_matrix, "the shear strain is not -1/2 (P - growth/6 Q)"
     rows = {"LINEAR": (1 - s, s, S.Zero), "GRADIENT": (-S.One, S.One, S.Zero)}
@@ -115,7 +116,7 @@ def shape_integrals_text() -> str:
         tables="\n".join([
             "# Rows and columns of an element's nodes: u, theta_x; v, theta_z; w, theta_y.",
             "U = np.array((0, 6))\nT = np.array((3, 9))\nV = np.array((1, 5, 7, 11))\nW = np.array((2, 4, 8, 10))",
-            "# What add and add_load take of functions that have no bubble.",
+            "# What the loops take of functions that have no bubble.",
             "STRAIGHT = (0.0, 0.0, 1.0)\n",
             "# Of the bubble's size.",
             *(f"{name} = np.array({tuple(map(float, getattr(family(), name)))})" for name in "PQ"),
@@ -144,48 +145,64 @@ _ABOUT = (
     "Entry [k, i, j] of a table is int_0^1 s^k f_i g_j ds with s = x/length and the functions that it is named by:",
     "DEFLECTION v, SLOPE l v', ROTATION l theta, CURVATURE l^2 theta' over (v_1, l theta_1, v_2, l theta_2); LINEAR is",
     "1 at one node, GRADIENT its derivative. The last row and column are those of a bubble, whose size by the nodes is",
-    "c = beta P + alpha Q: beta = 1/(1 + phi), alpha = (1 - beta) growth/6 with the flexibility in shear phi and the",
-    "growth of E I over the element by its mean.",
+    "c = (beta - 1) P + alpha Q, 0 without shear: beta = 1/(1 + phi), alpha = (1 - beta) growth/6 with the flexibility",
+    "in shear phi and the growth of E I over the element by its mean.",
 )
 
 _LOOPS = '''@njit(forceinline=True, **OPTIONS)
 def entry(table, k, i, j, m, n, r, c):
     """An entry of a table with the bubbles of its row and column, whose own are the last, m and n.
 
-    r, c: (beta, alpha, turn) of the functions that the rows and the columns belong to. Every other one is a rotation:
-    turn is length for theta_z = v' and -length for theta_y = -w'."""
+    r, c: (beta - 1, alpha, turn) of the functions that the rows and the columns belong to."""
     of_row = r[0] * P[i] + r[1] * Q[i]
     of_column = c[0] * P[j] + c[1] * Q[j]
-    value = table[k, i, j] + table[k, i, n] * of_column + of_row * (table[k, m, j] + table[k, m, n] * of_column)
-    return value * (r[2] if i % 2 == 1 else 1.0) * (c[2] if j % 2 == 1 else 1.0)
+    return table[k, i, j] + table[k, i, n] * of_column + of_row * (table[k, m, j] + table[k, m, n] * of_column)
 
 
 @njit(forceinline=True, **OPTIONS)
-def add_square(out, table, k, rows, r, f):
-    """Add f times a table to these rows of out and the same columns."""
+def turned(i, r):
+    """Every other coordinate is a rotation: turn is length for theta_z = v' and -length for theta_y = -w'."""
+    return r[2] if i % 2 == 1 else 1.0
+
+
+@njit(forceinline=True, **OPTIONS)
+def fill_square(out, first, table, rows, r, f):
+    """Store the sum of f[k] times table[k] at these rows of out and the same columns; not the first is added there."""
     m = rows.shape[0]
     for i in range(m):
         for j in range(m):
-            out[rows[i], rows[j]] += f * entry(table, k, i, j, m, m, r, r)
+            value = 0.0
+            for k in range(len(f)):
+                value += f[k] * entry(table, k, i, j, m, m, r, r)
+            value *= turned(i, r) * turned(j, r)
+            out[rows[i], rows[j]] = value if first else out[rows[i], rows[j]] + value
 
 
 @njit(forceinline=True, **OPTIONS)
-def add(out, table, k, rows, columns, r, c, f, g):
-    """Add f times a table to these rows and columns of out, and g times its transpose at their transposes."""
+def fill(out, first, table, rows, columns, r, c, f, g):
+    """The same with f at these rows and columns of out, and transposed with g at their transposes."""
     m = rows.shape[0]
     n = columns.shape[0]
     for i in range(m):
         for j in range(n):
-            value = entry(table, k, i, j, m, n, r, c)
-            out[rows[i], columns[j]] += f * value
-            out[columns[j], rows[i]] += g * value
+            value = 0.0
+            transposed = 0.0
+            for k in range(len(f)):
+                integral = entry(table, k, i, j, m, n, r, c) * (turned(i, r) * turned(j, c))
+                value += f[k] * integral
+                transposed += g[k] * integral
+            out[rows[i], columns[j]] = value if first else out[rows[i], columns[j]] + value
+            out[columns[j], rows[i]] = transposed if first else out[columns[j], rows[i]] + transposed
 
 
 @njit(forceinline=True, **OPTIONS)
-def add_load(out, table, k, rows, r, f):
-    """Add f times a table of functions alone to these rows of out."""
+def fill_load(out, first, table, rows, r, f):
+    """The same of functions alone at these rows of out."""
     m = rows.shape[0]
     for i in range(m):
-        value = table[k, i] + table[k, m] * (r[0] * P[i] + r[1] * Q[i])
-        out[rows[i]] += f * value * (r[2] if i % 2 == 1 else 1.0)
+        value = 0.0
+        for k in range(len(f)):
+            value += f[k] * (table[k, i] + table[k, m] * (r[0] * P[i] + r[1] * Q[i]))
+        value *= turned(i, r)
+        out[rows[i]] = value if first else out[rows[i]] + value
 '''

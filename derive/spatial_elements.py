@@ -1,9 +1,9 @@
 """Modules of beam elements in space: the kernels of one element, printed once for each theory and for every scene.
 
 Each entry (i, j) of a slice's matrices (``spatial_slice``) stands for int f N_i^T N_j dx with the shape functions of
-its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``add`` for each power of x/length
-in f, which is a polynomial by the section's growth and the link's X. Strain energy and axial tension bring such
-integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.
+its two coordinates: with the entry (j, i) before its transpose, it becomes a call of ``fill`` with the factors before
+the powers of x/length in f, which is a polynomial by the section's growth and the link's X. Strain energy and axial
+tension bring such integrals, too. The x-z plane is the x-y plane with w' for v', where theta_y = -w'.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _FUNCTIONS = {
 _PLANES = {"V": ("E_I_z", "phi_y"), "W": ("E_I_y", "phi_z")}
 """Nodes' coordinates of a plane of bending -> its stiffness, its flexibility in shear."""
 _SIZE = {"U": 2, "T": 2, "V": 4, "W": 4}
-_PER_ENTRY, _PER_SUM, _PER_LOAD = 14, 2, 8
+_PER_INTEGRAL, _PER_LOAD, _PER_SUM, _PER_TURN = 12, 5, 2, 2
 """Operations of the loops in ``shape_integrals``."""
 
 
@@ -83,7 +83,7 @@ class _Section:
         return P_0 + tension(*(mass.subs(along, length * s) for mass in upto))
 
     def bubble(self, functions: str, rows: str) -> str:
-        """What a kernel calls (beta, alpha, turn) of these functions."""
+        """What a kernel calls (beta - 1, alpha, turn) of these functions."""
         if functions in ("LINEAR", "GRADIENT"):
             return "STRAIGHT"
         return f"{'shear' if functions == 'SHEAR' else 'bend'}_{rows.lower()}"
@@ -93,7 +93,7 @@ class _Section:
         stiffness, flexibility = _PLANES[rows]
         plane, turn = rows.lower(), "length" if rows == "V" else "-length"
         if not self.shear:
-            return [], (f"bend_{plane} = (1.0, 0.0, {turn})",)
+            return [], (f"bend_{plane} = (0.0, 0.0, {turn})",)
         beta = 1 / (1 + PARAMETERS[flexibility])
         numbers = [(f"beta_{plane}", beta)]
         alpha = sixth = "0.0"
@@ -101,7 +101,8 @@ class _Section:
             growth = PARAMETERS[f"{stiffness}_rise"] / PARAMETERS[stiffness]
             numbers += [(f"alpha_{plane}", (1 - beta) * growth / 6), (f"growth_{plane}", growth)]
             alpha, sixth = f"alpha_{plane}", f"-growth_{plane}/6.0"
-        return numbers, (f"bend_{plane} = (beta_{plane}, {alpha}, {turn})", f"shear_{plane} = (1.0, {sixth}, {turn})")
+        made = f"bend_{plane} = (beta_{plane} - 1.0, {alpha}, {turn})", f"shear_{plane} = (1.0, {sixth}, {turn})"
+        return numbers, made
 
 
 @dataclass
@@ -110,6 +111,7 @@ class _Sum:
 
     section: _Section
     calls: list[str] = field(default_factory=list)
+    filled: set[frozenset[str]] = field(default_factory=set)
     numbers: dict[Expr, str] = field(default_factory=dict)
     operations: int = 0
 
@@ -117,26 +119,32 @@ class _Sum:
         """f(s) times the integral of two functions' products and g(s) times its transpose, each with its rows."""
         if (left[0], right[0]) not in POWERS:
             left, right, f, g = right, left, g, f
-        before, beside = _powers(f), _powers(g)
-        for k in sorted(before.keys() | beside.keys()):
-            places = ", ".join((left[1], right[1], self.section.bubble(*left), self.section.bubble(*right)))
-            factors = ", ".join(self._name(powers.get(k, S.Zero)) for powers in (before, beside))
-            self.calls.append(f"add(out, {left[0]}_{right[0]}, {k}, {places}, {factors})")
-            self.operations += _SIZE[left[1]] * _SIZE[right[1]] * (_PER_ENTRY + 2 * _PER_SUM)
+        places = left[1], right[1], self.section.bubble(*left), self.section.bubble(*right)
+        operations = _SIZE[left[1]] * _SIZE[right[1]] * (_PER_INTEGRAL + _PER_TURN + 2 * _PER_SUM)
+        self._call("fill", f"{left[0]}_{right[0]}", places, (f, g), operations)
 
     def add_load(self, functions: str, rows: str, f: Expr) -> None:
         """f(s) times the integral of functions alone."""
-        for k, number in _powers(f).items():
-            bubble = self.section.bubble(functions, rows)
-            self.calls.append(f"add_load(out, {functions}, {k}, {rows}, {bubble}, {self._name(number)})")
-            self.operations += _SIZE[rows] * _PER_LOAD
+        places = rows, self.section.bubble(functions, rows)
+        self._call("fill_load", functions, places, (f,), _SIZE[rows] * (_PER_LOAD + _PER_SUM))
 
     def square(self, functions: str, rows: str, f: Expr) -> None:
         """The matrix whose quadratic form is the integral of f(s) times the functions' square."""
-        for k, number in _powers(f).items():
-            bubble = self.section.bubble(functions, rows)
-            self.calls.append(f"add_square(out, {functions}_{functions}, {k}, {rows}, {bubble}, {self._name(number)})")
-            self.operations += _SIZE[rows] ** 2 * (_PER_ENTRY + _PER_SUM)
+        places = rows, self.section.bubble(functions, rows)
+        operations = _SIZE[rows] ** 2 * (_PER_INTEGRAL + _PER_SUM)
+        self._call("fill_square", f"{functions}_{functions}", places, (f,), operations)
+
+    def _call(self, loop: str, table: str, places: tuple[str, ...], of: tuple[Expr, ...], operations: int) -> None:
+        """So many operations a power of s. The first call for some rows and columns stores, reading nothing there."""
+        count = max(_powers(f) for f in of)
+        if count == 0:
+            return
+        block = frozenset(_SIZE).intersection(places)
+        names = (", ".join(map(self._name, _factors(f, count))) for f in of)
+        factors = (f"({name}{',' * (count == 1)})" for name in names)
+        self.calls.append(f"{loop}(out, {block not in self.filled}, {table}, {', '.join([*places, *factors])})")
+        self.filled.add(block)
+        self.operations += count * operations
 
     def _name(self, number: Expr) -> str:
         if number == 0:
@@ -146,11 +154,16 @@ class _Sum:
         return self.numbers.setdefault(number, f"f_{len(self.numbers)}")
 
 
-def _powers(f: Expr) -> dict[int, Expr]:
-    """Power of s -> its coefficient."""
+def _powers(f: Expr) -> int:
+    """How many powers of s there are, from the zeroth on."""
     f = f.expand()
-    found = {k: factor_terms(f.coeff(s, k)) for k in range(Poly(f, s).degree() + 1 if f != 0 else 0)}
-    return {k: coefficient for k, coefficient in found.items() if coefficient != 0}
+    return Poly(f, s).degree() + 1 if f != 0 else 0
+
+
+def _factors(f: Expr, count: int) -> list[Expr]:
+    """Those before so many powers of s."""
+    f = f.expand()
+    return [factor_terms(f.coeff(s, k)) for k in range(count)]
 
 
 def _sum_of_slices(total: _Sum, target: str) -> None:
@@ -284,7 +297,7 @@ def _kernel(name: str, section: _Section) -> tuple[emit.Kernel, Program, int]:
     doc += "\n\np: ELEMENT_PARAMETERS of one element." + " s: LINK_SCALARS." * bool(motion) + " out: zeros."
     kernel = emit.Kernel(
         share(raw), ("p", "s", "out") if motion else ("p", "out"), tuple(inputs), doc,
-        calls=(*pairs, *total.calls),
+        calls=(*pairs, *total.calls), inline=True,
     )  # fmt: skip
     return kernel, raw, total.operations
 

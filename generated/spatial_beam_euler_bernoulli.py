@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against torsion alone.
 
 Operations of one call, written out -> with shared subexpressions:
-    M       643 -> 643
-    K_s     648 -> 648
-    K_d    1267 -> 1252
-    K_g    1789 -> 1752
+    M       563 -> 563
+    K_s     568 -> 568
+    K_d    1187 -> 1172
+    K_g    1573 -> 1536
     C       585 -> 581
-    F       224 -> 214
+    F       202 -> 192
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -24,8 +24,8 @@ from numba import njit
 
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load, add_square,
-)  # digest ccd45bab098cba67
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
+)  # digest 9bd0c5aa7b70c54d
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -104,16 +104,16 @@ TERMS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (643, 643),
-    'K_s': (648, 648),
-    'K_d': (1267, 1252),
-    'K_g': (1789, 1752),
+    'M': (563, 563),
+    'K_s': (568, 568),
+    'K_d': (1187, 1172),
+    'K_g': (1573, 1536),
     'C': (585, 581),
-    'F': (224, 214),
+    'F': (202, 192),
 }
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
@@ -124,15 +124,15 @@ def M(p, out):
     length = p[8]
     f_0 = length*rho_A
     f_1 = length*(rho_I_y + rho_I_z)
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_1)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0,))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_1,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
@@ -148,15 +148,15 @@ def K_s(p, out):
     f_1 = G_J*w0
     f_2 = E_I_z*w1
     f_3 = E_I_y*w1
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
-    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
-    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_3)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, GRADIENT_GRADIENT, U, STRAIGHT, (f_0,))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_1,))
+    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2,))
+    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_3,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
@@ -185,18 +185,18 @@ def K_d(p, s, out):
     f_7 = w2*(epsilon_x + omega_y*omega_z)
     f_8 = -w2*(w0 + w3)
     f_9 = length*(rho_I_y*w0 - rho_I_y*w1 - rho_I_z*w0 + rho_I_z*w1)
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_1, f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_5)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_8)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_9)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_5,))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_8,))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_9,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
@@ -220,20 +220,14 @@ def K_g(p, s, out):
     f_3 = I_p_A*w4
     f_4 = I_p_A*w5
     f_5 = -I_p_A*w6
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
-    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
-    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
-    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
-    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
-    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_3)
-    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_4)
-    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_5)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2))
+    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_3, f_4, f_5))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
@@ -247,14 +241,14 @@ def C(p, s, out):
     f_0 = -omega_z*w0
     f_1 = omega_y*w0
     f_2 = -omega_x*w0
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, -f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_1, -f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_2, -f_2)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
@@ -286,15 +280,12 @@ def F(p, s, out):
     f_4 = w2*(-a_z + epsilon_y*x_0 - w5*x_0)
     f_5 = w3*(epsilon_y - w5)
     f_6 = length*(-epsilon_x*rho_I_y - epsilon_x*rho_I_z + omega_y*omega_z*rho_I_y - omega_y*omega_z*rho_I_z)
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
-    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
-    add_load(out, DEFLECTION, 0, V, bend_v, f_2)
-    add_load(out, DEFLECTION, 1, V, bend_v, f_3)
-    add_load(out, DEFLECTION, 0, W, bend_w, f_4)
-    add_load(out, DEFLECTION, 1, W, bend_w, f_5)
-    add_load(out, LINEAR, 0, T, STRAIGHT, f_6)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_load(out, True, DEFLECTION, V, bend_v, (f_2, f_3))
+    fill_load(out, True, DEFLECTION, W, bend_w, (f_4, f_5))
+    fill_load(out, True, LINEAR, T, STRAIGHT, (f_6,))
 
 
 @njit(**OPTIONS)

@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against torsion alone.
 
 Operations of one call, written out -> with shared subexpressions:
-    M      1292 -> 1292
-    K_s    1170 -> 1166
-    K_d    2625 -> 2542
-    K_g    2444 -> 2357
+    M      1132 -> 1132
+    K_s    1026 -> 1022
+    K_d    2465 -> 2382
+    K_g    2156 -> 2069
     C      1185 -> 1167
-    F       465 -> 424
+    F       431 -> 390
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -24,9 +24,9 @@ from numba import njit
 
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load, add_square,
-)  # digest ccd45bab098cba67
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 4b570e9dae02a579
+    SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load, fill_square,
+)  # digest 9bd0c5aa7b70c54d
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 9622573bb42b4376
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -54,16 +54,16 @@ ELEMENT_PARAMETERS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (1292, 1292),
-    'K_s': (1170, 1166),
-    'K_d': (2625, 2542),
-    'K_g': (2444, 2357),
+    'M': (1132, 1132),
+    'K_s': (1026, 1022),
+    'K_d': (2465, 2382),
+    'K_g': (2156, 2069),
     'C': (1185, 1167),
-    'F': (465, 424),
+    'F': (431, 390),
 }
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
@@ -79,19 +79,15 @@ def M(p, out):
     f_1 = length*rho_A_rise
     f_2 = length*(rho_I_y - 0.5*rho_I_y_rise + rho_I_z - 0.5*rho_I_z_rise)
     f_3 = length*(rho_I_y_rise + rho_I_z_rise)
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_1)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_1)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_2)
-    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_3)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0, f_1))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0, f_1))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_2, f_3))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
@@ -111,17 +107,15 @@ def K_s(p, out):
     f_3 = E_I_z_rise*w1
     f_4 = w1*(E_I_y - 0.5*E_I_y_rise)
     f_5 = E_I_y_rise*w1
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
-    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
-    add_square(out, CURVATURE_CURVATURE, 1, V, bend_v, f_3)
-    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_4)
-    add_square(out, CURVATURE_CURVATURE, 1, W, bend_w, f_5)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, GRADIENT_GRADIENT, U, STRAIGHT, (f_0,))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_1,))
+    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2, f_3))
+    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_4, f_5))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
@@ -163,42 +157,35 @@ def K_d(p, s, out):
     f_0 = length*(-w1 - w3)
     f_1 = -w4*(w0 + w2)
     f_2 = length*(omega_x*omega_y*rho_A - w7 - w8)
-    f_3 = length*(rho_A*w5 - w7 + w8)
-    f_4 = w4*(-epsilon_z + omega_x*omega_y)
+    f_3 = w4*(-epsilon_z + omega_x*omega_y)
+    f_4 = length*(rho_A*w5 - w7 + w8)
     f_5 = w4*(epsilon_z + w5)
     f_6 = length*(rho_A*w9 - w10 + w11)
-    f_7 = length*(omega_x*omega_z*rho_A - w10 - w11)
-    f_8 = w4*(epsilon_y + w9)
+    f_7 = w4*(epsilon_y + w9)
+    f_8 = length*(omega_x*omega_z*rho_A - w10 - w11)
     f_9 = w4*(-epsilon_y + omega_x*omega_z)
     f_10 = length*(-w1 - w13)
     f_11 = -w4*(w0 + w12)
     f_12 = length*(omega_y*omega_z*rho_A - w15 - w16)
-    f_13 = length*(rho_A*w14 - w15 + w16)
-    f_14 = w4*(-epsilon_x + omega_y*omega_z)
+    f_13 = w4*(-epsilon_x + omega_y*omega_z)
+    f_14 = length*(rho_A*w14 - w15 + w16)
     f_15 = w4*(epsilon_x + w14)
     f_16 = length*(-w13 - w3)
     f_17 = -w4*(w12 + w2)
     f_18 = length*(-rho_I_y*w0 + rho_I_y*w2 + rho_I_z*w0 - rho_I_z*w2 - 0.5*w17 + 0.5*w18 + 0.5*w19 - 0.5*w20)
     f_19 = length*(w17 - w18 - w19 + w20)
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_2, f_3)
-    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_4, f_5)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_6, f_7)
-    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_8, f_9)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_10)
-    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_11)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_12, f_13)
-    add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_14, f_15)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_16)
-    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_17)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_18)
-    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_19)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
@@ -231,23 +218,14 @@ def K_g(p, s, out):
     f_5 = I_p_A*w6
     f_6 = 0.25*I_p_A*w9
     f_7 = -I_p_A*w10
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
-    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
-    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
-    add_square(out, SLOPE_SLOPE, 3, V, bend_v, f_3)
-    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
-    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
-    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
-    add_square(out, SLOPE_SLOPE, 3, W, bend_w, f_3)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_4)
-    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_5)
-    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_6)
-    add_square(out, GRADIENT_GRADIENT, 3, T, STRAIGHT, f_7)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2, f_3))
+    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2, f_3))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_4, f_5, f_6, f_7))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
@@ -265,25 +243,22 @@ def C(p, s, out):
     w4 = length*omega_y
     w5 = length*omega_x
     f_0 = w1*w2
-    f_1 = w0*w2
-    f_2 = -w2*w3
+    f_1 = -w2*w3
+    f_2 = w0*w2
     f_3 = w0*w4
-    f_4 = w1*w4
-    f_5 = w3*w4
+    f_4 = w3*w4
+    f_5 = w1*w4
     f_6 = w1*w5
-    f_7 = w0*w5
-    f_8 = -w3*w5
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, f_1)
-    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_2, -f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
-    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_5, -f_5)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
-    add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_8, -f_8)
+    f_7 = -w3*w5
+    f_8 = w0*w5
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
@@ -328,19 +303,12 @@ def F(p, s, out):
     f_8 = w7*(epsilon_y - w10)
     f_9 = length*(-epsilon_x*rho_I_y + 0.5*epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z + 0.5*epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y + 0.5*omega_y*omega_z*rho_I_z_rise - 0.5*rho_I_y_rise*w11 - rho_I_z*w11)
     f_10 = length*(-epsilon_x*rho_I_y_rise - epsilon_x*rho_I_z_rise + omega_y*omega_z*rho_I_y_rise - rho_I_z_rise*w11)
-    bend_v = (1.0, 0.0, length)
-    bend_w = (1.0, 0.0, -length)
-    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
-    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
-    add_load(out, LINEAR, 2, U, STRAIGHT, f_2)
-    add_load(out, DEFLECTION, 0, V, bend_v, f_3)
-    add_load(out, DEFLECTION, 1, V, bend_v, f_4)
-    add_load(out, DEFLECTION, 2, V, bend_v, f_5)
-    add_load(out, DEFLECTION, 0, W, bend_w, f_6)
-    add_load(out, DEFLECTION, 1, W, bend_w, f_7)
-    add_load(out, DEFLECTION, 2, W, bend_w, f_8)
-    add_load(out, LINEAR, 0, T, STRAIGHT, f_9)
-    add_load(out, LINEAR, 1, T, STRAIGHT, f_10)
+    bend_v = (0.0, 0.0, length)
+    bend_w = (0.0, 0.0, -length)
+    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1, f_2))
+    fill_load(out, True, DEFLECTION, V, bend_v, (f_3, f_4, f_5))
+    fill_load(out, True, DEFLECTION, W, bend_w, (f_6, f_7, f_8))
+    fill_load(out, True, LINEAR, T, STRAIGHT, (f_9, f_10))
 
 
 @njit(**OPTIONS)

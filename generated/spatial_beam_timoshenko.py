@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against bending, too.
 
 Operations of one call, written out -> with shared subexpressions:
-    M      2209 -> 2202
-    K_s    1184 -> 1178
-    K_d    2416 -> 2381
-    K_g    1793 -> 1756
+    M      1937 -> 1930
+    K_s    1040 -> 1034
+    K_d    2272 -> 2237
+    K_g    1577 -> 1540
     C       881 -> 877
-    F       298 -> 287
+    F       268 -> 257
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -24,10 +24,10 @@ from numba import njit
 
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load,
-    add_square,
-)  # digest ccd45bab098cba67
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 4b570e9dae02a579
+    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load,
+    fill_square,
+)  # digest 9bd0c5aa7b70c54d
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 9622573bb42b4376
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -50,16 +50,16 @@ ELEMENT_PARAMETERS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (2209, 2202),
-    'K_s': (1184, 1178),
-    'K_d': (2416, 2381),
-    'K_g': (1793, 1756),
+    'M': (1937, 1930),
+    'K_s': (1040, 1034),
+    'K_d': (2272, 2237),
+    'K_g': (1577, 1540),
     'C': (881, 877),
-    'F': (298, 287),
+    'F': (268, 257),
 }
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
@@ -87,23 +87,23 @@ def M(p, out):
     f_5 = w3*w4/(2.0*phi_y + w3 + 1.0)
     f_6 = phi_z*w2
     f_7 = w4*w5/(2.0*phi_z + w5 + 1.0)
-    bend_v = (beta_v, 0.0, length)
+    bend_v = (beta_v - 1.0, 0.0, length)
     shear_v = (1.0, 0.0, length)
-    bend_w = (beta_w, 0.0, -length)
+    bend_w = (beta_w - 1.0, 0.0, -length)
     shear_w = (1.0, 0.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_1)
-    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_2)
-    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_3)
-    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_4)
-    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_5)
-    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_6)
-    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_7)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0,))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_1,))
+    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_2,))
+    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_3,))
+    fill_square(out, False, CURVATURE_CURVATURE, V, bend_v, (f_4,))
+    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_5,))
+    fill_square(out, False, CURVATURE_CURVATURE, W, bend_w, (f_6,))
+    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_7,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
@@ -125,19 +125,19 @@ def K_s(p, out):
     f_1 = G_J*w0
     f_3 = 3.0*phi_y*w2/((phi_y*phi_y) + 2.0*phi_y + 1.0)
     f_5 = 3.0*phi_z*w3/((phi_z*phi_z) + 2.0*phi_z + 1.0)
-    bend_v = (beta_v, 0.0, length)
+    bend_v = (beta_v - 1.0, 0.0, length)
     shear_v = (1.0, 0.0, length)
-    bend_w = (beta_w, 0.0, -length)
+    bend_w = (beta_w - 1.0, 0.0, -length)
     shear_w = (1.0, 0.0, -length)
-    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
-    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
-    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_3)
-    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_4)
-    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_5)
+    fill_square(out, True, GRADIENT_GRADIENT, U, STRAIGHT, (f_0,))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_1,))
+    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2,))
+    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_3,))
+    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_4,))
+    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_5,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
@@ -185,23 +185,23 @@ def K_d(p, s, out):
     f_14 = rho_I_y*w11*(-w1 + w5)
     f_15 = 0.5*w11*(epsilon_x*rho_I_y - epsilon_x*rho_I_z - rho_I_y*w6 - rho_I_z*w6)
     f_16 = rho_I_z*w11*(-w0 + w5)
-    bend_v = (beta_v, 0.0, length)
-    bend_w = (beta_w, 0.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_1, f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_5)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_8)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_9)
-    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_10, f_11)
-    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_12, f_13)
-    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_14)
-    add(out, ROTATION_ROTATION, 0, W, V, bend_w, bend_v, f_15, f_15)
-    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_16)
+    bend_v = (beta_v - 1.0, 0.0, length)
+    bend_w = (beta_w - 1.0, 0.0, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0,))
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_1,), (f_2,))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3,), (f_4,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_5,))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6,), (f_7,))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_8,))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_9,))
+    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_10,), (f_11,))
+    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12,), (f_13,))
+    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_14,))
+    fill(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_15,), (f_15,))
+    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_16,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
@@ -229,20 +229,14 @@ def K_g(p, s, out):
     f_3 = I_p_A*w4
     f_4 = I_p_A*w5
     f_5 = -I_p_A*w6
-    bend_v = (beta_v, 0.0, length)
-    bend_w = (beta_w, 0.0, -length)
-    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
-    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
-    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
-    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
-    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
-    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_3)
-    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_4)
-    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_5)
+    bend_v = (beta_v - 1.0, 0.0, length)
+    bend_w = (beta_w - 1.0, 0.0, -length)
+    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2))
+    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_3, f_4, f_5))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
@@ -266,16 +260,16 @@ def C(p, s, out):
     f_2 = -2.0*omega_x*w1
     f_3 = rho_I_y*w0
     f_4 = rho_I_z*w2
-    bend_v = (beta_v, 0.0, length)
-    bend_w = (beta_w, 0.0, -length)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, -f_0)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_1, -f_1)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_2, -f_2)
-    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_3, -f_3)
-    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_4, -f_4)
+    bend_v = (beta_v - 1.0, 0.0, length)
+    bend_w = (beta_w - 1.0, 0.0, -length)
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0,), (-f_0,))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_1,), (-f_1,))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_2,), (-f_2,))
+    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_3,), (-f_3,))
+    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_4,), (-f_4,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
@@ -313,17 +307,14 @@ def F(p, s, out):
     f_6 = length*(-epsilon_x*rho_I_y - epsilon_x*rho_I_z + omega_y*omega_z*rho_I_y - omega_y*omega_z*rho_I_z)
     f_7 = rho_I_y*(epsilon_y + w5)
     f_8 = rho_I_z*(-epsilon_z + omega_x*omega_y)
-    bend_v = (beta_v, 0.0, length)
-    bend_w = (beta_w, 0.0, -length)
-    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
-    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
-    add_load(out, DEFLECTION, 0, V, bend_v, f_2)
-    add_load(out, DEFLECTION, 1, V, bend_v, f_3)
-    add_load(out, DEFLECTION, 0, W, bend_w, f_4)
-    add_load(out, DEFLECTION, 1, W, bend_w, f_5)
-    add_load(out, LINEAR, 0, T, STRAIGHT, f_6)
-    add_load(out, ROTATION, 0, W, bend_w, f_7)
-    add_load(out, ROTATION, 0, V, bend_v, f_8)
+    bend_v = (beta_v - 1.0, 0.0, length)
+    bend_w = (beta_w - 1.0, 0.0, -length)
+    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_load(out, True, DEFLECTION, V, bend_v, (f_2, f_3))
+    fill_load(out, True, DEFLECTION, W, bend_w, (f_4, f_5))
+    fill_load(out, True, LINEAR, T, STRAIGHT, (f_6,))
+    fill_load(out, False, ROTATION, W, bend_w, (f_7,))
+    fill_load(out, False, ROTATION, V, bend_v, (f_8,))
 
 
 @njit(**OPTIONS)

@@ -9,12 +9,12 @@ In link axes, with scalars of the motion before constant matrices (TERMS):
 Sections have the rotary inertia rho I_y, rho I_z and their sum about x: theirs against bending, too.
 
 Operations of one call, written out -> with shared subexpressions:
-    M      3918 -> 3895
-    K_s    1720 -> 1705
-    K_d    5019 -> 4834
-    K_g    2460 -> 2369
+    M      3438 -> 3415
+    K_s    1512 -> 1497
+    K_d    4731 -> 4546
+    K_g    2172 -> 2081
     C      1793 -> 1767
-    F       637 -> 588
+    F       587 -> 538
 
 Kernels check nothing: of an array that is too short they read what lies behind it. kaneflex.checked(module) has
 the same kernels with a check before each call that names the argument.
@@ -24,10 +24,10 @@ from numba import njit
 
 from kaneflex.generated.shape_integrals import (
     CURVATURE_CURVATURE, DEFLECTION, DEFLECTION_DEFLECTION, GRADIENT_GRADIENT, LINEAR, LINEAR_DEFLECTION, LINEAR_LINEAR,
-    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, add, add_load,
-    add_square,
-)  # digest ccd45bab098cba67
-from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 4b570e9dae02a579
+    LINEAR_ROTATION, ROTATION, ROTATION_ROTATION, SHEAR_SHEAR, SLOPE_SLOPE, STRAIGHT, T, U, V, W, fill, fill_load,
+    fill_square,
+)  # digest 9bd0c5aa7b70c54d
+from kaneflex.generated.spatial_beam_euler_bernoulli import LINK_SCALARS, KERNELS, TERMS  # digest 9622573bb42b4376
 
 FORMAT = 3
 OPTIONS = {"cache": True, "error_model": "numpy", "fastmath": {"nsz", "arcp", "contract", "afn", "reassoc"}}
@@ -57,16 +57,16 @@ ELEMENT_PARAMETERS = (
 
 # kernel -> operations written out, operations with shared subexpressions
 OPERATIONS = {
-    'M': (3918, 3895),
-    'K_s': (1720, 1705),
-    'K_d': (5019, 4834),
-    'K_g': (2460, 2369),
+    'M': (3438, 3415),
+    'K_s': (1512, 1497),
+    'K_d': (4731, 4546),
+    'K_g': (2172, 2081),
     'C': (1793, 1767),
-    'F': (637, 588),
+    'F': (587, 538),
 }
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def M(p, out):
     """Mass matrix of one element, 12 x 12 [SI].
 
@@ -115,31 +115,23 @@ def M(p, out):
     f_11 = phi_z*w8*(2.0 - w3)
     f_12 = phi_z*w3*w9
     f_13 = w11*w12/(2.0*phi_z + w12 + 1.0)
-    bend_v = (beta_v, alpha_v, length)
+    bend_v = (beta_v - 1.0, alpha_v, length)
     shear_v = (1.0, -growth_v/6.0, length)
-    bend_w = (beta_w, alpha_w, -length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
     shear_w = (1.0, -growth_w/6.0, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_1)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_0)
-    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_1)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_2)
-    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_3)
-    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_4)
-    add_square(out, ROTATION_ROTATION, 1, W, bend_w, f_5)
-    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_6)
-    add_square(out, ROTATION_ROTATION, 1, V, bend_v, f_7)
-    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_8)
-    add_square(out, CURVATURE_CURVATURE, 1, V, bend_v, f_9)
-    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_10)
-    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_11)
-    add_square(out, CURVATURE_CURVATURE, 1, W, bend_w, f_12)
-    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_13)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_0, f_1))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_0, f_1))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_2, f_3))
+    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_4, f_5))
+    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_6, f_7))
+    fill_square(out, False, CURVATURE_CURVATURE, V, bend_v, (f_8, f_9))
+    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_10,))
+    fill_square(out, False, CURVATURE_CURVATURE, W, bend_w, (f_11, f_12))
+    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_13,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_s(p, out):
     """Elastic stiffness, 12 x 12 [SI]: axial, torsion, bending about z and y.
 
@@ -170,21 +162,19 @@ def K_s(p, out):
     f_5 = w5*(E_I_y - 0.5*E_I_y_rise)
     f_6 = E_I_y_rise*w5
     f_7 = E_I_y*phi_z*w6/((phi_z*phi_z) + 2.0*phi_z + 1.0)
-    bend_v = (beta_v, alpha_v, length)
+    bend_v = (beta_v - 1.0, alpha_v, length)
     shear_v = (1.0, -growth_v/6.0, length)
-    bend_w = (beta_w, alpha_w, -length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
     shear_w = (1.0, -growth_w/6.0, -length)
-    add_square(out, GRADIENT_GRADIENT, 0, U, STRAIGHT, f_0)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_1)
-    add_square(out, CURVATURE_CURVATURE, 0, V, bend_v, f_2)
-    add_square(out, CURVATURE_CURVATURE, 1, V, bend_v, f_3)
-    add_square(out, SHEAR_SHEAR, 0, V, shear_v, f_4)
-    add_square(out, CURVATURE_CURVATURE, 0, W, bend_w, f_5)
-    add_square(out, CURVATURE_CURVATURE, 1, W, bend_w, f_6)
-    add_square(out, SHEAR_SHEAR, 0, W, shear_w, f_7)
+    fill_square(out, True, GRADIENT_GRADIENT, U, STRAIGHT, (f_0,))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_1,))
+    fill_square(out, True, CURVATURE_CURVATURE, V, bend_v, (f_2, f_3))
+    fill_square(out, False, SHEAR_SHEAR, V, shear_v, (f_4,))
+    fill_square(out, True, CURVATURE_CURVATURE, W, bend_w, (f_5, f_6))
+    fill_square(out, False, SHEAR_SHEAR, W, shear_w, (f_7,))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_d(p, s, out):
     """Dynamic stiffness, before omega_i omega_j and epsilon_i, 12 x 12 [SI].
 
@@ -259,30 +249,30 @@ def K_d(p, s, out):
     f_0 = length*(-w3 - w5)
     f_1 = -w6*(w2 + w4)
     f_2 = length*(omega_x*omega_y*rho_A - w10 - w9)
-    f_3 = length*(rho_A*w7 + w10 - w9)
-    f_4 = w6*(-epsilon_z + omega_x*omega_y)
+    f_3 = w6*(-epsilon_z + omega_x*omega_y)
+    f_4 = length*(rho_A*w7 + w10 - w9)
     f_5 = w6*(epsilon_z + w7)
     f_6 = length*(rho_A*w11 - w12 + w13)
-    f_7 = length*(omega_x*omega_z*rho_A - w12 - w13)
-    f_8 = w6*(epsilon_y + w11)
+    f_7 = w6*(epsilon_y + w11)
+    f_8 = length*(omega_x*omega_z*rho_A - w12 - w13)
     f_9 = w6*(-epsilon_y + omega_x*omega_z)
     f_10 = length*(-w15 - w3)
     f_11 = -w6*(w14 + w2)
     f_12 = length*(omega_y*omega_z*rho_A - w17 - w18)
-    f_13 = length*(rho_A*w16 - w17 + w18)
-    f_14 = w6*(-epsilon_x + omega_y*omega_z)
+    f_13 = w6*(-epsilon_x + omega_y*omega_z)
+    f_14 = length*(rho_A*w16 - w17 + w18)
     f_15 = w6*(epsilon_x + w16)
     f_16 = length*(-w15 - w5)
     f_17 = -w6*(w14 + w4)
     f_18 = length*(rho_I_y*w4 + rho_I_z*w2 - 0.5*w19 - 0.5*w20 + w22 + w24)
     f_19 = length*(w19 + w20 - w21 - w23)
     f_20 = epsilon_z*rho_I_z + rho_I_y*w7 - w26 + 0.5*w27 - w28 - w30 + w32
-    f_21 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w26 - w28 - w30 - w32
-    f_22 = w25 - w27 + w29 + w31
+    f_21 = w25 - w27 + w29 + w31
+    f_22 = epsilon_z*rho_I_z + omega_x*omega_y*rho_I_y + 0.5*omega_x*omega_y*rho_I_z_rise - w26 - w28 - w30 - w32
     f_23 = epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_y_rise - w27 - w31
     f_24 = w33 - w35 + w39
-    f_25 = -w33 + w35 + w39
-    f_26 = w34 + w40
+    f_25 = w34 + w40
+    f_26 = -w33 + w35 + w39
     f_27 = -w34 + w40
     f_28 = w41*(rho_I_y*w14 - rho_I_y_rise*w42 + w22)
     f_29 = rho_I_y_rise*w41*(w14 - w2)
@@ -290,35 +280,23 @@ def K_d(p, s, out):
     f_31 = -0.5*w41*w45
     f_32 = w41*(rho_I_z*w14 - rho_I_z_rise*w42 + w24)
     f_33 = rho_I_z_rise*w41*(w14 - w4)
-    bend_v = (beta_v, alpha_v, length)
-    bend_w = (beta_w, alpha_w, -length)
-    add_square(out, LINEAR_LINEAR, 0, U, STRAIGHT, f_0)
-    add_square(out, LINEAR_LINEAR, 1, U, STRAIGHT, f_1)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_2, f_3)
-    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_4, f_5)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_6, f_7)
-    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_8, f_9)
-    add_square(out, DEFLECTION_DEFLECTION, 0, V, bend_v, f_10)
-    add_square(out, DEFLECTION_DEFLECTION, 1, V, bend_v, f_11)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_12, f_13)
-    add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_14, f_15)
-    add_square(out, DEFLECTION_DEFLECTION, 0, W, bend_w, f_16)
-    add_square(out, DEFLECTION_DEFLECTION, 1, W, bend_w, f_17)
-    add_square(out, LINEAR_LINEAR, 0, T, STRAIGHT, f_18)
-    add_square(out, LINEAR_LINEAR, 1, T, STRAIGHT, f_19)
-    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_20, f_21)
-    add(out, LINEAR_ROTATION, 1, T, W, STRAIGHT, bend_w, f_22, f_23)
-    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_24, f_25)
-    add(out, LINEAR_ROTATION, 1, T, V, STRAIGHT, bend_v, f_26, f_27)
-    add_square(out, ROTATION_ROTATION, 0, W, bend_w, f_28)
-    add_square(out, ROTATION_ROTATION, 1, W, bend_w, f_29)
-    add(out, ROTATION_ROTATION, 0, W, V, bend_w, bend_v, f_30, f_30)
-    add(out, ROTATION_ROTATION, 1, W, V, bend_w, bend_v, f_31, f_31)
-    add_square(out, ROTATION_ROTATION, 0, V, bend_v, f_32)
-    add_square(out, ROTATION_ROTATION, 1, V, bend_v, f_33)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_square(out, True, LINEAR_LINEAR, U, STRAIGHT, (f_0, f_1))
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_2, f_3), (f_4, f_5))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_6, f_7), (f_8, f_9))
+    fill_square(out, True, DEFLECTION_DEFLECTION, V, bend_v, (f_10, f_11))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_12, f_13), (f_14, f_15))
+    fill_square(out, True, DEFLECTION_DEFLECTION, W, bend_w, (f_16, f_17))
+    fill_square(out, True, LINEAR_LINEAR, T, STRAIGHT, (f_18, f_19))
+    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_20, f_21), (f_22, f_23))
+    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_24, f_25), (f_26, f_27))
+    fill_square(out, False, ROTATION_ROTATION, W, bend_w, (f_28, f_29))
+    fill(out, False, ROTATION_ROTATION, W, V, bend_w, bend_v, (f_30, f_31), (f_30, f_31))
+    fill_square(out, False, ROTATION_ROTATION, V, bend_v, (f_32, f_33))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def K_g(p, s, out):
     """Geometric stiffness of int P/2 (v'^2 + w'^2 + I_p/A theta_x'^2) dx, 12 x 12 [SI].
 
@@ -361,23 +339,14 @@ def K_g(p, s, out):
     f_5 = I_p_A*w8
     f_6 = 0.25*I_p_A*w11
     f_7 = -I_p_A*w12
-    bend_v = (beta_v, alpha_v, length)
-    bend_w = (beta_w, alpha_w, -length)
-    add_square(out, SLOPE_SLOPE, 0, V, bend_v, f_0)
-    add_square(out, SLOPE_SLOPE, 1, V, bend_v, f_1)
-    add_square(out, SLOPE_SLOPE, 2, V, bend_v, f_2)
-    add_square(out, SLOPE_SLOPE, 3, V, bend_v, f_3)
-    add_square(out, SLOPE_SLOPE, 0, W, bend_w, f_0)
-    add_square(out, SLOPE_SLOPE, 1, W, bend_w, f_1)
-    add_square(out, SLOPE_SLOPE, 2, W, bend_w, f_2)
-    add_square(out, SLOPE_SLOPE, 3, W, bend_w, f_3)
-    add_square(out, GRADIENT_GRADIENT, 0, T, STRAIGHT, f_4)
-    add_square(out, GRADIENT_GRADIENT, 1, T, STRAIGHT, f_5)
-    add_square(out, GRADIENT_GRADIENT, 2, T, STRAIGHT, f_6)
-    add_square(out, GRADIENT_GRADIENT, 3, T, STRAIGHT, f_7)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_square(out, True, SLOPE_SLOPE, V, bend_v, (f_0, f_1, f_2, f_3))
+    fill_square(out, True, SLOPE_SLOPE, W, bend_w, (f_0, f_1, f_2, f_3))
+    fill_square(out, True, GRADIENT_GRADIENT, T, STRAIGHT, (f_4, f_5, f_6, f_7))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def C(p, s, out):
     """Gyroscopic matrix, before omega_i; the runtime adds material damping, 12 x 12 [SI].
 
@@ -411,35 +380,30 @@ def C(p, s, out):
     alpha_v = 0.16666666666666666*E_I_z_rise*(1.0 - w0)/E_I_z
     alpha_w = 0.16666666666666666*E_I_y_rise*(1.0 - w1)/E_I_y
     f_0 = w3*w4
-    f_1 = w2*w4
-    f_2 = -w4*w5
+    f_1 = -w4*w5
+    f_2 = w2*w4
     f_3 = w2*w6
-    f_4 = w3*w6
-    f_5 = w5*w6
+    f_4 = w5*w6
+    f_5 = w3*w6
     f_6 = w3*w7
-    f_7 = w2*w7
-    f_8 = -w5*w7
+    f_7 = -w5*w7
+    f_8 = w2*w7
     f_9 = omega_z*w8
-    f_10 = -omega_z*w8
-    f_11 = 2.0*omega_z*rho_I_y_rise
+    f_10 = 2.0*omega_z*rho_I_y_rise
+    f_11 = -omega_z*w8
     f_12 = omega_y*w9
-    f_13 = -omega_y*w9
-    f_14 = 2.0*omega_y*rho_I_z_rise
-    bend_v = (beta_v, alpha_v, length)
-    bend_w = (beta_w, alpha_w, -length)
-    add(out, LINEAR_DEFLECTION, 0, U, V, STRAIGHT, bend_v, f_0, f_1)
-    add(out, LINEAR_DEFLECTION, 1, U, V, STRAIGHT, bend_v, f_2, -f_2)
-    add(out, LINEAR_DEFLECTION, 0, U, W, STRAIGHT, bend_w, f_3, f_4)
-    add(out, LINEAR_DEFLECTION, 1, U, W, STRAIGHT, bend_w, f_5, -f_5)
-    add(out, DEFLECTION_DEFLECTION, 0, V, W, bend_v, bend_w, f_6, f_7)
-    add(out, DEFLECTION_DEFLECTION, 1, V, W, bend_v, bend_w, f_8, -f_8)
-    add(out, LINEAR_ROTATION, 0, T, W, STRAIGHT, bend_w, f_9, f_10)
-    add(out, LINEAR_ROTATION, 1, T, W, STRAIGHT, bend_w, f_11, -f_11)
-    add(out, LINEAR_ROTATION, 0, T, V, STRAIGHT, bend_v, f_12, f_13)
-    add(out, LINEAR_ROTATION, 1, T, V, STRAIGHT, bend_v, f_14, -f_14)
+    f_13 = 2.0*omega_y*rho_I_z_rise
+    f_14 = -omega_y*w9
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill(out, True, LINEAR_DEFLECTION, U, V, STRAIGHT, bend_v, (f_0, f_1), (f_2, -f_1))
+    fill(out, True, LINEAR_DEFLECTION, U, W, STRAIGHT, bend_w, (f_3, f_4), (f_5, -f_4))
+    fill(out, True, DEFLECTION_DEFLECTION, V, W, bend_v, bend_w, (f_6, f_7), (f_8, -f_7))
+    fill(out, True, LINEAR_ROTATION, T, W, STRAIGHT, bend_w, (f_9, f_10), (f_11, -f_10))
+    fill(out, True, LINEAR_ROTATION, T, V, STRAIGHT, bend_v, (f_12, f_13), (f_14, -f_13))
 
 
-@njit(**OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def F(p, s, out):
     """Inertia and weight of an element that moves with its frame, 12 [SI].
 
@@ -500,23 +464,14 @@ def F(p, s, out):
     f_12 = rho_I_y_rise*(epsilon_y + w13)
     f_13 = -epsilon_z*rho_I_z + 0.5*epsilon_z*rho_I_z_rise + omega_x*omega_y*rho_I_z - 0.5*rho_I_z_rise*w12
     f_14 = rho_I_z_rise*(-epsilon_z + omega_x*omega_y)
-    bend_v = (beta_v, alpha_v, length)
-    bend_w = (beta_w, alpha_w, -length)
-    add_load(out, LINEAR, 0, U, STRAIGHT, f_0)
-    add_load(out, LINEAR, 1, U, STRAIGHT, f_1)
-    add_load(out, LINEAR, 2, U, STRAIGHT, f_2)
-    add_load(out, DEFLECTION, 0, V, bend_v, f_3)
-    add_load(out, DEFLECTION, 1, V, bend_v, f_4)
-    add_load(out, DEFLECTION, 2, V, bend_v, f_5)
-    add_load(out, DEFLECTION, 0, W, bend_w, f_6)
-    add_load(out, DEFLECTION, 1, W, bend_w, f_7)
-    add_load(out, DEFLECTION, 2, W, bend_w, f_8)
-    add_load(out, LINEAR, 0, T, STRAIGHT, f_9)
-    add_load(out, LINEAR, 1, T, STRAIGHT, f_10)
-    add_load(out, ROTATION, 0, W, bend_w, f_11)
-    add_load(out, ROTATION, 1, W, bend_w, f_12)
-    add_load(out, ROTATION, 0, V, bend_v, f_13)
-    add_load(out, ROTATION, 1, V, bend_v, f_14)
+    bend_v = (beta_v - 1.0, alpha_v, length)
+    bend_w = (beta_w - 1.0, alpha_w, -length)
+    fill_load(out, True, LINEAR, U, STRAIGHT, (f_0, f_1, f_2))
+    fill_load(out, True, DEFLECTION, V, bend_v, (f_3, f_4, f_5))
+    fill_load(out, True, DEFLECTION, W, bend_w, (f_6, f_7, f_8))
+    fill_load(out, True, LINEAR, T, STRAIGHT, (f_9, f_10))
+    fill_load(out, False, ROTATION, W, bend_w, (f_11, f_12))
+    fill_load(out, False, ROTATION, V, bend_v, (f_13, f_14))
 
 
 @njit(**OPTIONS)

@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import bench.__main__
 import numpy as np
 import pytest
-from bench import cycles, exudyn_runs, impacts, kernels, peers, quick, report
+from bench import cycles, exudyn_runs, impacts, kernels, peers, quick, report, spatial_peers
 from bench.__main__ import SECTIONS
 from bench.interleave import Race, Spread, interleave, repeated
 from bench.ivp_runs import jitted_slope, lambdified_slope
-from bench.kernels import AGREEMENT, candidates_of, check_agreement, disagreement, single_kernels
+from bench.kernels import AGREEMENT, candidates_of, check_agreement, disagreement, in_space, single_kernels
 from bench.rows import Row, Target
 from bench.tasks import element_task, motion_task
 
@@ -135,6 +135,18 @@ def test_single_kernels_are_compared_with_c(hand):
     assert [row.candidate for row in found] == ["hand-written C", "kaneflex"] * 6
     assert all(row.time.median > 0.0 for row in found)
     assert [row.ratio is None for row in found] == [True, False] * 6
+
+
+def test_kernels_in_space_are_compared_with_c_that_agrees(monkeypatch, compiler, tmp_path):
+    hand = spatial_peers.library(tmp_path, compiler)
+    assert spatial_peers.disagreement(hand) < AGREEMENT
+    found = list(in_space(hand, 1, 0.0))
+    assert [row.candidate for row in found] == ["hand-written C", "kaneflex"] * 7
+    assert all(row.time.median > 0.0 for row in found)
+    assert [row.ratio is None for row in found] == [True, False] * 7
+    monkeypatch.setattr(spatial_peers, "disagreement", lambda hand: 2e-12)
+    with pytest.raises(ValueError, match=r"beam element in space: kaneflex differs from hand-written C by 2\.0e-12"):
+        next(in_space(hand, 1, 0.0))
 
 
 def test_right_hand_sides_of_solve_ivp_are_the_equations_that_are_integrated():

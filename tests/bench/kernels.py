@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
-from bench import casadi_peers, peers
+from bench import casadi_peers, peers, spatial_peers
 from bench.compiled import demand_compiler, pointer
 from bench.interleave import Race, from_python, interleave, repeated
 from bench.peers import Candidate
@@ -22,12 +22,12 @@ from kaneflex.generated import slider_crank_150 as generated
 from kaneflex.support.contract import ELEMENT_KERNELS
 
 TITLE = "Kernels"
-ABOUT = """Time of one evaluation. *Beam element*: M, K_s, K_d, K_g, C and F, 114 numbers that are not zero.
-*Slider-crank*: motion and inverse dynamics, 32 numbers. *In a loop* is within a compiled loop over 16 samples, and the
-ratio is to hand-written C (`tests/bench/kernels.c`; all C with `-O3 -march=native`). *From Python* is one call by the
-interpreter, and the ratio is to kaneflex, whose six kernels are then called by one jitted function; C is called by
-ctypes, CasADi by a FunctionBuffer, which converts nothing. Before they are timed all are found to agree, to 1e-12 of
-the largest entry."""
+ABOUT = """Time of one evaluation. *Beam element*: M, K_s, K_d, K_g, C and F, 114 numbers that are not zero; *in space*
+they are 296. *Slider-crank*: motion and inverse dynamics, 32 numbers. *In a loop* is within a compiled loop over 16
+samples, and the ratio is to hand-written C (`kernels.c` and `spatial_kernels.c` in `tests/bench`; all C with
+`-O3 -march=native`). *From Python* is one call by the interpreter, and the ratio is to kaneflex, whose six kernels are
+then called by one jitted function; C is called by ctypes, CasADi by a FunctionBuffer, which converts nothing. Before
+they are timed all are found to agree, to 1e-12 of the largest entry."""
 TARGET = Target(1.15, 0.9)
 AGREEMENT = 1e-12
 ROUNDS = 31
@@ -65,6 +65,7 @@ def rows(rounds: int = ROUNDS, budget: float = BUDGET) -> Iterator[Row]:
             yield from called(task, candidates, Pace(rounds, budget))
             yield from missing
         yield from single_kernels(hand, rounds, budget)
+        yield from in_space(spatial_peers.library(folder, compiler), rounds, budget)
 
 
 def candidates_of(
@@ -159,6 +160,22 @@ def single_kernels(hand: ctypes.CDLL, rounds: int, budget: float) -> Iterator[Ro
         }
         race = interleave(timed, rounds, budget / len(ELEMENT_KERNELS))
         yield from compared(f"{name} alone, in a loop", race, {}, {"kaneflex": TARGET})
+
+
+def in_space(hand: ctypes.CDLL, rounds: int, budget: float) -> Iterator[Row]:
+    """
+    Raises
+    ------
+    ValueError
+        Before anything is timed, if C and our kernels disagree.
+    """
+    found = spatial_peers.disagreement(hand)
+    if not found <= AGREEMENT:
+        raise ValueError(f"{spatial_peers.NAME}: kaneflex differs from hand-written C by {found:.1e}")
+    for task, candidates in spatial_peers.races(hand):
+        timed = {name: repeated(many) for name, many in candidates.items()}
+        race = interleave(timed, rounds, budget / (1 + len(ELEMENT_KERNELS)))
+        yield from compared(f"{task}, in a loop", race, {}, {"kaneflex": TARGET})
 
 
 def _loop(kernel: Callable, constant: bool) -> Callable:
