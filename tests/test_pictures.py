@@ -9,7 +9,7 @@ import pytest
 
 from kaneflex.mechanism.position_analysis import place
 from kaneflex.multibody.building import reference_modes
-from kaneflex.plots import energy, figures, loads, orders, paths, show, spatial
+from kaneflex.plots import energy, figures, loads, motion, orders, paths, show, spatial
 from kaneflex.plots.style import readable, styled
 from kaneflex.plots.view import view
 from kaneflex.scene import read_scene, scene_of, with_settings
@@ -220,6 +220,10 @@ def test_a_drive_that_swings_is_drawn_over_time(tmp_path):
     assert view(solved("four-bar", "solve.preset=rigid")).x_label == "crank angle [deg]"
     (torque,) = (axes for axes in drawn(orders, tmp_path / "swinging.toml").axes if "torque" in axes.get_ylabel())
     assert curves(torque)["crank_torque"][0, :3] == pytest.approx([1.0, 2.0, 3.0])  # Hz
+    panels = drawn(motion, tmp_path / "swinging.toml").axes
+    (course,) = (axes for axes in panels if axes.get_title(loc="left") == "Angle of main")
+    (angle,) = course.get_lines()
+    assert angle.get_ydata() == pytest.approx(np.degrees(1.5 + 0.3 * np.sin(2 * np.pi * shown.times)))
     backwards = view(solved("four-bar", "solve.preset=rigid", "main.speed=-300 rpm"))
     assert backwards.x_label == "crank angle [deg]" and (np.diff(backwards.x) < 0).all()
 

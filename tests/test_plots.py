@@ -171,7 +171,7 @@ def test_gas_pressure_and_force_peak_where_the_table_does():
 
 def test_torque_panel_states_the_mean():
     axes = drawn("engine-3")["motion"].axes[-1]
-    assert axes.get_title(loc="left") == "Torque that holds the speed"
+    assert axes.get_title(loc="left") == "Torque of the drives"
     assert axes.get_legend_handles_labels()[1][1] == "main, mean \u2212138.4 N m"
 
 

@@ -1,4 +1,4 @@
-"""The rigid mechanism: kinematics of what is guided and of what turns, and the torque of the drives."""
+"""The rigid mechanism: kinematics of what is guided and of what turns, courses and torques of the drives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def figures(solution: Solution) -> dict[str, Figure]:
     """``motion``: positions, velocities and accelerations, translation left and rotation right, drives below."""
     shown = view(solution)
     columns = [column for column in (_guided(shown), _turning(shown)) if any(curves for *_, curves in column)]
-    drives = _drives(shown)
+    drives = _courses(shown) + _drives(shown)
     rows = 3 * bool(columns)
     if not columns and not drives:
         return {}
@@ -40,7 +40,9 @@ def figures(solution: Solution) -> dict[str, Figure]:
         below.append(axes)
     for row, (title, quantity, unit, curves) in enumerate(drives):
         axes = figure.add_subplot(grid[rows + row, :])
-        _with_means(axes, shown, curves, unit, title, quantity)
+        factor, label = plot_curves(axes, shown.x, curves, unit, title, quantity)
+        if quantity in ("torque", "force"):
+            _mark_means(axes, shown, curves, factor, label)
         below.append(axes)
     for axes in below:
         shown.label_x(axes)
@@ -91,8 +93,21 @@ def _turning(shown: View) -> list[tuple[str, str, str, Curves]]:
     ]
 
 
+def _courses(shown: View) -> list[tuple[str, str, str, Curves]]:
+    """Where the drives stand that do not turn or slide evenly, by laws, tables or from rest."""
+    scene, found = shown.solution.model.scene, []
+    moved = [name for name, drive in scene.drives.items() if drive.kind in ("law", "table") or drive.spin_up]
+    for quantity, unit, slides in (("angle", "rad", False), ("position", "m", True)):
+        names = [name for name in moved if scene.slides(name) == slides]
+        if names:
+            curves = [(name, shown.rigid[f"{name}.angle"]) for name in names]
+            title = f"{quantity.capitalize()} of {'the drives' if len(names) > 1 else names[0]}"
+            found.append((title, quantity, unit, curves))
+    return found
+
+
 def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
-    """What each drive must apply to hold its speed; nothing where the rigid mechanism only follows the coupled run."""
+    """What each drive must apply to move as it says; nothing where the rigid mechanism only follows the coupled run."""
     motion, scene, found = shown.motion, shown.solution.model.scene, []
     if not motion.has_rigid_forces:
         return []
@@ -100,13 +115,12 @@ def _drives(shown: View) -> list[tuple[str, str, str, Curves]]:
         names = [name for name in scene.drives if scene.slides(name) == slides]
         if names:
             curves = [(name, motion.rigid_forces[f"{name}.drive"]) for name in names]
-            found.append((f"{quantity.capitalize()} that holds the speed", quantity, unit, curves))
+            found.append((f"{quantity.capitalize()} of the drives", quantity, unit, curves))
     return found
 
 
-def _with_means(axes: Axes, shown: View, curves: Curves, unit: str, title: str, quantity: str) -> None:
-    """Curves with their means over what is shown, dashed."""
-    factor, label = plot_curves(axes, shown.x, curves, unit, title, quantity)
+def _mark_means(axes: Axes, shown: View, curves: Curves, factor: float, label: str) -> None:
+    """The means of curves over what is shown, dashed, drawn in a unit that is ``factor`` of SI."""
     for (name, values), line in zip(curves, axes.get_lines(), strict=True):
         mean = factor * np.trapezoid(values, shown.times) / (np.ptp(shown.times) or 1.0)
         mean = 0.0 if abs(mean) < _NOTHING * factor * np.abs(values).max() else mean
