@@ -106,7 +106,7 @@ def _blades() -> list[Case]:
             "elements", f"{count}: tip against F l^3 / (3 E I)", "rotating-cantilever",
             (*slow_blade(ALUMINIUM, BLADE_I), f"blade.elements={count}", "damping=none"),
             blade(ALUMINIUM * BLADE_I, 1e-6 * ALUMINIUM * BLADE_I), 1e-3 if count > 500 else 1e-5, accurate=ELASTIC,
-            slow=ELASTIC if 8 < count < 1000 else (),
+            slow=() if count == 1 else STEPPED[:-1] if count == 1024 else ELASTIC,
         )
         for count in (1, 64, 256, 1024)
     ]  # fmt: skip
@@ -248,7 +248,7 @@ def _forces() -> list[Case]:
         Case(
             "forces", f"{count} elements: joints, sections, accelerations as of 4, converged", "engine",
             (f"rod.elements={count}",), forces(CONVERGED, *measured), 2e-3, accurate=(*damped[1:], "coupled"),
-            also=undamped, slow={4: (*undamped, "coupled"), 16: ("coupled",), 64: METHODS}[count],
+            also=undamped, slow=(*undamped, "coupled") if count == 4 else METHODS,
         )
         for count in (4, 16, 64)
     ]  # fmt: skip
@@ -294,7 +294,7 @@ def _forces() -> list[Case]:
         Case(
             "forces", f"{count} elements a crank: joints as of 2, converged", "engine-elastic-crank",
             (f"crank.elements={count}",), forces(CONVERGED, *crank), 5e-3, accurate=(*damped[1:], "coupled"),
-            also=undamped, slow=METHODS if count == 12 else ("coupled",),
+            also=undamped, slow=METHODS if count > 8 else ("coupled",),
         )
         for count in (8, 12, 32)
     ]  # fmt: skip
