@@ -309,13 +309,6 @@ def test_states_that_there_are_not_are_refused_by_name(tmp_path, start, message)
         _solution(tmp_path, _ringing(start, 1e-3, 2))
 
 
-def test_periodic_starts_are_refused_by_name(tmp_path):
-    more = DRIVEN.format(axis=", axis = [0, 0, 1]", push=[0, 1, 0])
-    more = more.replace('spin_up = "0.2 s"', 'cycle = "360 deg"').replace('duration = "0.25 s"', 'start = "periodic"')
-    with pytest.raises(SceneError, match="starts from zero, quasistatic or a table so far"):
-        _solution(tmp_path, ROD.format(section=SQUARE, gravity=[0, -9.81, 0], free="", more=more))
-
-
 def test_a_strip_askew_on_its_pin_is_warned_of(tmp_path):
     text = PENDULUM.format(gravity=[0, -9.81, 0], axis=", axis = [0, 0, 1]", damping="")
     text = text.replace("modes = 6", "modes = 3")

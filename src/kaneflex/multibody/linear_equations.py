@@ -44,8 +44,8 @@ class Linear(Generic[At]):
     K: np.ndarray
     B: np.ndarray
 
-    @property
-    def state_matrix(self) -> np.ndarray:
-        """A of x' = A x, x = (y, y'), (2 n, 2 n)."""
-        n = len(self.M)
-        return np.vstack([np.eye(n, 2 * n, n), -np.linalg.solve(self.M, np.hstack([self.K, self.C]))])
+
+def state_matrix(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """A of x' = A x, x = (y, y'), (2 n, 2 n)."""
+    n = len(M)
+    return np.vstack([np.eye(n, 2 * n, n), -np.linalg.solve(M, np.hstack([K, C]))])

@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.multibody.cycles import COMPLETED, Verdict
 from kaneflex.multibody.spatial_curves import Curve, Followed
 from kaneflex.multibody.spatial_linear import neighbours
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
@@ -33,10 +34,12 @@ _LARGEST = 0.05
 @dataclass(frozen=True, eq=False)
 class CoupledKinematics(SpatialKinematics):
     """The motion of bodies that deform: that of their axes and their shapes; ``rigid``: that of the rigid mechanism,
-    whose free joints stand where they stand in this one; ``freedoms``: independent speeds."""
+    whose free joints stand where they stand in this one; ``freedoms``: independent speeds; ``verdict``: what came of a
+    search for a motion that repeats."""
 
     rigid: SpatialKinematics
     freedoms: int
+    verdict: Verdict = COMPLETED
 
     def along(self, curve: Curve) -> CoupledKinematics:
         """The same mechanism in another motion."""

@@ -42,27 +42,32 @@ def integrate(
     SceneError
         If the motion can't go on, or takes too many evaluations; it names the time.
     """
-    run = _Run(system, options)
-    run.go(start)
-    motion = SpatialKinematics(module, system.parameters, run)
-    return motion, run.energy(motion)
+    run = Run(system, options, start)
+    run.go()
+    return run.moving(module)
 
 
-class _Run(Curve):
-    """Steps of one integration and the curves between them."""
+class Run(Curve):
+    """Steps of one integration from a start, and the curves between them."""
 
-    def __init__(self, system: SpatialSystem, options: Options) -> None:
-        self.system, self.options, self.evaluations = system, options, 0
+    def __init__(self, system: SpatialSystem, options: Options, start: State) -> None:
+        self.system, self.options, self.start, self.evaluations = system, options, start, 0
         self.ends: list[float] = []
         self.curves: list[tuple[Callable[[float], np.ndarray], State]] = []
         self.works = [np.zeros(2)]
         self.reason = ""  # for which the rates were not known somewhere
+        self.stopped: SceneError | None = None  # why it came to no end, where that is for another one to say
 
-    def go(self, start: State) -> None:
-        """Integrate to the end of the run."""
+    def moving(self, module: SpatialModule) -> tuple[SpatialKinematics, Energy]:
+        """The motion, and its energy."""
+        motion = SpatialKinematics(module, self.system.parameters, self)
+        return motion, self.energy(motion)
+
+    def go(self) -> None:
+        """Integrate to the end of the run. Raises SceneError where the motion can't go on."""
         import scipy.integrate
 
-        options, system, state = self.options, self.system, start
+        options, system, state = self.options, self.system, self.start
         method, tolerance = options.forward_method, options.forward_tolerance
         if len(system.modal_speeds):
             method, tolerance = "Radau", 0.1 * options.tolerance / _ABSOLUTE
@@ -161,6 +166,16 @@ class _Run(Curve):
         k = self._steps_of(np.array([t]))[0]
         curve, like = self.curves[k]
         return self._at(t, curve(t), like)
+
+    @property
+    def end(self) -> State:
+        """The state at its end."""
+        return self(self.ends[-1])
+
+    def at_ends(self) -> np.ndarray:
+        """Coordinates at the ends of the steps, (n_steps, n)."""
+        n = self.system.coordinates
+        return np.array([curve(t)[:n] for t, (curve, _) in zip(self.ends, self.curves, strict=True)])
 
     def rows(self, times: np.ndarray) -> np.ndarray:
         system, n = self.system, self.system.coordinates

@@ -77,8 +77,7 @@ def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.n
     """
     base = system.settle(base.t, base.q, base.u, base.choice)
     which, inputs = base.choice.independent, len(system.inputs)
-    n, N = len(which), system.basis(base.choice).copy()
-    W = (N @ _turning(system, base.u).T)[:, which]
+    n, (N, W) = len(which), spinning(system, base)
     away = np.concatenate([_steps(system, base), _pushes(system, base)])
     chosen = np.arange(2 * n + inputs) if columns is None else np.asarray(columns)
     out = np.zeros((4 * len(chosen), len(system.work.kept)))
@@ -87,7 +86,7 @@ def neighbours(system: SpatialSystem, base: State, columns: Sequence[int] | np.n
         x = OFFSETS[:, None] * away[column]
         if column < n:
             part[:, : system.coordinates] = system.advanced(base.q, x * N[column])
-            part[:, system.coordinates + which] += x * W[column]
+            part[:, system.coordinates + which] += x * W[:, column]
         elif column < 2 * n:
             part[:, system.coordinates + which[column - n]] += x[:, 0]
     moved = 4 * int((chosen < 2 * n).sum())
@@ -130,6 +129,12 @@ def _cross(a: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
+def spinning(system: SpatialSystem, base: State) -> tuple[np.ndarray, np.ndarray]:
+    """N (n, speeds), the speeds of a unit of each y', and W (n, n), where ``work`` stands at a settled state."""
+    N = system.basis(base.choice).copy()
+    return N, (_turning(system, base.u) @ N.T)[base.choice.independent]
+
+
 def names_of(system: SpatialSystem, base: State) -> tuple[str, ...]:
     """Of y: JOINT.angle or JOINT.position, JOINT.turn_x of a ball, BODY.shape_k; of a free body BODY.x and turn_x."""
     speeds = (system.layout.speeds[k] for k in base.choice.independent)
@@ -141,12 +146,12 @@ def linear(beside: Neighbours) -> Linear[State]:
     system, base, which = beside.system, beside.base, beside.base.choice.independent
     n, found = len(which), system.instants(beside.found)
     system.settle(base.t, base.q, base.u, base.choice)
-    N = system.basis(base.choice).copy()
+    N, W = spinning(system, base)
     M = N @ system.mass(base.sizes) @ N.T
     f_y, f_v, f_p = np.split(beside.slopes(found.du[:, which]), [n, 2 * n], axis=1)
     spin, faster = _turning(system, base.u), _turning(system, base.du)
     N_rate = beside.slopes(found.u)[:, :n] - spin @ N.T
-    W, W_rate = (spin @ N.T)[which], (faster @ N.T + spin @ N_rate)[which]
+    W_rate = (faster @ N.T + spin @ N_rate)[which]
     return Linear(base, names_of(system, base), M, M @ (W - f_v), M @ (W_rate - f_y), M @ f_p)
 
 

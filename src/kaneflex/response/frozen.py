@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kaneflex.multibody.linear_equations import state_matrix
 from kaneflex.multibody.model import Model, keep_terms
 
 INSTANTS, FEW_INSTANTS = 144, 36
@@ -58,12 +59,6 @@ def freeze(model: Model, count: int, instants: int) -> Frozen:
         growth[k] = np.linalg.eigvals(state_matrix(M[k], C[k], K[k])).real.max()
     coordinates = rigid[f"{next(iter(model.scene.drives))}.angle"]
     return Frozen(times, coordinates, lowest, growth, _condition(M), _condition(K))
-
-
-def state_matrix(M: np.ndarray, C: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """A of x' = A x with x = (z, z')."""
-    n = len(M)
-    return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), -np.linalg.solve(M, np.hstack([K, C]))])
 
 
 def _condition(stack: np.ndarray) -> np.ndarray:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome
-from kaneflex.integrate.periodic import exceeds_one
-from kaneflex.integrate.run import LEFT
 from kaneflex.mechanism.rigid_motion import RigidMotion
+from kaneflex.multibody.cycles import REPEATS, Cycles
 from kaneflex.multibody.linearisation import prepare, settled
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.orbit import orbit_start
@@ -31,14 +30,8 @@ from kaneflex.solve.solution import Solution
 from kaneflex.support.errors import SceneError
 from kaneflex.support.kept import Kept
 
-_CYCLES = 100
-"""Cycles after which a motion that doesn't repeat counts as one without a periodic state."""
-_REPEATS = 1e-5
-"""Change of the deformation over a cycle, against its largest value, below which it repeats."""
-
 _HARMONICS = 1e-6
-"""The same of a start that is found by harmonics."""
-_UNKNOWN = "whether disturbances grow is not known"
+"""Share of the deformation up to which a start is one that repeats by its harmonics."""
 
 
 def simulate_coupled(
@@ -60,7 +53,11 @@ def simulate_coupled(
 
     if options.start == "periodic":
         start = orbit_start(system, partial(_undeformed, model, q), 0.0, float(times[-1]), _HARMONICS)
-        trajectory = _periodic(system, *(start or (q, v)), times, method, progress)
+        q, v = start or (q, v)
+        cycles = _Cycles(system, times, method, returning(system, float(times[0]), q, v))
+        trajectory, verdict = cycles.repeated((q, v), progress)
+        if verdict is not None:
+            trajectory = replace(trajectory, **verdict._asdict())
     else:
         trajectory = integrate(system, q, v, times, method, progress, stop if stops else None)
     return as_solution(model, trajectory, time.perf_counter() - started)
@@ -200,67 +197,47 @@ def _undeformed(model: Model, first: np.ndarray, times: np.ndarray) -> tuple[np.
     return q, v
 
 
-def _periodic(
-    system: CoupledSystem, q: np.ndarray, v: np.ndarray, times: np.ndarray, method: Method,
-    progress: Callable[[float], None] | None,
-) -> CoupledTrajectory:  # fmt: skip
-    """Cycle after cycle until the deformation repeats, each from where Newton's method has the last one's end lead to.
-
-    The first one does where it begins on the motion's harmonics.
-
-    The tangent is that of the first cycle, mended by every further one (Broyden 1965); where it is none, or leads away,
-    a cycle goes on from the end of the last one. What is found says whether disturbances of it grow.
-    """
-    modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(system.modal, system.start)])
-    turns = np.array([k + 2 for k in system.start.values()])
-    cycle = returning(system, float(times[0]), q, v)
-    found: CoupledTrajectory | None = None
-    slope: np.ndarray | None = None
-    move, missed = np.zeros(0), np.zeros(0)
-    for count in range(_CYCLES):
-        before, found = found, integrate(system, q, v, times, method)
-        if found.outcome is not Outcome.COMPLETED:
-            if before is None or slope is None:
-                return found
-            found, slope = before, None  # it led where nothing goes on: wait instead
-        end, end_rate = found.q[-1].copy(), found.v[-1].copy()
-        end[turns] -= 2 * math.pi * np.round((end[turns] - found.q[0][turns]) / (2 * math.pi))
-        change = abs(end[modal] - found.q[0][modal]).max(initial=0.0)
-        if change <= _REPEATS * abs(found.q[:, modal]).max(initial=0.0):
-            if progress is not None:
-                progress(1.0)
-            return _judged(system, cycle, found)
-        if progress is not None:
-            progress(count / _CYCLES)
-        last, missed = missed, cycle.missed(system, found)
-        try:
-            if count == 0:
-                slope = np.eye(len(missed)) - cycle.monodromy(system, found)
-            elif slope is not None:
-                slope -= np.outer(missed - last + slope @ move, move) / (move @ move)
-            if slope is None:
-                raise ArithmeticError
-            move = np.linalg.solve(slope, missed)
-            q, v = cycle.moved(system, found.q[0], found.v[0], move)
-        except (ArithmeticError, np.linalg.LinAlgError):
-            q, v, slope = end, end_rate, None
-    message = f"no periodic state: the deformation still changes after {_CYCLES} cycles; damp it, or start from zero"
-    assert found is not None
-    return replace(found, outcome=Outcome.NO_PERIODIC_STATE, message=message)
+Start = tuple[np.ndarray, np.ndarray]
 
 
-def _judged(system: CoupledSystem, cycle: Returning, found: CoupledTrajectory) -> CoupledTrajectory:
-    """A cycle that repeats, with its Floquet multipliers and what they say of its disturbances."""
-    if len(system.engine.contacts) or len(system.engine.holds):
-        return replace(found, message=f"{found.message}; {_UNKNOWN}: contacts and friction leave it open")
-    try:
-        multipliers, off = cycle.multipliers(system, found)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return replace(found, message=f"{found.message}; {_UNKNOWN}: the equations beside it have no solution")
-    found, largest = replace(found, floquet=multipliers), float(abs(multipliers[0]))
-    if largest > 1.0 + 4.0 * off:
-        return replace(found, outcome=Outcome.UNSTABLE, message=exceeds_one(multipliers[0]) + LEFT)
-    if largest < 1.0 - 4.0 * off:
-        return found
-    near = f"the largest Floquet multiplier is 1 within {max(off, abs(largest - 1.0)):.1g}"
-    return replace(found, message=f"{found.message}; {_UNKNOWN}: {near}")
+@dataclass(frozen=True, eq=False)
+class _Cycles(Cycles[Start, CoupledTrajectory]):
+    """Of a planar mechanism over ``times`` [s], by starts (q, v)."""
+
+    system: CoupledSystem
+    times: np.ndarray
+    method: Method
+    returning: Returning
+
+    @property
+    def remembers(self) -> bool:  # type: ignore[override]
+        return bool(len(self.system.engine.contacts) or len(self.system.engine.holds))
+
+    def run(self, start: Start) -> CoupledTrajectory:
+        return integrate(self.system, *start, self.times, self.method)
+
+    def completed(self, cycle: CoupledTrajectory) -> bool:
+        return cycle.outcome is Outcome.COMPLETED
+
+    def repeats(self, cycle: CoupledTrajectory) -> bool:
+        modal = np.concatenate([np.arange(rows.start, rows.stop) for rows in map(self.system.modal, self.system.start)])
+        change = abs(cycle.q[-1, modal] - cycle.q[0, modal]).max(initial=0.0)
+        return bool(change <= REPEATS * abs(cycle.q[:, modal]).max(initial=0.0))
+
+    def missed(self, cycle: CoupledTrajectory) -> np.ndarray:
+        return self.returning.missed(self.system, cycle)
+
+    def monodromy(self, cycle: CoupledTrajectory, pieces: int) -> np.ndarray:
+        return self.returning.monodromy(self.system, cycle, pieces)
+
+    def moved(self, cycle: CoupledTrajectory, x: np.ndarray) -> Start:
+        return self.returning.moved(self.system, cycle.q[0], cycle.v[0], x)
+
+    def end(self, cycle: CoupledTrajectory) -> Start:
+        turns = np.array([k + 2 for k in self.system.start.values()])
+        q = cycle.q[-1].copy()
+        q[turns] -= 2.0 * math.pi * np.round((q[turns] - cycle.q[0, turns]) / (2.0 * math.pi))
+        return q, cycle.v[-1].copy()
+
+    def most_pieces(self, cycle: CoupledTrajectory) -> int:
+        return (len(cycle.times) - 1) // 4

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaneflex.integrate.outcome import Outcome, Trajectory
+from kaneflex.multibody.cycles import COMPLETED
 from kaneflex.multibody.model import Model
+from kaneflex.multibody.spatial_coupled import CoupledKinematics
 from kaneflex.solve.initial import given_state
 from kaneflex.solve.memory import MAX_STORED
 from kaneflex.solve.quasistatic import quasistatic, slow_start
@@ -95,7 +97,8 @@ def _instants(model: Model) -> np.ndarray:
 def _as_moved(model: Model, progress: Progress | None) -> Trajectory:
     times = _instants(model)
     none = np.zeros((len(times), 0))
-    return _completed(times, none, none, none, 0.0)
+    verdict = model.motion.verdict if isinstance(model.motion, CoupledKinematics) else COMPLETED
+    return Trajectory(times, none, none, none, *verdict, 0.0)
 
 
 def _quasistatic(model: Model, progress: Progress | None) -> Trajectory:

@@ -11,16 +11,19 @@ import numpy as np
 
 from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.building import build_model, reference_instant, rigid_model
+from kaneflex.multibody.cycles import COMPLETED, Verdict
 from kaneflex.multibody.model import Model
 from kaneflex.multibody.spatial_bushings import overturned
 from kaneflex.multibody.spatial_coupled import balanced, beside, build_coupled_system, taken_turns
 from kaneflex.multibody.spatial_curves import Followed, Standing
+from kaneflex.multibody.spatial_cycles import SpatialCycles
 from kaneflex.multibody.spatial_elastic import DeformingKinematics, undetermined
-from kaneflex.multibody.spatial_forward import integrate
+from kaneflex.multibody.spatial_forward import Run, integrate
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule, SpatialMotion
 from kaneflex.multibody.spatial_reactions import open_reactions
 from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
+from kaneflex.multibody.spatial_tables import COORDINATE, SPEED
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options, acting
 from kaneflex.scene.plausible import implausible
@@ -40,6 +43,8 @@ _ELSEWHERE = np.concatenate([[0.0], (np.arange(8) + 0.381966) / 8.0])
 _LOOKED_AT = 200
 """Instants of a run at which the deformation is looked at."""
 
+_REPEATS = 1e-6
+"""Change of a drive or a load over a cycle that rounding and tables may leave, as a share of it, or of one."""
 _OPEN = 1e-3
 """How far a loop may move shapes that are given, as a share of the mechanism's size."""
 
@@ -49,8 +54,6 @@ def load_spatial(scene: Scene, options: Options, progress: Progress, started: fl
     ignored, scene = ignored_of(scene, options), acting(scene, options)
     generated, derived = find_spatial_module(scene, progress)
     coupled = options.dynamics == "coupled"
-    if coupled:
-        check_determined_start(options)
     system = build_coupled_system(scene, generated, options) if coupled else build_spatial_system(scene, generated)
     check_memory(scene, options, len(SpatialModule(system).SCALARS))
     compiled = compiled_by(progress, system.compile)
@@ -102,9 +105,10 @@ def _moving(system: SpatialSystem, options: Options, progress: Progress) -> tupl
             start = _balanced(system, start)
         elif options.start == "given":
             start = _given(system, start)
-        motion, energy = integrate(system, start, module, options)
+        run, verdict = _cycle(system, start, options) if options.start == "periodic" else (None, COMPLETED)
+        motion, energy = run.moving(module) if run else integrate(system, start, module, options)
         alone = build_spatial_system(system.scene, system.module)
-        motion = beside(motion, start, alone, start_of(alone))
+        motion = replace(beside(motion, start, alone, start_of(alone)), verdict=verdict)
     elif module.FREE:
         progress("forward dynamics of the rigid mechanism")
         motion, energy = integrate(system, start, module, options)
@@ -128,13 +132,43 @@ def _check_bushings(motion: SpatialKinematics, options: Options) -> None:
             raise SceneError(f"springs.{far[0]}.bushing", None, far[1], "Turn it less, or write a torque as a law")
 
 
-def check_determined_start(options: Options) -> None:
-    """Coupled bodies in space start as they are, deformed by what acts at the start, or as the scene has them."""
-    if options.start == "periodic":
-        raise SceneError(
-            "solve.start", options.start, "in space preset coupled starts from zero, quasistatic or a table so far",
-            "Choose one of them",
-        )  # fmt: skip
+def _cycle(system: SpatialSystem, start: State, options: Options) -> tuple[Run, Verdict]:
+    """The cycle that repeats, and what is to be said of it.
+
+    Raises SceneError where what acts doesn't repeat, and where the motion can't go on.
+    """
+    _check_repeats(system, start, options.duration)
+    try:
+        start = balanced(system, start)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        pass  # what moves fast needn't have an equilibrium near
+    run, verdict = SpatialCycles(system, options, start).repeated(start)
+    if verdict is None:
+        assert run.stopped is not None
+        raise run.stopped
+    return run, verdict
+
+
+def _check_repeats(system: SpatialSystem, start: State, duration: float) -> None:
+    """Drives and loads must be after a cycle what they were, but for whole turns."""
+    courses = [system.courses(t) for t in (0.0, duration)]
+    x = np.array([start.q[system.columns(system.told_joints, COORDINATE)],
+                  start.u[system.columns(system.told_joints, SPEED)]])  # fmt: skip
+    sizes = []
+    for t, course in zip((0.0, duration), courses, strict=True):
+        told = {name: row for name, row in zip(system.driven, course, strict=True)}
+        known = [told.get(name, column)[:2] for name, column in zip(system.told_joints, x.T, strict=True)]
+        sizes.append(system.magnitudes(t, *np.array(known).reshape(-1, 2).T))
+    turns = [system.mechanism.joints[name].kind != "prismatic" for name in system.driven]
+    change = courses[1] - courses[0]
+    change[turns, 0] -= 2.0 * np.pi * np.round(change[turns, 0] / (2.0 * np.pi))
+    named = [*zip(system.driven, change, courses[0], strict=True)]
+    named += zip(system.mechanism.loads, sizes[1] - sizes[0], sizes[0], strict=True)
+    for name, changed, before in named:
+        if (abs(changed) > _REPEATS * max(1.0, abs(before).max())).any():
+            reason = f"what {name} asks for is after a cycle not what it was"
+            cure = "Let every drive, law and table repeat within the cycle, or start from zero or quasistatic"
+            raise SceneError("solve.start", "periodic", reason, cure)
 
 
 def _balanced(system: SpatialSystem, start: State) -> State:

@@ -1,0 +1,158 @@
+"""Periodic motions under preset coupled in space: planar ones lifted and turned, what waiting leads to, multipliers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tomlkit
+from lifting import lifted
+
+import kaneflex
+from kaneflex.integrate.outcome import Outcome
+from kaneflex.multibody.spatial_cycles import SpatialCycles
+from kaneflex.scene import read_scene, with_settings
+from kaneflex.support.errors import SceneError
+
+
+@pytest.fixture
+def count(monkeypatch):
+    """Cycles that are integrated."""
+    cycles, run = [], SpatialCycles.run
+
+    def counted(self, start):
+        cycles.append(run(self, start))
+        return cycles[-1]
+
+    monkeypatch.setattr(SpatialCycles, "run", counted)
+    return cycles
+
+
+def _lifted(tmp_path, name, *settings):
+    """A planar scene under preset coupled, and the same in space, turned by any rotation."""
+    flat = with_settings(read_scene(name), ["solve.preset=coupled", *settings])
+    path = tmp_path / "scene.toml"
+    path.write_text(tomlkit.dumps(lifted(flat) | {"solve": flat.raw["solve"]}))
+    return flat, read_scene(path)
+
+
+def _found(scene):
+    return kaneflex.simulate(kaneflex.load(scene))
+
+
+def test_a_planar_cycle_lifted_and_turned_is_the_same(tmp_path, count):
+    """A blade that a force pushes once a turn: every sensor, and its multipliers among those of space."""
+    plane, space = map(_found, _lifted(tmp_path, "rotating-cantilever", "solve.modes=3"))
+    assert space.outcome is Outcome.COMPLETED and space.message == "completed" and len(count) <= 3
+    for name, series in space.series.items():
+        expected = plane.series[name].values
+        assert abs(series.values - expected).max() < 1e-5 * abs(expected).max(), name
+    for multiplier in plane.multipliers[:4]:
+        assert abs(space.multipliers - multiplier).min() < 2e-5
+
+
+def test_a_cycle_whose_disturbances_grow_says_so(tmp_path):
+    """In the first tongue of its pulsating force a strut would leave its motion, by the planar multiplier."""
+    flat, deep = _lifted(tmp_path, "pulsating-strut", "solve.modes=1", "drives.clock.speed=2517 rpm")
+    with pytest.warns(match="any disturbance leaves"):
+        plane, space = _found(flat), _found(deep)
+    assert space.outcome is Outcome.UNSTABLE and "any disturbance leaves" in space.message
+    assert space.multipliers[0] == pytest.approx(plane.multipliers[0], rel=1e-3)
+
+
+PENDULUM = """
+schema = 1
+gravity = [0, 0, "-9.81 m/s^2"]
+
+[bodies.rod]
+length = "0.5 m"
+rotation = {x = [0.1, 0.05, -1]}
+beam = {material = "aluminium", section = {rectangle = ["10 mm", "6 mm"]}, elements = 3}
+
+[bodies.wheel]
+length = "0.1 m"
+mass = "1 kg"
+
+[masses]
+bob = {at = "rod.end", mass = "1 kg", inertia = [2e-3, 1e-3, 1e-3]}
+
+[joints]
+top = {spherical = ["ground", "rod.start"]}
+clock = {revolute = ["ground", "wheel.start"], axis = [0, 0, 1]}
+
+[drives]
+top = {free = true}
+clock = {speed = "6 rad/s", cycle = "360 deg"}
+
+[springs]
+soft = {bushing = ["ground", "rod.start"], stiffness = [0, 0, 0, 0.5, 0.5, 0.5], damping = [0, 0, 0, 0.5, 0.5, 0.5]}
+
+[loads]
+push = {force_on = "rod.end", direction = [1, 0.3, 0], law = "1.5 * cos(clock)"}
+
+[damping]
+rayleigh = {ratio = 0.02, at = ["30 Hz", "3000 Hz"]}
+
+[sensors]
+x = {position = "rod.end", component = "x"}
+y = {position = "rod.end", component = "y"}
+bend = {displacement = "rod.end", component = "y"}
+
+[solve]
+preset = "coupled"
+start = "periodic"
+modes = 1
+"""
+
+
+def _pendulum(tmp_path, text=PENDULUM):
+    path = tmp_path / "pendulum.toml"
+    path.write_text(text)
+    return read_scene(path)
+
+
+def test_waiting_leads_to_the_same_motion(tmp_path, monkeypatch, count):
+    """A pendulum on a ball that is pushed around: Newton's method has its cycle, and so has cycle after cycle."""
+    found = _found(_pendulum(tmp_path))
+    assert found.outcome is Outcome.COMPLETED and len(count) <= 5
+
+    def unknown(*_):
+        raise ArithmeticError
+
+    monkeypatch.setattr(SpatialCycles, "monodromy", unknown)
+    count.clear()
+    waited = _found(_pendulum(tmp_path))
+    assert len(count) > 8
+    for name in ("x", "y", "bend"):
+        expected = waited.series[name].values
+        assert abs(found.series[name].values - expected).max() < 1e-4 * np.ptp(expected), name
+
+
+def test_the_monodromy_matrix_is_what_a_stretch_makes_of_another_start(tmp_path):
+    """Of a ball's turns as of all else, about a motion that turns it about changing axes, and doesn't repeat: half a
+    second after the pendulum was flung, when the rod rings no more."""
+    text = PENDULUM.replace("top = {free = true}", "top = {free = true, angular_velocity = [2, 1, -3]}")
+    text = text.replace(', cycle = "360 deg"', "").replace('start = "periodic"', 'duration = "10 ms"\nsteps = 2')
+    model = kaneflex.load(_pendulum(tmp_path, text))
+    system, flung = model.motion.module.system, model.motion.curve.start
+
+    def over(duration):
+        return SpatialCycles(system, replace(model.options, duration=duration, tolerance=1e-7), flung)
+
+    before, cycles = over(0.5), over(0.1)
+    own = cycles.run(before.end(before.run(flung)))
+    which = flung.choice.independent
+    x = np.zeros((2, len(which)))
+    x[:, :3] = [2e-3, -1e-3, 3e-3], [1e-2, 2e-2, -1e-2]
+    ends = [cycles.run(cycles.moved(own, sign * x.ravel())).end for sign in (1.0, -1.0)]
+    y = 0.5 * cycles._apart(ends[1].q, ends[0].q)[which]
+    rate = 0.5 * (ends[0].u - ends[1].u)[which] - cycles._moving(own.end)[1] @ y
+    found = (cycles.monodromy(own, 100) @ x.ravel()).reshape(2, -1)
+    assert abs(own.end.du[:3]).max() > 3.0 and abs(own.start.du[:3]).max() > 3.0
+    for part, expected in zip(found, (y, rate), strict=True):
+        assert part[:3] == pytest.approx(expected[:3], abs=1e-3 * abs(expected[:3]).max())
+
+
+def test_what_does_not_repeat_is_named(tmp_path):
+    text = PENDULUM.replace("1.5 * cos(clock)", "1.5 * cos(clock) + 0.1 * t")
+    with pytest.raises(SceneError, match=r"solve\.start = 'periodic': what push asks for is after a cycle not what it"):
+        _found(_pendulum(tmp_path, text))
