@@ -212,7 +212,7 @@ def unstable(data):
         (lambda data: data.update(format=np.array(2)), "format = 2: this version reads format 1"),
         (asymmetric, "mass_w_w[0, 1] = 0.001 is not symmetric to"),
         (not_finite, "psi holds what is no finite number. Give it in 1/m."),
-        (without_mass, "mass_w_w with the link's mass and first moments is not positive definite"),
+        (without_mass, "mass_w_w with the body's mass and first moments is not positive definite"),
         (unstable, "is not above zero"),
         (lambda data: data["damping"].__setitem__((0, -1), 1.0), "damping[0, 4] = 1 is not symmetric to 0"),
     ],

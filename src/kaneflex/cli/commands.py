@@ -301,15 +301,13 @@ def modes(
 
 
 def _export(scene: Scene, folder: Path, force: bool) -> None:
-    from kaneflex.multibody.modal_data import export
-    from kaneflex.multibody.system import build_system
+    from kaneflex.multibody.modal_data import export, links_data
     from kaneflex.support.terminal import Waiting
 
     if not any(body.elastic for body in scene.bodies.values()):
         raise SceneError("--export", str(folder), "no body has a beam: there are no shapes", "Give a body a beam")
     with Waiting() as waiting:
-        system, _ = build_system(scene, waiting.stage)
-        written = export(scene, system, folder, force)
+        written = export(links_data(scene, waiting.stage), folder, force)
     for path in written:
         click.echo(f"Written to {path}")
 

@@ -1,4 +1,4 @@
-"""`kaneflex import`: a link's finite elements from another program as modal data."""
+"""`kaneflex import`: a body's finite elements from another program as modal data."""
 
 from __future__ import annotations
 
@@ -30,13 +30,15 @@ class Elements:
     points: tuple[str, ...]
     units: str
     normal: tuple[float, float, float]
+    space: bool
 
     def read(self) -> Foreign:
         """The link. Raises Fault."""
         from kaneflex.fem.foreign import read_foreign
 
         named = dict(point.partition("=")[::2] for point in self.points)
-        return read_foreign(self.mass, self.stiffness, self.nodes, named, UNITS[self.units], self.normal)
+        units = UNITS[self.units]
+        return read_foreign(self.mass, self.stiffness, self.nodes, named, units, self.normal, self.space)
 
 
 @click.command("import")
@@ -47,7 +49,8 @@ class Elements:
     "--point", "points", multiple=True, required=True, metavar="NAME=FILE",
     help="Nodes of a point: start=bore.txt. Repeated, with start and end.",
 )  # fmt: skip
-@click.option("--modes", type=click.IntRange(1, 50), default=4, show_default=True, help="Bending modes, points held.")
+@click.option("--modes", type=click.IntRange(1, 50), default=4, show_default=True,
+              help="Modes with the points held: of bending, with --space of any kind.")  # fmt: skip
 @click.option(
     "--coupling", type=click.Choice(["rigid", "averaged"]), default="rigid", show_default=True,
     help="Whether a point's nodes move as one, or it as their mean.",
@@ -55,22 +58,24 @@ class Elements:
 @click.option("--units", type=click.Choice(list(UNITS)), default="m-kg", show_default=True, help="Of the files.")
 @click.option(
     "--normal", nargs=3, type=float, default=(0.0, 0.0, 1.0), show_default=True, metavar="X Y Z",
-    help="Of the plane of motion.",
+    help="Of the plane of motion; with --space where the body's z axis points.",
 )  # fmt: skip
+@click.option("--space", is_flag=True, help="Of a body that moves in space: no mirror plane is needed.")
 @click.option("--damping", type=click.FloatRange(0.0, 1.0), default=0.0, help="Ratio of every shape's.")
 @click.option("-o", "--output", type=_FILE, metavar="FILE.npz", required=True, help="File to write.")
 @force_option
 @gathered(elements=Elements)
 def import_link(elements: Elements, modes: int, coupling: str, damping: float, output: Path, force: bool) -> None:
-    """Write modal data of a link from the finite elements of another program.
+    """Write modal data of a body from the finite elements of another program.
 
-    MASS and STIFFNESS are files of the free link, two or three translations of each node: Matrix Market, Abaqus .mtx,
+    MASS and STIFFNESS are files of the free body, two or three translations of each node: Matrix Market, Abaqus .mtx,
     CalculiX .mas and .sti, Nastran .op4 and .pch (pip install "kaneflex[nastran]"). NODES is a text file with the
     number and the coordinates of each node. STIFFNESS and NODES may be one file of modes, MBDyn's .fem or a universal
     one (.unv, .uff; pip install "kaneflex[uff]"), with --coupling averaged; a .fem with lumped masses is MASS, too.
     Bodies take the written file as modal_data under preset coupled.
     """
     from kaneflex.fem.craig_bampton import foreign_data
+    from kaneflex.fem.spatial_foreign import spatial_foreign_data
     from kaneflex.report.tables import imported_table
     from kaneflex.support.atomic_output import refuse_existing
 
@@ -78,7 +83,8 @@ def import_link(elements: Elements, modes: int, coupling: str, damping: float, o
         raise SceneError(str(output), None, "not the name of a file of arrays", "End it in .npz")
     refuse_existing(output, force, "rod.npz")
     try:
-        data = foreign_data(elements.read(), modes, coupling == "rigid", damping)
+        made = spatial_foreign_data if elements.space else foreign_data
+        data = made(elements.read(), modes, coupling == "rigid", damping)
     except Fault as fault:
         raise SceneError("import", None, fault.reason, fault.cure) from None
     data.save(output)

@@ -25,7 +25,7 @@ from kaneflex.fem.foreign import Foreign, Motion
 from kaneflex.scene.modal_data import FORMAT, ModalData, checked_data, symmetrised
 from kaneflex.support.errors import Fault
 
-_DEGREE, _PIECES, _FINE = 5, 12, 4001
+DEGREE, _PIECES, FINE = 5, 12, 4001
 """Of the spline that is the mean line, and the places at which its slopes are multiplied."""
 _FEW = 100
 """Coordinates of which all modes are found at once."""
@@ -46,21 +46,21 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     """Static shapes of a link's points and so many modes with the points held. Raises Fault where it has fewer."""
     T = link.basis(motion, rigid)
     K, M = (csc_array(T.T @ (A @ T)) for A in (link.K, link.M))
-    rows = np.array([link.means(name)[0 if motion == "axial" else 1] for name in link.points])
-    B = rows @ T
+    B = np.vstack([link.held(name, motion) for name in link.points]) @ T
     count, held = K.shape[0], len(B)
     if modes > count - held - (count > _FEW):
         cure = "Ask for fewer, or give a finer mesh" if link.span is None else "Ask for fewer, or give more modes"
-        raise Fault(f"{modes} {motion} modes of {count - held} held coordinates", cure)
+        kind = "" if motion == "any" else f"{motion} "
+        raise Fault(f"{modes} {kind}modes of {count - held} held coordinates", cure)
     scale = abs(K).max()
     factors = splu(csc_array(bmat([[K, scale * csc_array(B).T], [scale * csc_array(B), None]])))
 
     def solved(load: np.ndarray) -> np.ndarray:
         return factors.solve(np.concatenate([load, np.zeros(held)]))[:count]
 
-    moved = [k for k, name in enumerate(link.points) if motion == "axial" or name not in ("start", "end")]
     # Across, what the ends do by themselves is a motion of the whole link.
-    sides = scale * np.eye(count + held)[:, count:][:, moved]
+    moved = [k for k, name in enumerate(link.points) if name not in ("start", "end")]
+    sides = scale * np.eye(count + held)[:, count:][:, moved if motion == "transverse" else slice(None)]
     static = factors.solve(sides)[:count]
     if count <= _FEW:
         free = null_space(B)
@@ -71,15 +71,16 @@ def reduced(link: Foreign, motion: Motion, modes: int, rigid: bool) -> Reduced:
     try:
         dynamic = eigsh(K, modes, M, sigma=0.0, OPinv=answer, v0=first)[1] if modes else np.zeros((count, 0))
     except ArpackError as error:
-        raise Fault(f"the {motion} modes were not found: {error}", "Look at the matrices, or ask for fewer") from None
+        raise Fault(f"the modes were not found: {error}", "Look at the matrices, or ask for fewer") from None
     return _orthogonal(link, motion, T @ np.hstack([static, dynamic]))
 
 
 def _orthogonal(link: Foreign, motion: Motion, shapes: np.ndarray) -> Reduced:
     """Shapes that span the same without rigid motions, orthogonal in mass and stiffness, their largest entries one."""
-    if motion == "axial":  # in the mean over the mass
-        along = link.field(1.0, 0.0)
-        shapes = shapes - np.outer(along, along @ link.M @ shapes) / (along @ link.M @ along)
+    if motion != "transverse":  # in the mean over the mass
+        whole = np.column_stack([link.field(1.0, 0.0)] if motion == "axial" else list(link.whole.values()))
+        carried = link.M @ whole
+        shapes = shapes - whole @ np.linalg.solve(whole.T @ carried, carried.T @ shapes)
     mass, stiffness = (shapes.T @ (A @ shapes) for A in (link.M, link.K))
     size = np.sqrt(np.diag(mass))
     kept = size > _NOTHING * size.max()
@@ -154,6 +155,13 @@ def _points(link: Foreign, s: np.ndarray, w: np.ndarray, line: MeanLine) -> dict
     return found | {"points": np.array(names), "X": X, "H": line.shortening(X)}
 
 
+def splines(x: np.ndarray) -> tuple[np.ndarray, csc_array]:
+    """Knots along a link, and the splines' values (n_nodes, n_splines) at the distances x [m] of nodes."""
+    first, last = x.min(), x.max()
+    knots = np.concatenate([[first] * DEGREE, np.linspace(first, last, _PIECES + 1), [last] * DEGREE])
+    return knots, BSpline.design_matrix(np.clip(x, first, last), knots, DEGREE).tocsc()
+
+
 @dataclass(frozen=True, eq=False)
 class MeanLine:
     """Mean displacements of a link's sections, splines over X by least squares over its mass.
@@ -171,21 +179,20 @@ class MeanLine:
     def of(cls, link: Foreign, s: np.ndarray, lifted: np.ndarray, carried: np.ndarray) -> MeanLine:
         """Of the shapes (n_nodes d, n); ``carried`` (n_nodes,): the mass [kg] at each node."""
         x, d = link.nodes[:, 0], link.axes
+        knots, at_nodes = splines(x)
         first, last = x.min(), x.max()
-        knots = np.concatenate([[first] * _DEGREE, np.linspace(first, last, _PIECES + 1), [last] * _DEGREE])
-        at_nodes = BSpline.design_matrix(np.clip(x, first, last), knots, _DEGREE).tocsc()
 
         def fitted(shapes: np.ndarray, axis: int) -> BSpline:
             square = at_nodes.T @ link.M[axis::d, axis::d] @ at_nodes
             side = at_nodes.T @ link.M[axis::d, axis::d] @ shapes[axis::d]
-            return BSpline(knots, np.linalg.lstsq(square.toarray(), side, rcond=1e-12)[0], _DEGREE)
+            return BSpline(knots, np.linalg.lstsq(square.toarray(), side, rcond=1e-12)[0], DEGREE)
 
         across = fitted(lifted, 1)
         return cls(fitted(s, 0), across, across.derivative(), (float(first), float(last)), (x, carried))
 
     def shortening(self, x: np.ndarray) -> np.ndarray:
         """H (n_places, n, n) [1/m]: the integral of w_j' w_k' up to each place, less its mean over the mass."""
-        fine = np.linspace(*self.ends, _FINE)
+        fine = np.linspace(*self.ends, FINE)
         slope = self.slope(fine)
         grown = cumulative_simpson(np.einsum("ij,ik->ijk", slope, slope), x=fine, axis=0, initial=0.0)
         whole = CubicSpline(fine, grown)

@@ -1,9 +1,11 @@
-"""A link's finite elements from another program: matrices, nodes, and what of them moves in the link's plane.
+"""A body's finite elements from another program: matrices, nodes, and what of them moves in the plane or in space.
 
 The matrices are those of the whole link, nothing of it held: translations of the nodes, two or three at each, in the
 order of the nodes. A link of the plane is its own mirror image in that plane and across its axis, as beams are: then
 its motions part into axial ones, u even and v odd in Y, and transverse ones, u odd and v even, both with w odd in Z.
 What matrices lack of that symmetry is averaged over, which is a Ritz approximation like the mesh itself.
+
+In space nothing is asked of a body's form: all its motions are one kind.
 
 Of a link whose stiffness only its modes know, displacements are those of the modes and of the link as a whole.
 """
@@ -20,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from kaneflex.fem.matrices import read_matrix, read_table
 from kaneflex.fem.modal_files import Modes, has_modes, read_modes
+from kaneflex.scene.modal_data import CROSS
 from kaneflex.support.errors import Fault
 
 _STILL = 1e-6
@@ -31,7 +34,8 @@ _ALIKE = 1e-6
 _PARITY = {"axial": ((1, 1), (-1, 1), (1, -1)), "transverse": ((-1, 1), (1, 1), (-1, -1))}
 """Signs of u, v, w under the mirrors Y -> -Y and Z -> -Z."""
 
-Motion = Literal["axial", "transverse"]
+Motion = Literal["axial", "transverse", "any"]
+"""Kinds of motion that don't mix: two in the plane, one in space."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,8 @@ class Projected:
 
 @dataclass(frozen=True, eq=False)
 class Foreign:
-    """Finite elements in the axes of their link: X from its start to its end, Y across, Z out of the plane of motion.
+    """Finite elements in the axes of their link: X from its start to its end, Y across, Z along the normal that is
+    given, out of the plane of motion.
 
     Attributes
     ----------
@@ -60,6 +65,8 @@ class Foreign:
         Places from the start [m].
     points : mapping of str
         Name of each point -> the nodes that belong to it; `start` and `end` are among them.
+    spatial : bool
+        Whether it moves in space.
     span : ndarray (n_nodes d, m) or None
         Displacements that all others are sums of, where modes are all there is.
     """
@@ -68,6 +75,7 @@ class Foreign:
     K: csc_array | Projected
     nodes: np.ndarray
     points: Mapping[str, np.ndarray]
+    spatial: bool = False
     span: np.ndarray | None = None
 
     @property
@@ -83,6 +91,18 @@ class Foreign:
     def length(self) -> float:
         """From start to end [m]."""
         return self.X("end")
+
+    @property
+    def whole(self) -> dict[str, np.ndarray]:
+        """Motions of the whole link (n_nodes d,), by what they are called; turns by one over its length."""
+        if not self.spatial:
+            x, y = self.nodes[:, 0], self.nodes[:, 1]
+            turn = self.field(-y, x) / self.length
+            return {"along its axis": self.field(1.0, 0.0), "across": self.field(0.0, 1.0), "turning": turn}
+        axes = dict(zip("xyz", np.eye(3), strict=True))
+        found = {f"along {name}": np.broadcast_to(axis, self.nodes.shape) for name, axis in axes.items()}
+        found |= {f"about {name}": np.cross(axis, self.nodes) / self.length for name, axis in axes.items()}
+        return {name: motion.ravel() for name, motion in found.items()}
 
     def field(self, u: np.ndarray | float, v: np.ndarray | float) -> np.ndarray:
         """A displacement (n_nodes d,) with components u along and v across, (n_nodes,) each."""
@@ -104,6 +124,26 @@ class Foreign:
             turn[at, 0], turn[at, 1] = -place[:, 1] / size, place[:, 0] / size
         return along.ravel(), across.ravel(), turn.ravel()
 
+    def held(self, point: str, motion: Motion) -> np.ndarray:
+        """Rows (m, n_nodes d) of what a point is held by: u, v, or in space its displacement and its turn.
+
+        Raises Fault where the nodes of a point lie on one line, which leaves a turn open.
+        """
+        if motion != "any":
+            return self.means(point)[0 if motion == "axial" else 1][None]
+        at = self.points[point]
+        place = self.nodes[at] - self.nodes[at].mean(axis=0)
+        found = np.zeros((6, *self.nodes.shape))
+        found[[0, 1, 2], :, [0, 1, 2]] = np.isin(np.arange(len(self.nodes)), at) / len(at)
+        if len(at) == 1:  # which has no turn of its own
+            return found[:3].reshape(3, -1)
+        inertia = (place**2).sum() * np.eye(3) - place.T @ place
+        if np.linalg.eigvalsh(inertia)[0] < _ALIKE * (place**2).sum():
+            raise Fault(f"the nodes of {point} lie on one line, about which its turn is open", "Give nodes around it")
+        lever = np.einsum("cab,na->cnb", CROSS, place)
+        found[3:, at] = np.linalg.solve(inertia, lever.reshape(3, -1)).reshape(lever.shape)
+        return found.reshape(6, -1)
+
     def basis(self, motion: Motion, rigid: bool) -> csc_array:
         """Displacements of that symmetry, (n_nodes d, m), orthogonal; ``rigid``: a point's nodes move as one (RBE2)."""
         if self.span is not None:
@@ -111,17 +151,16 @@ class Foreign:
                 raise Fault("modes know how the nodes of a point move, not that they move as one",
                             "Take --coupling averaged")  # fmt: skip
             return self._spanned(motion)
-        found = self._symmetric(motion)
+        found = csc_array(eye_array(self.nodes.size)) if motion == "any" else self._symmetric(motion)
         if not rigid:
             return found
         held = np.zeros(len(self.nodes), bool)
         own = []
         for at in self.points.values():
             held[at] = True
-            x, y = (self.nodes[at, :2] - self.nodes[at, :2].mean(axis=0)).T
-            for u, v in ((1.0, 0.0),) if motion == "axial" else ((0.0, 1.0), (-y, x)):
+            for moved in _together(self.nodes[at] - self.nodes[at].mean(axis=0), motion):
                 one = np.zeros(self.nodes.shape)
-                one[at, 0], one[at, 1] = u, v
+                one[at] = moved
                 if (size := np.linalg.norm(one)) > 0.0:
                     own.append(one.ravel() / size)
         touched = np.asarray(abs(found)[np.repeat(held, self.axes)].sum(axis=0)).ravel() > 0.0
@@ -132,7 +171,7 @@ class Foreign:
         """The part of that symmetry of what the modes span."""
         assert self.span is not None  # or there is no need to ask
         whole = self.span.reshape(len(self.nodes), self.axes, -1)
-        for mirror, own in ((1, 0), (2, 1))[: self.axes - 1]:
+        for mirror, own in ((1, 0), (2, 1))[: 0 if motion == "any" else self.axes - 1]:
             signs = np.array([of[own] for of in _PARITY[motion]])[: self.axes]
             whole = 0.5 * (whole + signs[:, None] * whole[self._mirrored(mirror)])
         found, sizes, _ = np.linalg.svd(whole.reshape(len(self.nodes) * self.axes, -1), full_matrices=False)
@@ -174,9 +213,21 @@ class Foreign:
         return np.asarray(image)
 
 
+def _together(place: np.ndarray, motion: Motion) -> list[np.ndarray]:
+    """Motions of nodes as one, (n, d) each, ``place`` (n, d) from their middle."""
+    axes = np.eye(place.shape[1])
+    if motion == "any":
+        return [*(np.broadcast_to(axis, place.shape) for axis in axes), *(np.cross(axis, place) for axis in axes)]
+    if motion == "axial":
+        return [np.broadcast_to(axes[0], place.shape)]
+    turn = np.zeros(place.shape)
+    turn[:, 0], turn[:, 1] = -place[:, 1], place[:, 0]
+    return [np.broadcast_to(axes[1], place.shape), turn]
+
+
 def read_foreign(
     mass: str, stiffness: str, nodes: str, points: Mapping[str, str], units: tuple[float, float] = (1.0, 1.0),
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0),
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0), spatial: bool = False,
 ) -> Foreign:  # fmt: skip
     """Finite elements of another program's files, in the axes of their link.
 
@@ -192,7 +243,9 @@ def read_foreign(
     units : pair of float
         The files' unit of length [m] and of mass [kg]; their unit of time is the second.
     normal : triple of float
-        Of the plane of motion, in the axes of the files.
+        Of the plane of motion, in the axes of the files; in space the direction nearest to which Z is.
+    spatial : bool
+        Whether the body moves in space.
 
     Raises
     ------
@@ -208,15 +261,18 @@ def read_foreign(
     for name in ("start", "end"):
         if name not in chosen:
             raise Fault(f"no point {name}", f"Give the nodes of its {name}, like {name}=nodes.txt")
-    place, turn = _frame(length * at, chosen, np.array(normal, float))
+    place, turn = _frame(length * at, chosen, np.array(normal, float), spatial)
     d = M.shape[0] // len(at)
+    if spatial and d < 3:
+        raise Fault(f"{mass} has two translations of each node", "Mesh the body in space, or leave --space out")
     turned = csc_array(kron(eye_array(len(at)), turn[:d, :d]))
     M, place = csc_array(turned @ M @ turned.T), place[:, :d]
     if K is not None:
-        found = Foreign(M, csc_array(turned @ K @ turned.T), place, chosen)
+        found = Foreign(M, csc_array(turned @ K @ turned.T), place, chosen, spatial)
     else:
         assert modes is not None
-        found = _of_modes(Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen), modes, stiffness, numbers, turned)
+        bare = Foreign(M, Projected(*np.zeros((2, 0, 0))), place, chosen, spatial)
+        found = _of_modes(bare, modes, stiffness, numbers, turned)
     _check(found, mass, stiffness)
     return found
 
@@ -230,8 +286,7 @@ def _of_modes(link: Foreign, modes: Modes, path: str, numbers: np.ndarray, turne
     order = [rows[number] for number in numbers.tolist()]
     own = replace(modes, numbers=numbers, shapes=modes.shapes[order])
     stiffness = own.stiffness_by(turned.T @ link.M @ turned)
-    x, y = link.nodes[:, 0], link.nodes[:, 1]
-    whole = [link.field(1.0, 0.0), link.field(0.0, 1.0), link.field(-y, x) / link.length]
+    whole = list(link.whole.values())
     span = np.column_stack([*whole, turned @ own.translations(link.axes)])
     onto = np.linalg.pinv(span.T @ link.M @ span, rcond=_ALIKE**2, hermitian=True) @ (link.M @ span).T
     return replace(link, K=Projected(onto[len(whole) :], stiffness), span=span)
@@ -263,7 +318,7 @@ def _chosen(path: str, numbers: np.ndarray) -> np.ndarray:
 
 
 def _frame(
-    at: np.ndarray, points: Mapping[str, np.ndarray], normal: np.ndarray
+    at: np.ndarray, points: Mapping[str, np.ndarray], normal: np.ndarray, spatial: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Places in the link's axes (n_nodes, 3), and the rotation into them."""
     start, end = (at[points[name]].mean(axis=0) for name in ("start", "end"))
@@ -271,7 +326,12 @@ def _frame(
     if span == 0.0 or size == 0.0:
         raise Fault("start and end are in one place" if size else "the normal is zero", "Give two ends, and a normal")
     x, z = (end - start) / span, normal / size
-    if abs(x @ z) > _OPPOSITE:
+    if spatial:
+        # Where the normal is along the link, the axis nearest to being across it serves as well.
+        z = z if np.linalg.norm(np.cross(x, z)) > _OPPOSITE else np.eye(3)[abs(x).argmin()]
+        z = np.cross(x, np.cross(z, x))
+        z /= np.linalg.norm(z)
+    elif abs(x @ z) > _OPPOSITE:
         lean = np.degrees(np.arcsin(min(1.0, abs(x @ z))))
         raise Fault(f"start and end lean out of the plane of motion by {lean:.3g} deg", "Give the plane's own normal")
     turn = np.array([x, np.cross(z, x), z])
@@ -279,16 +339,15 @@ def _frame(
 
 
 def _check(found: Foreign, mass: str, stiffness: str) -> None:
-    """Raise Fault unless the link has mass, and nothing resists its rigid motions in the plane."""
-    x, y = found.nodes[:, 0], found.nodes[:, 1]
-    along, across, turn = found.field(1.0, 0.0), found.field(0.0, 1.0), found.field(-y, x)
+    """Raise Fault unless the link has mass, and nothing resists its rigid motions."""
+    along = found.field(1.0, 0.0)
     total = along @ found.M @ along
     if not total > 0.0:
         raise Fault(f"{mass} adds up to a mass of {total:.3g} kg", "Give one that is above zero")
     if isinstance(found.K, Projected):  # which motions of the whole link are no part of
         return
     scale = abs(found.K).max()
-    for name, motion in (("along its axis", along), ("across", across), ("turning", turn / found.length)):
+    for name, motion in found.whole.items():
         left = abs(found.K @ motion).max()
         if left > _STILL * scale:
             raise Fault(

@@ -193,9 +193,11 @@ def _made(scene: Scene) -> SpatialMechanism:
         x, y, z = scene.point(mass.at)
         inertia = mass.inertia if isinstance(mass.inertia, tuple) else (0.0, 0.0, 0.0)
         six, on = np.array([*inertia, *np.zeros(6 - len(inertia))]), bodies[mass.at.body]
-        if scene.bodies[mass.at.body].elastic:
-            bodies[name] = SpatialBody(mass.mass, np.array([0.0, y, z]), six, on.rotation)
-            joints[name] = SpatialJoint(name, "weld", (Side(mass.at.body, (x, 0.0, 0.0)), Side(name, (0.0,) * 3)), ())
+        if scene.bodies[mass.at.body].deforms:
+            beside = (0.0, y, z) if scene.bodies[mass.at.body].elastic else (0.0, 0.0, 0.0)
+            section = Side(mass.at.body, (x, y - beside[1], z - beside[2]))
+            bodies[name] = SpatialBody(mass.mass, np.array(beside), six, on.rotation)
+            joints[name] = SpatialJoint(name, "weld", (section, Side(name, (0.0,) * 3)), ())
         else:
             bodies[mass.at.body] = _with_mass(on, mass.mass, np.array([x, y, z]), six)
     loads = {}

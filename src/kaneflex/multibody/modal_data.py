@@ -1,15 +1,23 @@
-"""A link's modal data as arrays: what the coupled equations take of it, written for other programs."""
+"""Links' modal data as arrays: what the coupled equations take of them, written for other programs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from kaneflex.fem.links import Link
+from kaneflex.multibody.binding import find_spatial_module
 from kaneflex.multibody.inertia_integrals import link_data
-from kaneflex.multibody.system import CoupledSystem
+from kaneflex.multibody.spatial_coupled import build_coupled_system
+from kaneflex.multibody.spatial_modal_data import spatial_data
+from kaneflex.multibody.spatial_shapes import SpatialShapes
+from kaneflex.multibody.system import CoupledSystem, build_system
 from kaneflex.scene import Scene
+from kaneflex.scene.modal_data import ModalData
+from kaneflex.scene.options import modes_of, resolve_options
 from kaneflex.support.atomic_output import refuse_existing
 
 
@@ -24,17 +32,28 @@ def modal_data(scene: Scene, link: Link, system: CoupledSystem) -> dict[str, np.
     return link_data(scene, link, system.shapes[link.name]).file
 
 
-def export(scene: Scene, system: CoupledSystem, folder: Path, force: bool) -> list[Path]:
-    """Write BODY.npz for every elastic link of a scene into a folder, which is made if it is not there.
+def links_data(scene: Scene, progress: Callable[[str], None]) -> dict[str, ModalData]:
+    """Modal data of every elastic link of a scene, in the plane or in space."""
+    if scene.is_spatial:
+        module, _ = find_spatial_module(scene, progress)
+        options = replace(resolve_options(scene), modes=modes_of(scene))
+        of = build_coupled_system(scene, module, options).layout.shapes
+        return {name: spatial_data(scene, shapes) for name, shapes in of.items() if isinstance(shapes, SpatialShapes)}
+    system, _ = build_system(scene, progress)
+    return {name: link_data(scene, link, system.shapes[name]) for name, link in system.links.items()}
+
+
+def export(links: Mapping[str, ModalData], folder: Path, force: bool) -> list[Path]:
+    """Write BODY.npz for every link into a folder, which is made if it is not there.
 
     Raises
     ------
     OutputError
         If a file is there and ``force`` is not given, or can't be written.
     """
-    paths = {name: folder / f"{name}.npz" for name in system.links}
+    paths = {name: folder / f"{name}.npz" for name in links}
     for path in paths.values():
         refuse_existing(path, force, "modal-data")
     for name, path in paths.items():
-        link_data(scene, system.links[name], system.shapes[name]).save(path)
+        links[name].save(path)
     return list(paths.values())

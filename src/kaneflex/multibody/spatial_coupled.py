@@ -12,11 +12,12 @@ from kaneflex.fem.spatial_links import link_of_scene
 from kaneflex.multibody.cycles import COMPLETED, Verdict
 from kaneflex.multibody.spatial_curves import Curve, Followed
 from kaneflex.multibody.spatial_linear import neighbours
+from kaneflex.multibody.spatial_modal_data import held_shapes
 from kaneflex.multibody.spatial_motion import SpatialKinematics, SpatialModule
-from kaneflex.multibody.spatial_shapes import SpatialShapes, spatial_shapes
+from kaneflex.multibody.spatial_shapes import spatial_shapes
 from kaneflex.multibody.spatial_start import start_of
 from kaneflex.multibody.spatial_system import SpatialSystem, State, build_spatial_system
-from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Flexible, Place
+from kaneflex.multibody.spatial_tables import COORDINATE, SPEED, Deformable, Flexible, Place
 from kaneflex.scene import Scene
 from kaneflex.scene.options import Options
 
@@ -61,15 +62,17 @@ class CoupledKinematics(SpatialKinematics):
 
 
 def build_coupled_system(scene: Scene, module: ModuleType, options: Options) -> SpatialSystem:
-    """A scene in space whose elastic bodies deform."""
+    """A scene in space whose bodies deform."""
 
-    def shapes(name: str, held: Place | None, freed: str) -> SpatialShapes:
-        beam = scene.bodies[name].beam
-        assert beam is not None
-        link = link_of_scene(scene, name, options.elements or beam.elements)
+    def shapes(name: str, held: Place | None, freed: str) -> Deformable:
+        body = scene.bodies[name]
+        if body.modal is not None:
+            return held_shapes(body.modal, held, freed)
+        assert body.beam is not None
+        link = link_of_scene(scene, name, options.elements or body.beam.elements)
         return spatial_shapes(scene, link, int(options.modes), held, freed)
 
-    flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.elastic}
+    flexible: Flexible = {name: partial(shapes, name) for name, body in scene.bodies.items() if body.deforms}
     return build_spatial_system(scene, module, flexible)
 
 

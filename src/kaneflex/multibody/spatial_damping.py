@@ -100,11 +100,11 @@ def _held(mechanism: SpatialMechanism, joint: SpatialJoint, body: str, driven: b
 
 def _placed(mechanism: SpatialMechanism, scene: Scene, driven: set[str]) -> set[str]:
     """The ground, rigid bodies that move freely, and those that hang on these by drives and welds alone."""
-    placed, count = {GROUND, *(name for name in mechanism.floating if not scene.bodies[name].elastic)}, 0
+    placed, count = {GROUND, *(name for name in mechanism.floating if not scene.bodies[name].deforms)}, 0
     while count < len(placed):
         count = len(placed)
         for name, joint in mechanism.joints.items():
             bodies = {side.body for side in joint.sides}
             if bodies & placed and (joint.freedoms == 0 or (joint.freedoms == 1 and name in driven)):
-                placed |= {each for each in bodies if each not in scene.bodies or not scene.bodies[each].elastic}
+                placed |= {each for each in bodies if each not in scene.bodies or not scene.bodies[each].deforms}
     return placed

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -115,6 +115,10 @@ class Deformable(Protocol):
 
     def at(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         """N and psi, (6, count), and G (3, count, count) at a carrier."""
+
+
+class Axis(Deformable, Protocol):
+    """Shapes of a link, which are known all along its axis."""
 
     def spread(self, rises: bool) -> tuple[Place, tuple[np.ndarray, np.ndarray]]:
         """The mean of all places by what falls linearly to zero at the end, or rises from there at the start, and that
@@ -269,7 +273,8 @@ class _Maker:
 
         The mean is affine in the places, and so the load's power that of its sum there.
         """
-        self.sections.append((self.station(body, *self.shapes[body].spread(rises)), np.zeros(3)))
+        link = cast(Axis, self.shapes[body])  # of others no scene spreads a load along
+        self.sections.append((self.station(body, *link.spread(rises)), np.zeros(3)))
         return len(self.sections) - 1
 
     def axis(self, side: Side, vector: np.ndarray) -> int:

@@ -217,16 +217,28 @@ def poles_table(system: StateSpace) -> str:
     return table(("pole", "Hz", "damping"), rows, left=0)
 
 
+def _rounded(components: np.ndarray) -> str:
+    """Components side by side; what is rounding beside the largest one is zero."""
+    least = 1e-9 * abs(components).max()
+    return ", ".join(f"{x:.6g}" if abs(x) > least else "0" for x in components)
+
+
 def imported_table(data: ModalData) -> str:
     """Mass, centre and inertia of a link from elsewhere, and the frequencies that its shapes have by themselves."""
     a, (mass, centre, inertia) = data.arrays, data.rigid
-    moved = np.concatenate([np.diag(a["mass_s_s"]), np.diag(a["mass_w_w"] + a["inertia_psi_psi"])])
-    counts = ("axial", len(a["mass_s"])), ("transverse", len(a["mass_w"]))
+    told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, its centre "
+    if isinstance(inertia, tuple):
+        moved, counts = np.einsum("aajj->j", a["mass_N_N"]), [("shape", len(a["stiffness"]))]
+        at, about = (_rounded(of) for of in (1e3 * np.array(centre), np.array(inertia)))
+        told += f"at ({at}) mm, about it ({about}) kg m^2"
+    else:
+        moved = np.concatenate([np.diag(a["mass_s_s"]), np.diag(a["mass_w_w"] + a["inertia_psi_psi"])])
+        counts = [("axial", len(a["mass_s"])), ("transverse", len(a["mass_w"]))]
+        told += f"{1e3 * centre[0]:.6g} mm from the start, {inertia:.6g} kg m^2 about it"
     names = [f"{kind} {k + 1}" for kind, count in counts for k in range(count)]
     frequencies = np.sqrt(a["stiffness"] / moved) / (2 * math.pi)
     rows = [(name, f"{hz:.1f}") for name, hz in zip(names, frequencies, strict=True)]
-    told = f"{1e3 * data.length:.6g} mm from start to end, {mass:.6g} kg, its centre {1e3 * centre:.6g} mm from "
-    return f"{told}the start, {inertia:.6g} kg m^2 about it\n{table(('shape', 'Hz'), rows)}"
+    return f"{told}\n{table(('shape', 'Hz'), rows)}"
 
 
 def sensitivity_table(summary: Summary) -> str:

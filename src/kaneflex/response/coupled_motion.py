@@ -199,7 +199,7 @@ class CoupledMotion(Motion):
             return self._along(body, x)
         if own.start == own.stop or modal is None:
             return None
-        k = modal.at(x)
+        k = modal.at((x, 0.0))
         s, w, psi = (modal.arrays[key][k] for key in ("s", "w", "psi"))
         none = np.zeros(len(s))
         return np.array([[*s, *(0.0 * w)], [*none, *w], [*none, *psi]]), modal.arrays["H"][k]

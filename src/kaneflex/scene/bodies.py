@@ -47,10 +47,10 @@ def _default_mass(data: dict) -> float:
     return profile.inertia(profile.length).mass if profile else 0.0
 
 
-def _default_centre(data: dict) -> tuple[float, float]:
+def _default_centre(data: dict) -> tuple[float, ...]:
     modal = modal_data_of(data)
     if modal is not None:
-        return (modal.rigid[1], 0.0)
+        return modal.rigid[1]
     profile, length = _profile(data), data.get("length") or 0.0
     if profile is None or not profile.varying:
         return (length / 2, 0.0)
@@ -58,7 +58,7 @@ def _default_centre(data: dict) -> tuple[float, float]:
     return (whole.first / whole.mass, 0.0)
 
 
-def _default_inertia(data: dict) -> float:
+def _default_inertia(data: dict) -> float | tuple[float, ...]:
     modal = modal_data_of(data)
     if modal is not None:
         return modal.rigid[2]
@@ -177,6 +177,11 @@ class Body(SceneTable):
     @property
     def elastic(self) -> bool:
         return self.beam is not None
+
+    @property
+    def deforms(self) -> bool:
+        """By a beam or by modal data."""
+        return self.beam is not None or self.modal is not None
 
     @property
     def says_a_file(self) -> bool:

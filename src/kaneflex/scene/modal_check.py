@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from kaneflex.scene.quantities import Address
@@ -12,17 +12,36 @@ from kaneflex.support.errors import Problem
 
 
 def modal_problems(scene: Scene) -> Iterator[Problem]:
-    """Beams besides, guides, points that a file lacks, springs, and damping that the file has already."""
-    links = {name: body for name, body in scene.bodies.items() if body.modal is not None}
+    """Points that a file lacks, and damping that it has already; in the plane beams besides, guides and springs."""
+    links = {name: body.modal for name, body in scene.bodies.items() if body.modal is not None}
     if not links:
         return
-    for name, body in scene.bodies.items():
-        if body.elastic:
-            reason = f"{next(iter(links))} has modal data: in this version a scene has either these or beams"
-            yield Problem(f"bodies.{name}.beam", None, reason, "Export this link, too, and give its modal data")
-    if scene.damping is not None:
+    beams = [name for name, body in scene.bodies.items() if body.elastic]
+    if scene.damping is not None and not (scene.is_spatial and beams):
         reason = "links by modal data have their damping in the file"
         yield Problem("damping", None, reason, "Leave the table out")
+    if not scene.is_spatial:
+        yield from _planar_only(scene, beams, tuple(links))
+    for key, address in _addresses(scene):
+        if address.body not in links or address.point not in scene.bodies[address.body].points_all:
+            continue
+        modal, file = links[address.body], Path(str(scene.bodies[address.body].modal_data)).name
+        if address.point not in modal.points:
+            reason = f"{file} has no such point: its points are {', '.join(modal.points)}"
+            yield Problem(key, str(address), reason, "Add it to the file's arrays, or name another point")
+            continue
+        own, here = modal.places[modal.points.index(address.point)], scene.point(address)
+        if modal.at(here) != modal.at(own):
+            there, given = (", ".join(f"{x:.6g}" for x in place) for place in (own, here))
+            reason = f"in {file} it lies at ({there}) m, here at ({given}) m"
+            yield Problem(key, str(address), reason, "Give the point the file's place")
+
+
+def _planar_only(scene: Scene, beams: Sequence[str], links: Sequence[str]) -> Iterator[Problem]:
+    """What only bodies in space with modal data may have: company of beams, springs and guides."""
+    for name in beams:
+        reason = f"{links[0]} has modal data: in this version a scene has either these or beams"
+        yield Problem(f"bodies.{name}.beam", None, reason, "Export this link, too, and give its modal data")
     for name, spring in scene.springs.items():
         for end in spring.ends:
             if end.body in links:
@@ -33,20 +52,6 @@ def modal_problems(scene: Scene) -> Iterator[Problem]:
         if slid:
             reason = f"{slid[0]} has modal data and would slide through its own deformation"
             yield Problem(f"joints.{name}.prismatic", slid[0], reason, "Let the guide hold a rigid body")
-    for key, address in _addresses(scene):
-        if address.body not in links or address.point not in links[address.body].points_all:
-            continue
-        x, y = scene.point(address)
-        modal, file = links[address.body].modal, Path(links[address.body].modal_data).name
-        here = modal.at(x) if y == 0 else None
-        if address.point not in modal.points:
-            reason = f"{file} has no such point: its points are {', '.join(modal.points)}"
-            yield Problem(key, str(address), reason, "Add it to the file's arrays, or name another point")
-            continue
-        at = float(modal.arrays["X"][modal.points.index(address.point)])
-        if here is None or modal.at(at) != here:
-            reason = f"in {file} it lies at {at:.6g} m on the axis, here at ({x:.6g}, {y:.6g}) m"
-            yield Problem(key, str(address), reason, "Give the point the file's place")
 
 
 def _addresses(scene: Scene) -> Iterator[tuple[str, Address]]:
@@ -56,6 +61,9 @@ def _addresses(scene: Scene) -> Iterator[tuple[str, Address]]:
             yield f"joints.{name}.{joint.kind}", address
     for name, load in scene.forces.items():
         yield f"loads.{name}.force_on", load.force_on
+    for name, spring in scene.springs.items() if scene.is_spatial else ():
+        for end in spring.ends:
+            yield f"springs.{name}.between", end
     for name, mass in scene.masses.items():
         yield f"masses.{name}.at", mass.at
     for name, sensor in scene.sensors.items():

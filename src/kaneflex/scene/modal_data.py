@@ -1,4 +1,4 @@
-"""A link's modal data from elsewhere: the arrays of a file, checked."""
+"""Modal data of a body from elsewhere: the arrays of a file, in the plane or in space, checked."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import io
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,31 @@ POINT_ARRAYS: dict[str, tuple[str, str, str]] = {
 }
 """The same of what each point has: the points are the first axis."""
 
-
+SPATIAL_ARRAYS: dict[str, tuple[str, str]] = {
+    "mass": ("", "kg"),
+    "mass_r": ("c", "kg m"),
+    "mass_r_r": ("cc", "kg m^2"),
+    "mass_N": ("cn", "kg"),
+    "mass_r_N": ("ccn", "kg m"),
+    "mass_N_N": ("ccnn", "kg"),
+    "mass_G": ("cnn", "kg/m"),
+    "mass_r_G": ("ccnn", "kg"),
+    "stiffness": ("n", "N/m"),
+    "damping": ("nn", "N s/m"),
+    "cubic": ("nnn", "N/m^2"),
+}
+"""The same in space: axes (c components x, y, z, n shapes), unit."""
+SPATIAL_POINT_ARRAYS: dict[str, tuple[str, str]] = {
+    "r": ("c", "m"),
+    "N": ("cn", "1"),
+    "psi": ("cn", "1/m"),
+    "G": ("cnn", "1/m"),
+}
+"""And of each point there."""
+CROSS = np.array([np.cross(row, np.eye(3)) for row in np.eye(3)]).transpose(2, 0, 1)
+"""Of cross products: (a x b)_i = CROSS_ijk a_j b_k (Levi-Civita)."""
+_BOTH_ALIKE = ("mass_N_N",)
+"""Arrays that are symmetric in components and shapes together."""
 _SAME = 1e-9
 """Relative difference up to which numbers of a file are the same."""
 _EXPORT = "Compare the file with what kaneflex modes --export writes"
@@ -56,11 +81,17 @@ _EXPORT = "Compare the file with what kaneflex modes --export writes"
 
 @dataclass(frozen=True, eq=False)
 class ModalData:
-    """Arrays of a link by the names of ARRAYS and, points first, POINT_ARRAYS (SI), with the length [m] and points."""
+    """Arrays of a body by the names of ARRAYS and, points first, POINT_ARRAYS (SI), with the length [m] and points; in
+    space by those of SPATIAL_ARRAYS and SPATIAL_POINT_ARRAYS."""
 
     length: float
     points: tuple[str, ...]
     arrays: Mapping[str, np.ndarray]
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return 3 if "mass_N" in self.arrays else 2
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -75,16 +106,30 @@ class ModalData:
         return any(self.arrays[name].any() for name in ("inertia", "inertia_psi", "inertia_psi_psi"))
 
     @property
-    def rigid(self) -> tuple[float, float, float]:
-        """Mass [kg], distance of its centre from the start [m], moment of inertia about it [kg m^2]."""
-        mass, first = float(self.arrays["mass"]), float(self.arrays["mass_X"])
-        return mass, first / mass, float(self.arrays["mass_X_X"] + self.arrays["inertia"]) - first**2 / mass
+    def rigid(self) -> tuple[float, tuple[float, ...], float | tuple[float, ...]]:
+        """Mass [kg], place of its centre [m], moment of inertia about it [kg m^2], as a scene gives them; in space six.
+        """
+        mass = float(self.arrays["mass"])
+        if self.dimension == 3:
+            centre = self.arrays["mass_r"] / mass
+            J = inertia_tensor(self.arrays["mass_r_r"] - mass * np.outer(centre, centre))
+            return mass, tuple(centre.tolist()), tuple(J[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]].tolist())
+        first = float(self.arrays["mass_X"])
+        about = float(self.arrays["mass_X_X"] + self.arrays["inertia"]) - first**2 / mass
+        return mass, (first / mass, 0.0), about
+
+    @property
+    def places(self) -> np.ndarray:
+        """Where the points are, (n_points, dimension) [m]."""
+        if self.dimension == 3:
+            return self.arrays["r"]
+        return np.column_stack([self.arrays["X"], np.zeros(len(self.points))])
 
     @property
     def file(self) -> dict[str, np.ndarray]:
         """All that its file holds, by name."""
         head = {"format": np.array(FORMAT), "length": np.array(self.length), "points": np.array(self.points)}
-        return head | dict(self.arrays)
+        return head | ({"dimension": np.array(3)} if self.dimension == 3 else {}) | dict(self.arrays)
 
     def save(self, path: Path) -> None:
         """Write the file, whole or not at all. Raises OutputError."""
@@ -92,9 +137,9 @@ class ModalData:
         np.savez(content, allow_pickle=False, **self.file)
         write_bytes(path, content.getvalue())
 
-    def at(self, x: float) -> int | None:
-        """Which of the points is at the distance x [m] from the start, if one is."""
-        found = np.flatnonzero(abs(self.arrays["X"] - x) <= _SAME * self.length)
+    def at(self, place: Sequence[float]) -> int | None:
+        """Which of the points is at a place [m], if one is."""
+        found = np.flatnonzero(abs(self.places - place).max(axis=1) <= _SAME * self.length)
         return int(found[0]) if len(found) else None
 
     def at_point(self, point: str) -> dict[str, np.ndarray]:
@@ -103,13 +148,40 @@ class ModalData:
         return {name: self.arrays[name][k] for name in POINT_ARRAYS}
 
 
-def symmetrised(array: np.ndarray, axes: str) -> np.ndarray:
+def inertia_tensor(second: np.ndarray) -> np.ndarray:
+    """The inertia tensor of a body's second moments, both (3, 3) [kg m^2]."""
+    return np.trace(second) * np.eye(3) - second
+
+
+def symmetrised(array: np.ndarray, axes: str, name: str = "") -> np.ndarray:
     """An array without what its rounding has made of its symmetry; points come before its axes."""
-    return (array + np.swapaxes(array, -1, -2)) / 2 if _symmetric(axes) else array
+    for exchanges in _mirrors(name, axes):
+        array = (array + _mirrored(array, exchanges)) / 2
+    return array
 
 
-def _symmetric(axes: str) -> bool:
-    return len(axes) == 2 and axes[0] == axes[1]
+def spatial_modal_data(length: float, points: Sequence[str], arrays: Mapping[str, np.ndarray]) -> ModalData:
+    """Modal data of a body in space by the names of SPATIAL_ARRAYS and SPATIAL_POINT_ARRAYS, symmetric but for their
+    rounding. Raises Fault as :func:`read_modal_data` does."""
+    both = SPATIAL_ARRAYS | SPATIAL_POINT_ARRAYS
+    found = {name: symmetrised(np.asarray(array, float), both[name][0], name) for name, array in arrays.items()}
+    return checked_data(ModalData(length, tuple(points), found).file)
+
+
+def _mirrors(name: str, axes: str) -> list[list[tuple[int, int]]]:
+    """Exchanges of axes, counted from the last, that leave an array as it is: of every two shapes, or of two components
+    where there are no shapes."""
+    if name in _BOTH_ALIKE:
+        return [[(-1, -2), (-3, -4)]]
+    those = axes if axes.strip("c") == "" else axes.replace("c", " ")
+    pairs = combinations([k - len(axes) for k, axis in enumerate(those) if axis != " "], 2)
+    return [[(j, k)] for j, k in pairs if axes[j] == axes[k]]
+
+
+def _mirrored(array: np.ndarray, exchanges: Sequence[tuple[int, int]]) -> np.ndarray:
+    for j, k in exchanges:
+        array = array.swapaxes(j, k)
+    return array
 
 
 def read_modal_data(path: str) -> ModalData:
@@ -136,17 +208,22 @@ def _read(path: str, _changed: int, _size: int) -> ModalData:
 
 def checked_data(found: Mapping[str, np.ndarray]) -> ModalData:
     """Modal data of a file's arrays. Raises Fault as :func:`read_modal_data` does."""
-    for name in ("format", "length", "points", *ARRAYS, *POINT_ARRAYS):
+    spatial = found.get("dimension", 2) == 3
+    whole, of_points = (SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS) if spatial else (ARRAYS, POINT_ARRAYS)
+    for name in ("format", "length", "points", *whole, *of_points):
         if name not in found:
             raise Fault(f"the file has no array {name}", _EXPORT)
     if found["format"] != FORMAT:
         raise Fault(f"format = {found['format']}: this version reads format {FORMAT}", "Export the file anew")
     points = tuple(str(name) for name in np.atleast_1d(found["points"]))
-    sizes = {"s": np.size(found["mass_s"]), "w": np.size(found["mass_w"])}
-    sizes["a"] = sizes["s"] + sizes["w"]
+    if spatial:
+        sizes = {"c": 3, "n": np.size(found["stiffness"])}
+    else:
+        sizes = {"s": np.size(found["mass_s"]), "w": np.size(found["mass_w"])}
+        sizes["a"] = sizes["s"] + sizes["w"]
     arrays = {}
-    for name, (axes, _, unit) in (ARRAYS | POINT_ARRAYS).items():
-        shape = ((len(points),) if name in POINT_ARRAYS else ()) + tuple(sizes[axis] for axis in axes)
+    for name, (axes, *_, unit) in (whole | of_points).items():
+        shape = ((len(points),) if name in of_points else ()) + tuple(sizes[axis] for axis in axes)
         arrays[name] = _checked(name, found[name], shape, axes, unit)
     data = ModalData(float(_checked("length", found["length"], (), "", "m")), points, arrays)
     _check_physics(data)
@@ -175,12 +252,15 @@ def _checked(name: str, array: np.ndarray, shape: tuple[int, ...], axes: str, un
         raise Fault(f"{name} has the shape {array.shape}, not {shape}", _EXPORT)
     if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
         raise Fault(f"{name} holds what is no finite number", f"Give it in {unit}")
-    mirrored = np.swapaxes(array, -1, -2) if _symmetric(axes) else array
-    if abs(array - mirrored).max(initial=0.0) > _SAME * abs(array).max(initial=0.0):
-        worst = np.unravel_index(abs(array - mirrored).argmax(), array.shape)
-        reason = f"{name}{[int(k) for k in worst]} = {array[worst]:.6g} is not symmetric to {mirrored[worst]:.6g}"
-        raise Fault(reason, "Give a symmetric array")
-    return symmetrised(array.astype(float), axes)
+    array = array.astype(float)
+    for exchanges in _mirrors(name, axes):
+        mirrored = _mirrored(array, exchanges)
+        if abs(array - mirrored).max(initial=0.0) > _SAME * abs(array).max(initial=0.0):
+            worst = np.unravel_index(abs(array - mirrored).argmax(), array.shape)
+            reason = f"{name}{[int(k) for k in worst]} = {array[worst]:.6g} is not symmetric to {mirrored[worst]:.6g}"
+            raise Fault(reason, "Give a symmetric array")
+        array = (array + mirrored) / 2
+    return array
 
 
 def _check_physics(data: ModalData) -> None:
@@ -188,10 +268,37 @@ def _check_physics(data: ModalData) -> None:
     for name, value in (("length", data.length), ("mass", a["mass"]), *(("stiffness", k) for k in a["stiffness"])):
         if value <= 0:
             raise Fault(f"{name} = {value:.6g} is not above zero", "Give what resists")
-    s, w, *_ = data.counts
+    for name, matrix in (_spatial_energies if data.dimension == 3 else _planar_energies)(a).items():
+        scale = np.sqrt(abs(np.diag(matrix)))
+        lowest = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] if scale.all() else 0.0
+        if lowest <= 0:
+            reason = f"{name} with the body's mass and first moments is not positive definite: {lowest:.3g}"
+            raise Fault(reason, "Give independent shapes, none of them a motion of the whole body")
+    damping = a["damping"]
+    if len(damping) and np.linalg.eigvalsh(damping)[0] < -_SAME * abs(damping).max():
+        raise Fault(f"damping has the eigenvalue {np.linalg.eigvalsh(damping)[0]:.3g}", "Give damping that dissipates")
+
+
+def _spatial_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Matrix of the kinetic energy of the body's translations, rotations and shapes."""
+    if not a["stiffness"].size:
+        raise Fault("stiffness is empty: there is no shape", "Give one at least")
+    turned = np.einsum("cab,abj->cj", CROSS, a["mass_r_N"])
+    lever = np.einsum("acd,d->ac", CROSS, a["mass_r"])  # e_c x r
+    return {"mass_N_N": np.block([
+        [a["mass"] * np.eye(3), lever, a["mass_N"]],
+        [lever.T, inertia_tensor(a["mass_r_r"]), turned],
+        [a["mass_N"].T, turned.T, np.einsum("aajk->jk", a["mass_N_N"])],
+    ])}  # fmt: skip
+
+
+def _planar_energies(a: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Matrices of the kinetic energy of the link as a rigid body along and across its axis, and of its shapes."""
+    s, w = len(a["mass_s"]), len(a["mass_w"])
     if not w:
         raise Fault("mass_w is empty: there is no transverse shape", "Give one at least")
-    # Kinetic energy of the link as a rigid body along and across its axis, and of its shapes.
+    if a["damping"][:s, s:].any():
+        raise Fault("damping couples axial and transverse shapes", "Leave these entries at zero")
     along = np.block([[a["mass"].reshape(1, 1), a["mass_s"][None]], [a["mass_s"][:, None], a["mass_s_s"]]])
     turn = (a["mass_X_w"] + a["inertia_psi"])[:, None]
     across = np.block([
@@ -199,17 +306,7 @@ def _check_physics(data: ModalData) -> None:
         [a["mass_X"].reshape(1, 1), (a["mass_X_X"] + a["inertia"]).reshape(1, 1), turn.T],
         [a["mass_w"][:, None], turn, a["mass_w_w"] + a["inertia_psi_psi"]],
     ])  # fmt: skip
-    for name, matrix in (("mass_s_s", along), ("mass_w_w", across)):
-        scale = np.sqrt(abs(np.diag(matrix)))
-        lowest = np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] if scale.all() else 0.0
-        if lowest <= 0:
-            reason = f"{name} with the link's mass and first moments is not positive definite: {lowest:.3g}"
-            raise Fault(reason, "Give independent shapes, none of them a motion of the whole link")
-    damping = a["damping"]
-    if damping[:s, s:].any():
-        raise Fault("damping couples axial and transverse shapes", "Leave these entries at zero")
-    if np.linalg.eigvalsh(damping)[0] < -_SAME * abs(damping).max():
-        raise Fault(f"damping has the eigenvalue {np.linalg.eigvalsh(damping)[0]:.3g}", "Give damping that dissipates")
+    return {"mass_s_s": along, "mass_w_w": across}
 
 
 def modal_data_of(entries: Mapping[str, object]) -> ModalData | None:

@@ -44,6 +44,10 @@ def _spatial_only(scene: Scene) -> Iterator[Problem]:
     """What only a scene in space has."""
     cure = "Give vectors three components, or leave it out"
     for name, body in scene.bodies.items():
+        if body.modal is not None and body.modal.dimension == 3:
+            reason = "the file is of a body in space"
+            yield Problem(f"bodies.{name}.modal_data", body.modal_data, reason, "Give vectors three components")
+            continue
         if isinstance(body.inertia, tuple):
             yield Problem(f"bodies.{name}.inertia", None, "a planar body turns about one axis", cure)
         if body.rotation is not None:
@@ -88,9 +92,11 @@ def _planar_only(scene: Scene) -> Iterator[Problem]:
     """What there is in the plane alone, so far."""
     reason, cure = "only planar scenes have this so far", "Leave it out"
     for name, body in scene.bodies.items():
-        for field in ("modal_data", "pose"):
-            if getattr(body, field) is not None:
-                yield Problem(f"bodies.{name}.{field}", None, reason, cure)
+        if body.pose is not None:
+            yield Problem(f"bodies.{name}.pose", None, reason, cure)
+        if body.modal is not None and body.modal.dimension != 3:
+            right = "Import its finite elements with --space, or export it of a scene in space"
+            yield Problem(f"bodies.{name}.modal_data", body.modal_data, "the file is of a link in the plane", right)
     for name, joint in scene.joints.items():
         for field in ("branch", "near", "clearance", "friction", "relative_angle"):
             if field in joint.model_fields_set:

@@ -150,7 +150,7 @@ def has_elastic_stage(scene: Scene) -> bool:
     Where nothing deforms there are none; where bodies move freely, joints hold something twice, rigid bodies can't
     follow the links, or laws know joints without a drive, none can be formed.
     """
-    deforms = any(body.elastic or body.modal is not None for body in scene.bodies.values())
+    deforms = any(body.deforms for body in scene.bodies.values())
     if scene.floating or scene.observed or not deforms or check_determined(mechanism_of(scene), twice=True):
         return False
     try:

@@ -1,0 +1,143 @@
+"""Modal data in space of another program's finite elements: Craig and Bampton's shapes, and their sums over the mass.
+
+Shapes are the static ones of the displacements and turns of each point and modes with the points held, without momentum
+of the whole body (Craig & Bampton 1968; Buckens). To the second order a particle moves as that of a beam in the mean
+does: this line shortens by bending, and its sections move their fibres by turning. That is what a slender body asks
+for; of a compact one it is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import cumulative_simpson
+from scipy.interpolate import BSpline, CubicSpline
+from scipy.sparse import bmat, csc_array, diags_array
+
+from kaneflex.fem.craig_bampton import DEGREE, FINE, reduced, splines
+from kaneflex.fem.foreign import Foreign
+from kaneflex.scene.modal_data import ModalData, spatial_modal_data
+
+
+def spatial_foreign_data(link: Foreign, modes: int, rigid: bool = True, damping: float = 0.0) -> ModalData:
+    """A body's modal data in space, with its points and `mid`.
+
+    Parameters
+    ----------
+    modes : int
+        With all points held, of any kind.
+    rigid : bool
+        Whether the nodes of a point move as one, or it moves as the mean of them.
+    damping : float
+        Ratio of every shape's.
+
+    Raises
+    ------
+    Fault
+        Where the mesh has fewer modes, or a point's turn is open.
+    """
+    found = reduced(link, "any", modes, rigid)
+    shapes = found.shapes.reshape(len(link.nodes), 3, -1)
+    m = csc_array(sum(link.M[a::3, a::3] for a in range(3)) / 3)  # of the particles, the same in all directions
+    r, carried = link.nodes, np.asarray(m.sum(axis=0)).ravel()
+    weighed = np.stack([m @ shapes[:, a] for a in range(3)])  # component, node, shape
+    sections = MeanSections.of(link, m, shapes)
+    second = np.concatenate([carried[None], carried * r.T])  # weights of 1, x, y, z
+    G = np.stack([sections.second(r, weights) for weights in second])
+    whole = {
+        "mass": carried.sum(), "mass_r": carried @ r, "mass_r_r": r.T @ (m @ r),
+        "mass_N": weighed.sum(axis=1), "mass_r_N": np.einsum("na,bnj->abj", r, weighed),
+        "mass_N_N": np.einsum("naj,bnk->abjk", shapes, weighed), "mass_G": G[0], "mass_r_G": G[1:],
+        "stiffness": found.stiffness, "damping": np.diag(2.0 * damping * np.sqrt(found.stiffness * found.mass)),
+        "cubic": np.zeros((len(found.stiffness),) * 3),
+    }  # fmt: skip
+    points, at_points = _points(link, shapes, sections)
+    return spatial_modal_data(link.length, points, whole | at_points)
+
+
+def _points(
+    link: Foreign, shapes: np.ndarray, sections: MeanSections
+) -> tuple[list[str], dict[str, np.ndarray]]:
+    """The body's points, and `mid` on its mean line, with their SPATIAL_POINT_ARRAYS."""
+    places, N, psi = {}, [], []
+    for name, at in link.points.items():
+        places[name] = link.nodes[at].mean(axis=0)
+        rows = link.held(name, "any") @ shapes.reshape(link.nodes.size, -1)
+        N.append(rows[:3])  # a node alone turns as the sections do
+        psi.append(rows[3:] if len(rows) == 6 else sections.turns(places[name][:1])[:, 0])
+    if "mid" not in places:
+        places["mid"] = np.array([link.length / 2, 0.0, 0.0])
+        middle = places["mid"][:1]
+        N.append(np.stack([part(middle)[0] for part in sections.line]))
+        psi.append(sections.turns(middle)[:, 0])
+    r = np.array(list(places.values()))
+    G = np.array([sections.second(r[k : k + 1], np.ones(1)) for k in range(len(r))])
+    return list(places), {"r": r, "N": np.array(N), "psi": np.array(psi), "G": G}
+
+
+@dataclass(frozen=True, eq=False)
+class MeanSections:
+    """How the sections of a link move in the mean: splines over X by least squares over its mass.
+
+    line : u, v, w of each shape; turning : theta_x, theta_y, theta_z; each of them of (n_places, n).
+    """
+
+    line: tuple[BSpline, BSpline, BSpline]
+    turning: tuple[BSpline, BSpline, BSpline]
+    ends: tuple[float, float]
+
+    @classmethod
+    def of(cls, link: Foreign, m: csc_array, shapes: np.ndarray) -> MeanSections:
+        """Of the shapes (n_nodes, 3, n); ``m`` (n_nodes, n_nodes) [kg]: the mass of the particles.
+
+        A particle at (X, Y, Z) goes along with its section: u - Y theta_z + Z theta_y, v - Z theta_x, w + Y theta_x.
+        """
+        x, y, z = link.nodes.T
+        knots, at = splines(x)
+        in_y, in_z = diags_array(y) @ at, diags_array(z) @ at
+        none = csc_array(at.shape)
+        fields = bmat([
+            [at, none, none, none, in_z, -in_y],
+            [none, at, none, -in_z, none, none],
+            [none, none, at, in_y, none, none],
+        ], format="csr")
+        parts = [fields[a * len(x) : (a + 1) * len(x)] for a in range(3)]
+        square = sum((part.T @ (m @ part)).toarray() for part in parts)
+        side = sum(part.T @ (m @ shapes[:, a]) for a, part in enumerate(parts))
+        found = np.split(np.linalg.lstsq(square, side, rcond=1e-12)[0], 6)
+        u, v, w, *turns = (BSpline(knots, part, DEGREE) for part in found)
+        return cls((u, v, w), tuple(turns), (float(x.min()), float(x.max())))
+
+    def turns(self, x: np.ndarray) -> np.ndarray:
+        """theta_x, theta_y, theta_z of each shape, (3, n_places, n)."""
+        return np.stack([part(np.clip(x, *self.ends)) for part in self.turning])
+
+    def second(self, r: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """G (3, n, n) [1/m] of particles at r (n_places, 3), summed with weights (n_places,).
+
+        The line shortens by the integral of v' v' + w' w' from the link's first section; of what a fibre at Y, Z of a
+        turned section moves by see :attr:`kaneflex.multibody.spatial_shapes.SpatialShapes.moments`.
+        """
+        x, y, z = r.T
+        turns = self.turns(x)
+
+        def summed(a: int, b: int, weights: np.ndarray) -> np.ndarray:
+            one = (turns[a] * weights[:, None]).T @ turns[b]
+            return 0.5 * (one + one.T)
+
+        in_y, in_z = weights * y, weights * z
+        return np.stack([
+            2.0 * (summed(0, 1, in_y) + summed(0, 2, in_z)) - self._shortening(x, weights),
+            summed(1, 2, in_z) - summed(0, 0, in_y) - summed(2, 2, in_y),
+            summed(1, 2, in_y) - summed(0, 0, in_z) - summed(1, 1, in_z),
+        ])  # fmt: skip
+
+    def _shortening(self, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """The integral of v' v' + w' w' up to each place, summed with weights, (n, n) [1/m]."""
+        fine = np.linspace(*self.ends, FINE)
+        slopes = [part.derivative()(fine) for part in self.line[1:]]
+        count = slopes[0].shape[1]
+        grown = sum(np.einsum("ij,ik->ijk", slope, slope) for slope in slopes).reshape(FINE, -1)
+        whole = CubicSpline(fine, cumulative_simpson(grown, x=fine, axis=0, initial=0.0))
+        return (weights @ whole(np.clip(x, *self.ends))).reshape(count, count)

@@ -1,0 +1,198 @@
+"""Bodies in space from another program's finite elements: against its own modes, closed forms, a beam, the plane."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+from scipy.io import mmread
+from scipy.sparse.linalg import eigsh
+
+import kaneflex
+from kaneflex.fem.foreign import read_foreign
+from kaneflex.fem.spatial_foreign import spatial_foreign_data
+from kaneflex.multibody.spatial_modal_data import held_shapes
+from kaneflex.scene.modal_data import read_modal_data
+
+PAGE = (Path(__file__).parent.parent / "docs" / "finite-elements.md").read_text(encoding="utf-8")
+L, HEIGHT, WIDTH, E, RHO, NU = 0.137, 20e-3, 12e-3, 210e9, 7850.0, 0.3
+AREA, I_Z, I_Y = HEIGHT * WIDTH, WIDTH * HEIGHT**3 / 12, HEIGHT * WIDTH**3 / 12
+FILES = ("rod-mass.mtx", "rod-stiffness.mtx", "rod-nodes.txt")
+ENDS = {"start": "big-eye.txt", "end": "small-eye.txt"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def printed(tmp_path_factory, peer):
+    """What the page's command for a scene in space prints, in a folder with the files that its script writes."""
+    peer("skfem")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("finite-elements"))
+        exec(re.search(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)[1], {})
+        result = cli(*command())
+        assert result.exit_code == 0, result.output
+        yield result.output
+
+
+def command(**changed):
+    """The page's arguments, some of them changed."""
+    (line,) = re.findall(r"^kaneflex (import rod-mass.mtx .*--space.*)$", PAGE, re.MULTILINE)
+    return [changed.get(word, word) for word in shlex.split(line)]
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return read_foreign(*FILES, ENDS, spatial=True)
+
+
+def test_the_page_shows_what_is_printed(printed):
+    (shown,) = re.findall(r"^    (137 mm .*\) kg m\^2)$", PAGE, re.MULTILINE)
+    assert shown == printed.splitlines()[0]
+
+
+def test_moments_of_the_bar():
+    mass, centre, inertia = read_modal_data("rod-space.npz").rigid
+    assert mass == pytest.approx(RHO * AREA * L, rel=1e-9)
+    assert centre == pytest.approx((L / 2, 0.0, 0.0), rel=1e-9, abs=1e-12)
+    sides = np.array([L, HEIGHT, WIDTH]) ** 2
+    assert inertia[:3] == pytest.approx(mass / 12 * (sides.sum() - sides), rel=1e-9)
+    assert inertia[3:] == pytest.approx((0.0, 0.0, 0.0), abs=1e-12 * inertia[2])
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_modes_of_the_free_mesh(mesh, rigid):
+    """Shapes without momentum are nearly its free modes, which SciPy finds on all unknowns: 12 more of them than static
+    ones meet five to 0.6 %: bending either way, torsion and stretch, never from below (Ritz 1909)."""
+    K, M = (mmread(name).tocsc() for name in (FILES[1], FILES[0]))
+    squares = np.sort(eigsh(K, 12, M, sigma=-1e6, v0=np.ones(K.shape[0]))[0])[6:]
+    data = spatial_foreign_data(mesh, 12, rigid)
+    found = data.arrays["stiffness"] / np.einsum("aajj->j", data.arrays["mass_N_N"])
+    away = np.sqrt(found[:5] / squares[:5]) - 1.0
+    assert (away > -1e-9).all() and (away < 6e-3).all()
+
+
+def test_a_cantilever_yields_as_timoshenkos():
+    """Stretch, bending in both planes under forces and moments: ends that don't warp make it 1 % stiffer, and 4 % to
+    torques (Saint-Venant's torsion of a rectangle, Roark's approximation, which is good to 0.3 %)."""
+    data = read_modal_data("rod-space.npz")
+    rows = held_shapes(data, (0.0, 0.0, 0.0), "").rows[data.points.index("end")]
+    found = rows @ (rows / data.arrays["stiffness"]).T
+    G, kappa = E / (2 * (1 + NU)), 10 * (1 + NU) / (12 + 11 * NU)  # Cowper 1966
+    a, b = HEIGHT / 2, WIDTH / 2
+    J = a * b**3 * (16 / 3 - 3.36 * b / a * (1 - (b / a) ** 4 / 12))
+    shear = L / (kappa * G * AREA)
+    expected = [L / (E * AREA), L**3 / (3 * E * I_Z) + shear, L**3 / (3 * E * I_Y) + shear]
+    expected += [L / (G * J), L / (E * I_Y), L / (E * I_Z)]
+    away = np.diag(found) / expected - 1.0
+    assert (abs(away[[0, 1, 2, 4, 5]]) < 1.2e-2).all() and -4e-2 < away[3] < 0.0
+    assert found[1, 5] == pytest.approx(L**2 / (2 * E * I_Z), rel=1.2e-2)  # lifted, it turns about z
+    assert found[2, 4] == pytest.approx(-(L**2) / (2 * E * I_Y), rel=1.2e-2)
+
+
+SPUN = """
+schema = 1
+[bodies]
+rod = {{{of}}}
+[joints]
+pin = {{revolute = ["ground", "rod.start"], axis = [0, 0.6, 0.8]}}
+[drives]
+pin = {{speed = "300 rad/s", spin_up = "8 ms"}}
+[loads]
+push = {{force_on = "rod.end", direction = [0.1, 0.6, 0.8], law = "50000*t"}}
+[sensors]
+y = {{displacement = "rod.end", component = "y"}}
+z = {{displacement = "rod.end", component = "z"}}
+bow = {{displacement = "rod.mid", component = "y"}}
+force = {{joint_force = "pin", component = "y"}}
+torque = {{drive_torque = "pin"}}
+[solve]
+preset = "coupled"
+duration = "8 ms"
+steps = 80
+"""
+BEAM = (
+    'length = "137 mm", beam = {material = "steel", section = {rectangle = ["20 mm", "12 mm"]}, theory = "timoshenko"}'
+)
+
+
+def test_spun_up_about_a_skew_axis_beside_a_beam():
+    """Displacements to 2 %, forces to 0.5 %: the ends of the mesh are stiffened, see the cantilever."""
+    beam, found = (run(SPUN.format(of=of)) for of in (BEAM, 'modal_data = "rod-space.npz"'))
+    for name, bound in (("y", 2e-2), ("z", 2e-2), ("bow", 2e-2), ("force", 5e-3), ("torque", 5e-3)):
+        away = abs(found[name].values - beam[name].values).max() / abs(beam[name].values).max()
+        assert away < bound, (name, away)
+
+
+ENGINE = """
+schema = 1
+[bodies]
+crank = {{length = "40 mm", mass = "0.952 kg"}}
+rod = {{modal_data = "{file}"}}
+piston = {{mass = "0.214 kg"}}
+[joints]
+main = {{revolute = ["ground", "crank.start"]{axis}}}
+pin = {{revolute = ["crank.end", "rod.start"]{axis}}}
+wrist = {{{wrist}}}
+bore = {{prismatic = ["ground", "piston"], direction = {along}{branch}}}
+[drives]
+main = {{speed = "6000 rpm", spin_up = "5 ms"}}
+[sensors]
+bow = {{displacement = "rod.mid", relative_to = "chord", component = "y"}}
+torque = {{drive_torque = "main"}}
+[solve]
+preset = "coupled"
+duration = "5 ms"
+steps = 100
+"""
+
+
+def test_an_engine_in_the_plane_and_lifted_into_space():
+    """Bow to 2 % of its peak, torque to 0.1 %: shapes are static ones and modes of other conditions."""
+    assert cli(*(word for word in command(**{"rod-space.npz": "rod.npz"}) if word != "--space")).exit_code == 0
+    flat = run(ENGINE.format(
+        file="rod.npz", axis="", along="[1, 0]", wrist='revolute = ["rod.end", "piston"]', branch=', branch = "+"'
+    ))  # fmt: skip
+    deep = run(ENGINE.format(
+        file="rod-space.npz", axis=", axis = [0, 0, 1]", along="[1, 0, 0]", wrist='spherical = ["rod.end", "piston"]',
+        branch="",
+    ))  # fmt: skip
+    for name, bound in (("bow", 2e-2), ("torque", 1e-3)):
+        away = abs(deep[name].values - flat[name].values).max() / abs(flat[name].values).max()
+        assert away < bound, (name, away)
+
+
+def run(text):
+    return kaneflex.simulate(kaneflex.load(kaneflex.scene_of(text))).series
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"end=small-eye.txt": "end=edge.txt"}, "the nodes of end lie on one line, about which its turn is open"),
+        ({"rod-stiffness.mtx": "rod-mass.mtx"}, "rod-mass.mtx resists a motion of the whole link along x by"),
+        ({"rod-mass.mtx": "flat.mtx"}, "flat.mtx has two translations of each node"),
+        ({"6": "50", "rod-nodes.txt": "rod-nodes.txt", "end=small-eye.txt": "end=none.txt"}, "none.txt cannot be read"),
+    ],
+)
+def test_what_is_refused(changed, message):
+    from scipy.io import mmwrite
+    from scipy.sparse import eye_array
+
+    numbers = np.loadtxt("rod-nodes.txt")
+    edge = (numbers[:, 1] == L) & (numbers[:, 2] == numbers[:, 2].max())
+    np.savetxt("edge.txt", numbers[edge, 0], fmt="%d")
+    mmwrite("flat.mtx", eye_array(2 * len(numbers)))
+    refused(cli(*command(**({"rod-space.npz": "other.npz"} | changed))), message)
+    assert not Path("other.npz").exists()
+
+
+def test_a_point_of_one_node_turns_as_the_sections_do():
+    """Beside one that is the whole end of the bar: by the turn of a cantilever's end."""
+    numbers = np.loadtxt("rod-nodes.txt")
+    middle = abs(numbers[:, 1:] - [L, 0.0, 0.0]).max(axis=1).argmin()
+    np.savetxt("middle.txt", numbers[[middle], 0], fmt="%d")
+    alone = spatial_foreign_data(read_foreign(*FILES, ENDS | {"end": "middle.txt"}, spatial=True), 12)
+    rows = held_shapes(alone, (0.0, 0.0, 0.0), "").rows[alone.points.index("end")]
+    found = rows @ (rows / alone.arrays["stiffness"]).T
+    assert found[5, 1] == pytest.approx(L**2 / (2 * E * I_Z), rel=3e-2)

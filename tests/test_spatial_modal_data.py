@@ -1,0 +1,207 @@
+"""Modal data of bodies in space: links as such data beside the links, and what a file and a scene must be."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cli, refused
+
+import kaneflex
+from kaneflex.fem.spatial_links import link_of_scene
+from kaneflex.multibody.spatial_modal_data import held_shapes, spatial_data
+from kaneflex.multibody.spatial_shapes import spatial_shapes
+from kaneflex.scene import read_scene
+from kaneflex.scene.modal_data import SPATIAL_ARRAYS, SPATIAL_POINT_ARRAYS, read_modal_data
+from kaneflex.support.errors import SceneError
+
+PAGE = (Path(__file__).parent.parent / "docs" / "commands.md").read_text(encoding="utf-8")
+SCENE = """
+schema = 1
+gravity = [0, -9.81, 0]
+[bodies]
+rod = {{{of}{free}}}
+{joints}
+{drives}
+[loads]
+push = {{{push}}}
+{damping}
+[sensors]
+y = {{displacement = "rod.end", component = "y"}}
+z = {{displacement = "rod.end", component = "z"}}
+turn = {{displacement = "rod.mid", component = "angle_z"}}
+height = {{position = "rod.end", component = "y"}}
+kick = {{acceleration = "rod.mid", component = "z"}}
+{sensors}
+[solve]
+preset = "coupled"
+duration = "0.05 s"
+steps = 20
+"""
+PUSH = 'force_on = "rod.end", direction = [0.1, 0.6, 0.8], value = "2 N"'
+BEAM = (
+    'length = "1 m", beam = {material = "aluminium", section = {rectangle = ["14 mm", "10 mm"]}, elements = 4, '
+    'theory = "timoshenko"}'
+)
+DATA = 'modal_data = "data/rod.npz"'
+PIN = '[joints]\npin = {revolute = ["ground", "rod.start"], axis = %s}'
+FORCE = 'force = {joint_force = "pin", component = "y"}'
+DAMPED = '[damping]\nrayleigh = {ratio = 0.01, at = ["20 Hz", "80 Hz"]}'
+HELD = {
+    "driven": ("", PIN % [0, 0.6, 0.8], '[drives]\npin = {speed = "8 rad/s", spin_up = "0.05 s"}', FORCE),
+    "pinned": ("", PIN % [0, 0, 1], '[drives]\npin = {free = true, angle = "-30 deg"}', FORCE),
+    "free": (", free = {at = [0, 0, 0], angular_velocity = [3, 20, 15]}", "", "", ""),
+}
+"""How the body's axes are held: with the section, but about the pin in the mean, all in the mean."""
+
+
+def written(folder, of, how="driven", damping="", more=""):
+    free, joints, drives, sensors = HELD[how]
+    path = folder / f"{'data' if of == DATA else 'beam'}.toml"
+    path.write_text(SCENE.format(
+        of=of, push=PUSH, free=free, joints=joints, drives=drives, damping=damping, sensors=f"{sensors}\n{more}"
+    ))  # fmt: skip
+    return path
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """A folder with a driven rod of a beam and its modal data."""
+    folder = tmp_path_factory.mktemp("space")
+    result = cli("modes", str(written(folder, BEAM, damping=DAMPED)), "--export", str(folder / "data"))
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.mark.parametrize("how", HELD)
+def test_data_fed_back_give_the_same_motion(tmp_path, how):
+    """But for the error of the steps, which don't end alike: damped and with twist that couples bending."""
+    beam = written(tmp_path, BEAM, how, DAMPED)
+    assert cli("modes", str(beam), "--export", str(tmp_path / "data")).exit_code == 0
+    there, here = (
+        kaneflex.simulate(kaneflex.load(read_scene(path))).series for path in (beam, written(tmp_path, DATA, how))
+    )
+    assert abs(there["z"].values).max() > 1e-4
+    for name, series in there.items():
+        assert abs(here[name].values - series.values).max() <= 2e-5 * abs(series.values).max(), name
+
+
+@pytest.mark.parametrize("plane", ["v", "w"])
+@pytest.mark.parametrize("held", [0.5, 1.0])
+def test_other_axes_are_those_of_the_same_motion(exported, plane, held):
+    """Data in axes that go along with the rod's start, held elsewhere: as its shapes are there from the beginning."""
+    link = link_of_scene(read_scene(exported / "beam.toml"), "rod", 4)
+    whole = spatial_shapes(read_scene(exported / "beam.toml"), link, 3, (0.0, 0.0, 0.0))
+    bent = abs(whole.basis[{"v": 1, "w": 2}[plane] :: 6]).max(axis=0) > 0.0
+    data = spatial_data(whole.scene, replace(whole, basis=whole.basis[:, bent]))
+    expected_basis = data_less_rigid(whole.basis[:, bent], link, held)
+    expected = replace(whole, basis=expected_basis, held=held)
+    found = held_shapes(data, (held, 0.0, 0.0), "")
+    for name in ("N", "r_N", "N_N", "G", "r_G"):
+        one, other = getattr(found.moments, name), getattr(expected.moments, name)
+        np.testing.assert_allclose(one, other, atol=1e-12 * abs(other).max(), rtol=1e-9)
+    for place in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)):
+        for one, other in zip(found.at(place), expected.at(place), strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-12 * abs(found.G).max())
+
+
+def data_less_rigid(basis, link, held):
+    """Shapes at a link's nodes less the motion of the whole link that its section at a distance has."""
+    node, left = link.node_at(held), basis.copy()
+    moved, turned = basis[6 * node : 6 * node + 3], basis[6 * node + 3 : 6 * node + 6]
+    for k, x in enumerate(link.nodes - held):
+        left[6 * k : 6 * k + 3] -= moved + np.cross(turned.T, [x, 0.0, 0.0]).T
+        left[6 * k + 3 : 6 * k + 6] -= turned
+    return left
+
+
+def test_free_axes_have_no_momentum_of_shapes(exported):
+    data = read_modal_data(str(exported / "data" / "rod.npz"))
+    found, mass = held_shapes(data, None, "").moments, float(data.arrays["mass"])
+    scale = mass * data.length
+    for moved in (found.N, found.G, *(found.r_N - found.r_N.transpose(1, 0, 2))):
+        assert abs(moved).max() < 1e-12 * scale
+    kinetic = np.einsum("aajk->jk", found.N_N)
+    own = np.einsum("aajk->jk", data.arrays["mass_N_N"])
+    assert (np.linalg.eigvalsh(own - kinetic) > -1e-12 * mass).all()  # the whole body's motion is taken off
+
+
+def test_beams_and_data_in_one_scene(exported):
+    """A beam welded to the data's end sways with it, and a mass there weighs on both."""
+    more = f'[bodies.tip]\n{BEAM.replace(", beam", chr(10) + "beam").replace("1 m", "0.2 m")}\n'
+    text = (exported / "beam.toml").read_text() + more + "[masses]\nlump = {at = \"rod.mid\", mass = \"50 g\"}\n"
+    text = text.replace("[drives]", 'weld = {weld = ["rod.end", "tip.start"]}\n[drives]').replace(DAMPED, "")
+    found = []
+    for of in (BEAM, DATA):
+        (exported / "both.toml").write_text(text.replace(BEAM, of, 1))
+        found.append(kaneflex.simulate(kaneflex.load(read_scene(exported / "both.toml"))).series)
+    for name in ("y", "z"):
+        away = abs(found[1][name].values - found[0][name].values).max() / abs(found[0][name].values).max()
+        assert away < 2e-2, name  # the data were exported without a shape for what the weld turns
+
+
+def test_the_page_names_every_array(exported):
+    tables = re.findall(r"^\| array \|.*\n\|[ -|]*\|\n((?:\|.*\n)+)", PAGE, flags=re.MULTILINE)
+    named = [name for line in tables[1].splitlines() for name in re.findall(r"`(\w+)`", line.split("|")[1])]
+    assert named == list(dict.fromkeys(named))
+    head = {"format", "dimension", "length", "points"}
+    assert set(named) == set(np.load(exported / "data" / "rod.npz")) == {*head, *SPATIAL_ARRAYS, *SPATIAL_POINT_ARRAYS}
+
+
+def test_check_says_where_the_shapes_come_from(exported):
+    result = cli("check", str(written(exported, DATA)))
+    assert result.exit_code == 0, result.output
+    assert "elastic by modal data, 1000 mm" in result.output
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data.pop("mass_r_G"), "the file has no array mass_r_G"),
+        (lambda data: data.update(N=data["N"][:, :2]), "N has the shape (3, 2, "),
+        (lambda data: data["mass_G"].__setitem__((0, 0, 1), 1.0), "mass_G[0, 0, 1] = 1 is not symmetric to"),
+        (lambda data: data["mass_N_N"].__setitem__((0, 1, 0, 1), 1.0), "mass_N_N[0, 1, 0, 1] = 1 is not symmetric to"),
+        (lambda data: data["cubic"].__setitem__((0, 1, 2), 1e9), "is not symmetric to"),
+        (lambda data: data["mass_N_N"].__imul__(1e-3), "mass_N_N with the body's mass and first moments is not"),
+        (lambda data: data["stiffness"].__imul__(-1.0), "is not above zero"),
+        (lambda data: data["damping"].__imul__(-1.0), "damping has the eigenvalue -"),
+    ],
+)
+def test_what_a_file_must_be(exported, tmp_path, change, message):
+    data = dict(np.load(exported / "data" / "rod.npz"))
+    change(data)
+    (tmp_path / "data").mkdir()
+    np.savez(tmp_path / "data" / "rod.npz", **data)
+    with pytest.raises(SceneError) as error:
+        read_scene(written(tmp_path, DATA))
+    assert str(error.value).startswith("bodies.rod.modal_data = ") and message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ('displacement = "rod.mid"', 'displacement = "rod.mark"', "rod.npz has no such point: its points are start"),
+        ('{acceleration = "rod.mid", component = "z"}', '{bending_moment = "rod.mid", component = "z"}', "no sections"),
+        ("[sensors]", "[damping]\nviscous = {mu = 0.1}\n[sensors]", "damping in the file"),
+        (PUSH, 'spread_on = "rod", direction = [0, 0, 1], value = "2 N/m"', "say nothing of what is between its"),
+        ('preset = "coupled"', 'preset = "stiffened"', "which modal data don't have"),
+    ],
+)
+def test_what_a_scene_must_not_ask(exported, before, after, message):
+    marked = f'{DATA}, points = {{mark = ["0.1 m", 0, 0]}}'
+    text = written(exported, marked).read_text()
+    assert before in text
+    (exported / "bad.toml").write_text(text.replace(before, after, 1))
+    with pytest.raises(SceneError) as error:
+        kaneflex.load(read_scene(exported / "bad.toml"))
+    assert message in str(error.value)
+
+
+def test_planar_and_spatial_data_are_told_apart(exported, tmp_path):
+    planar = cli("modes", "slider-crank-150-coupled", "--export", str(tmp_path / "data"))
+    assert planar.exit_code == 0
+    refused(cli("check", str(written(tmp_path, DATA))), "the file is of a link in the plane")
+    flat = f'schema = 1\n[bodies]\nrod = {{{DATA}}}\n[joints]\npin = {{revolute = ["ground", "rod.start"]}}\n'
+    (exported / "flat.toml").write_text(flat + '[drives]\npin = {speed = "1 rad/s"}\n[solve]\npreset = "coupled"\n')
+    refused(cli("check", str(exported / "flat.toml")), "the file is of a body in space. Give vectors three components")
