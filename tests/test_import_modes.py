@@ -123,6 +123,20 @@ def test_free_modes_of_a_universal_file():
     assert (ratio > 1.0 - 1e-9).all() and ratio[0] < 1.01
 
 
+def test_modes_in_space():
+    """46 free modes of the mesh are its shapes in space, too: the lowest one in either plane beside those of its
+    matrices; with three modes more than the static ones neither have converged above these."""
+    found = []
+    for files in (("rod-mass.mtx", "rod.unv", "rod.unv"), ("rod-mass.mtx", "rod-stiffness.mtx", "rod-nodes.txt")):
+        result = cli("import", *files, *POINTS, *HOW, "--space", "-o", "space.npz", "--force")
+        assert result.exit_code == 0, result.output
+        found.append(read_modal_data("space.npz"))
+    free, whole = (data.arrays["stiffness"] / np.einsum("aajj->j", data.arrays["mass_N_N"]) for data in found)
+    np.testing.assert_allclose(np.sqrt(free[:2]), np.sqrt(whole[:2]), rtol=2e-2)
+    for one, other in zip(found[0].rigid, found[1].rigid, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     "files, more, message",
     [

@@ -149,6 +149,11 @@ def test_the_page_names_every_array(exported):
     assert set(named) == set(np.load(exported / "data" / "rod.npz")) == {*head, *SPATIAL_ARRAYS, *SPATIAL_POINT_ARRAYS}
 
 
+def test_modes_are_those_of_the_beam(exported):
+    beam, data = (kaneflex.modes(read_scene(written(exported, of))).frequencies for of in (BEAM, DATA))
+    assert data == pytest.approx(beam, rel=1e-9)
+
+
 def test_check_says_where_the_shapes_come_from(exported):
     result = cli("check", str(written(exported, DATA)))
     assert result.exit_code == 0, result.output

@@ -52,9 +52,12 @@ class HeldShapes:
     def omega(self) -> np.ndarray:
         return np.sqrt(self.data.arrays["stiffness"] / np.einsum("aajj->j", self.moments.N_N))
 
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        return np.diag(self.data.arrays["stiffness"])
+
     def numbers(self) -> np.ndarray:
-        a = self.data.arrays
-        return self.moments.numbers(np.diag(a["stiffness"]), a["damping"], a["cubic"])
+        return self.moments.numbers(self.stiffness, self.data.arrays["damping"], self.data.arrays["cubic"])
 
     def carrier(self, at: Place) -> Place:
         """The data's own place of a point."""
