@@ -17,7 +17,7 @@ BASELINE = {
     "mechanism": 27,
     "multibody": 55,
     "peers": 23,
-    "plots": 46,
+    "plots": 44,
     "report": 6,
     "response": 53,
     "scene": 86,

@@ -169,6 +169,15 @@ def test_check_says_what_a_scene_is():
     assert list(Path().iterdir()) == []
 
 
+def test_check_says_how_large_loads_are():
+    assert "gas  table gas.csv on piston.start" in cli("check", "engine").stdout
+    strut = cli("check", "pulsating-strut").stdout
+    assert "mean   345 N on block.start" in strut and "pulse  law 518 * cos(clock) on block.start" in strut
+    long = "518 * cos(clock) + 1e-3 * " + " * ".join(["cos(clock)"] * 9)
+    cut = cli("check", "pulsating-strut", "--set", f"loads.pulse.law='{long}'").stdout
+    assert f"pulse  law {long[:65]}... on block.start" in cut
+
+
 def test_check_warns_of_a_table_whose_curve_overshoots(tmp_path):
     """A step of 100 kN between two rows: the cubics through the rows swing beyond it."""
     table = tmp_path / "step.csv"

@@ -82,7 +82,7 @@ def _warnings(summary: Summary) -> str:
 def _more(summary: Summary) -> Iterator[str]:
     """What not every run has: why no error is known, contacts, friction, derivatives."""
     if summary.errors:
-        yield f"<p>No error of the sensors is estimated: {escape(summary.errors)}.</p>"
+        yield f"<p>Errors of the sensors: {escape(summary.errors)}.</p>"
     tables = (
         (summary.contacts, "Contacts", contact_table), (summary.frictions, "Friction", friction_table),
         (summary.sensitivities, "Sensitivities", sensitivity_table),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -25,10 +26,13 @@ if TYPE_CHECKING:
     from kaneflex.multibody.spatial_system import SpatialSystem
     from kaneflex.scene import Scene
     from kaneflex.scene.bodies import Body
+    from kaneflex.scene.drives import Drive
     from kaneflex.scene.events import Event
     from kaneflex.scene.parts import Joint, Load
     from kaneflex.scene.springs import Spring
 
+_LONGEST = 72
+"""Characters of a law that are shown."""
 PRESETS_IN_WORDS = {
     "rigid": "kinematics, inverse dynamics and joint reactions; nothing deforms",
     "quasistatic": "(K_s + K_d + K_g) z = F at each instant, without damping",
@@ -232,9 +236,18 @@ def _joint(joint: Joint, closes: bool) -> str:
 
 
 def _load(load: Load) -> str:
+    size = f"{load.value:.6g} {load.si_unit}" if load.kind == "value" else _course(load)
     if load.spread_on is not None:
-        return f"{load.kind} spread along {load.spread_on}, from {load.profile[0]:g} to {load.profile[1]:g} of its size"
-    return f"{load.kind} on {load.force_on}" if load.force_on is not None else f"{load.kind} at {load.torque_at}"
+        return f"{size} spread along {load.spread_on}, from {load.profile[0]:g} to {load.profile[1]:g} of its size"
+    return f"{size} on {load.force_on}" if load.force_on is not None else f"{size} at {load.torque_at}"
+
+
+def _course(given: Load | Drive) -> str:
+    """The law itself, or the file of a table."""
+    if given.table is not None:
+        return f"table {Path(given.table).name}"
+    law = f"law {given.law}"
+    return law if len(law) <= _LONGEST else f"{law[: _LONGEST - 3]}..."
 
 
 def _spring(spring: Spring) -> str:
@@ -260,7 +273,7 @@ def _drive(scene: Scene, name: str) -> str:
     start = scene.written_coordinate(name, drive.start)
     cycle = "" if drive.cycle is None else f", a cycle of {math.degrees(drive.cycle):.6g} deg"
     if drive.kind in ("law", "table"):
-        return f"{drive.kind} in t" if drive.kind == "law" else "table against t"
+        return _course(drive)
     if drive.kind == "free" and scene.is_spatial and scene.joints[name].kind in SEVERAL_FREEDOMS:
         if drive.initial_speeds is not None:
             first, second = drive.initial_speeds
